@@ -10,8 +10,11 @@ import hfa
 from hfa import Model, Signal
 
 
-def test_the_figures_are_those_of_the_coefficients():
-    """Slopes are those of the equations, and the rate of climb is (T_max - T) V cos α / W."""
+def test_figures_of_a_sheet_follow_from_the_coefficients():
+    """PLANE has CL_alpha = 4.9, Cm_alpha = -0.89, and at most 3000 N of thrust at 55 m/s.
+
+    The rate of climb left is (T_max - T) V cos α / W.
+    """
     point = hfa.trim(PLANE)
     found = values(point.report().data, "stability") | values(point.report().data)
     climb = (3000.0 - point["thrust"]) * 55.0 * math.cos(point["alpha"]) / point["weight"]
@@ -26,7 +29,7 @@ def test_the_figures_are_those_of_the_coefficients():
     assert {name: found[name] for name in exact} == pytest.approx(exact, rel=1e-9)
 
 
-#: A model in minutes.
+#: A model in minutes: an angle of nominal size 2 rad, with ω = 3 rad/min.
 SLOW = Model(
     "slow",
     {"angle": Signal("rad", 2.0), "rate": Signal("rad/min")},
@@ -38,7 +41,7 @@ SLOW = Model(
 
 
 def test_a_rate_without_a_stated_size_is_as_large_as_its_state_in_a_second():
-    """2 rad in 1 s are 120 rad/min; an equation balances to 1e-10 of that."""
+    """The size of the angle, 2 rad, in 1 s is 120 rad/min; its equation balances to 1e-10 of that."""
     point = hfa.trim(SLOW)
     assert point.scale("angle") == pytest.approx(120.0)
     tolerance = point.report().data["equations"]["angle"]["tolerance"]

@@ -36,7 +36,7 @@ EXPORTS = {
 def test_a_missing_package_is_named(name, point, monkeypatch):
     """An export without its package is refused in one line with the command that installs it."""
     package = name.split()[-1]
-    monkeypatch.setitem(sys.modules, package, None)
+    monkeypatch.setitem(sys.modules, package, None)  # its import then fails
     with pytest.raises(BadInputError) as caught:
         EXPORTS[name](point)
     assert str(caught.value).endswith(f"python -m pip install {package}")
@@ -98,7 +98,7 @@ def test_a_row_of_a_sheet_is_that_of_its_data_and_of_csv_files(file, variable, v
 
 
 def test_a_report_in_latex_has_the_cells_of_its_tables(point, tmp_path):
-    """A .tex file has booktabs tables with each part of the eigenvalues, and escapes names."""
+    """A .tex file has booktabs tables with each part of the eigenvalues, and escapes _ in names."""
     pytest.importorskip("pandas")
     file = tmp_path / "sheet.tex"
     point.report().save(file)

@@ -11,8 +11,8 @@ from own_models import F16, GTM, trimmed
 from hfa import Model, Signal, linearize, trim
 from trim import TrimError, release, trim_points, usual_condition
 
-#: Stevens and Lewis, table 3.6-3: xcg, held variables, rates, alpha, beta, throttle, elevator,
-#: aileron, rudder.
+#: Stevens and Lewis, table 3.6-3: xcg, held variables, imposed rates, and the printed alpha, beta
+#: (rad), throttle, elevator, aileron and rudder (deg).
 TRIMS = [
     (0.35, {}, {}, (0.03691, 0.0, 0.1385, -0.7588, 0.0, 0.0)),
     (0.38, {}, {}, (0.03544, 0.0, 0.1325, -0.0559, 0.0, 0.0)),
@@ -58,9 +58,8 @@ def test_modes_of_the_f16_equal_the_books():
     model = F16.with_parameters(xcg=0.3)
     computed = {mode.name: mode.eigenvalue for mode in linearize(model, trimmed(model)).modes}
     for name, printed in MODES.items():
-        assert computed[name] == pytest.approx(
-            printed, abs=6e-4 if name == "dutch roll" else 1e-4
-        ), name
+        half_digit = 6e-4 if name == "dutch roll" else 1e-4  # printed with fewer digits
+        assert computed[name] == pytest.approx(printed, abs=half_digit), name
 
 
 def test_the_gtm_has_the_published_trim():
@@ -96,11 +95,12 @@ def test_rates_of_the_f16_agree_with_the_book():
     np.testing.assert_allclose(computed, printed, rtol=8e-6)
 
 
-def test_further_initial_guesses_cross_a_flat_region():
-    """Further initial guesses find a trim beyond a region in which the throttle has no effect.
+def test_further_initial_points_cross_a_flat_region():
+    """The throttle, which begins at 0.1, has no effect below one half: another initial point finds
+    the trim of 60 m/s, at 0.5 + 1e-3 60² / 40 = 0.59.
 
-    The throttle has no effect below one half. The report says that the default guess failed; the
-    error on a speed without a trim counts the other guesses.
+    The report says that the default point failed; the error on a speed without a trim counts the
+    other points.
     """
 
     def engine(x, u, p, w):
@@ -117,7 +117,7 @@ def test_further_initial_guesses_cross_a_flat_region():
     point = trim(flat, usual_condition(flat))
     assert point.inputs.throttle == pytest.approx(0.59, rel=1e-9)
     assert point.initial_point > 0
-    assert trim(flat, start={"at": 7.0})["at"] == point["at"]  # it is in no equation
+    assert trim(flat, start={"at": 7.0})["at"] == point["at"]  # declared, as no equation has it
     said = " ".join(str(point).split())
     assert "Not from the default initial point" in said
     assert "From the default initial point: no trim: these rates" in said
@@ -138,8 +138,8 @@ def test_further_initial_guesses_cross_a_flat_region():
 def test_a_wrong_nominal_gives_no_false_result(kind, names):
     """A nominal value that is wrong by a factor of 1,000 changes neither the trim nor the nonsmooth points.
 
-    A sweep with another one, wrong by 100, converges, and without searches for single trims if it
-    is not that of an input.
+    A sweep in which the last nominal value is wrong by a factor of 100 converges at all points, and
+    trims none of them alone unless it is that of an input.
     """
     reference = trimmed(F16)
     nonsmooth_points = linearize(F16, reference).nonsmooth_points
@@ -156,7 +156,7 @@ def test_a_wrong_nominal_gives_no_false_result(kind, names):
     points = trim_points(
         replace(F16, **{kind: scaled}), ("speed",), np.linspace(130.0, 700.0, 8)[:, None]
     )
-    assert (points.status == 0).all()
+    assert (points.status == 0).all()  # trimmed
     assert name in F16.inputs or not points.one_by_one.any()
 
 

@@ -15,7 +15,10 @@ def first_lines(report):
 
 
 def cart(newton=1.0, meter=1.0, domain=None):
-    """Return v' = F - .02 v, with a height that changes nothing, in other units of F and v."""
+    """Return v' = F - .02 v, with a height that changes nothing.
+
+    newton, meter: numbers of 1 N and 1 m in the units of the model
+    """
     return Model(
         "cart",
         {"speed": Signal("m/s", 10.0 * meter)},
@@ -28,7 +31,7 @@ def cart(newton=1.0, meter=1.0, domain=None):
 
 
 def test_a_growth_beside_a_stiff_state_is_unstable():
-    """A pendulum that doubles in 1.4 s is unstable, however fast the valve beside it is."""
+    """A pendulum with λ = 0.5 1/s doubles in 1.39 s, however fast the valve beside it is."""
     pendulum = Model(
         "pendulum",
         {"angle": Signal("rad"), "rate": Signal("rad/s"), "valve": Signal()},
@@ -48,13 +51,13 @@ def test_a_growth_beside_a_stiff_state_is_unstable():
 
 @pytest.mark.parametrize("newton", [1.0, 1e-13])
 def test_an_input_of_any_unit_is_named_with_its_value(newton):
-    """A thrust of a fifth of its nominal size is no rounding, in the trim and in a sweep."""
+    """The thrust at 10 m/s, 0.2 N, is not taken for a rounding, in the trim and in a sweep."""
     model = cart(newton)
     assert f"thrust {0.2 * newton:.3g} N" in first_lines(trim(model).report())[-1]
     assert "thrust N" in str(sweep(model, speed=[10.0, 12.0]).report())
 
 
-def test_a_value_as_in_the_table_is_so_in_any_unit():
+def test_a_value_is_compared_with_the_table_in_any_unit():
     """A speed of half the table's is not that of the table, also in units of 1e9 m/s."""
     for meter in (1.0, 1e-9):
         domain = Domain(reference={"speed": 20.0 * meter})
@@ -81,7 +84,7 @@ def test_the_last_breakpoint_of_a_table_may_be_converted():
 
 
 def test_another_trim_is_named_however_near_it_is():
-    """Two trims that differ by less than a thousandth are told by the state that differs."""
+    """Of the two trims, 1 and 1.00095 m/s, the report of the first one names the second."""
     model = Model(
         "folded",
         {"speed": Signal("m/s")},

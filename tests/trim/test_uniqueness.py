@@ -98,7 +98,7 @@ def test_a_search_that_begins_elsewhere_ends_at_the_same_trim(name):
 
 
 def test_a_state_that_no_equation_determines_keeps_its_start_value():
-    """The report says so in its first lines, and the points of a sweep keep it, too."""
+    """The altitude of PLANE is 500 m in a trim, whose first lines name it, and in a sweep."""
     point = hfa.trim(PLANE)
     assert point["h"] == 500.0
     first = str(point.report()).partition("\n\n")[0]
@@ -108,7 +108,7 @@ def test_a_state_that_no_equation_determines_keeps_its_start_value():
 
 
 def test_an_altitude_that_the_equations_determine_is_not_kept():
-    """With the thrust of level flight at 2000 m, the altitude is 2000 m."""
+    """With the thrust of level flight at 2000 m held, a free altitude becomes 2000 m."""
     model = aircraft("uav.toml")
     trimmed = {name: each for name, each in model.trim.items() if name != "altitude"}
     free = replace(model, trim=trimmed)
@@ -116,26 +116,27 @@ def test_an_altitude_that_the_equations_determine_is_not_kept():
     assert hfa.trim(free, hold={"thrust": thrust})["altitude"] == pytest.approx(2000.0, rel=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("free", "kept"), [(("T", "stick", "V"), "a"), (("T", "stick", "V", "a", "nose"), "")]
-)
-def test_a_state_that_was_set_free_is_not_kept(free, kept):
-    """With V free, a alone keeps its start value. With a free, too, the trim is one of many, and a trim
-    that holds what its report says is unique.
+def test_alpha_is_kept_where_only_the_speed_was_set_free():
+    """PLANE has one equation less than unknowns if V is free: of the states that the user did not
+    set free, alpha ("a") keeps its start value.
     """
-    released = hfa.trim(PLANE, hold={"h": 500.0}, free=free)
+    first = str(hfa.trim(PLANE, hold={"h": 500.0}, free="V").report()).partition("\n\n")[0]
+    assert "does not determine it: a" in first
+    assert "One of many" not in first
+
+
+def test_a_trim_with_every_state_set_free_is_one_of_many():
+    """No state that the user set free is kept; the report names an option that makes the trim unique."""
+    free = {"V", "a", "nose"}
+    released = hfa.trim(PLANE, hold={"h": 500.0}, free=[*free])
     first = str(released.report()).partition("\n\n")[0]
-    assert (f"does not determine it: {kept}" in first) == bool(kept)
-    assert ("One of many" in first) == (not kept)
-    if not kept:
-        name = first.partition("(--hold ")[2].partition("=")[0]
-        others = [each for each in free if each != name]
-        held = hfa.trim(PLANE, hold={"h": 500.0, name: released[name]}, free=others)
-        assert "One of many" not in str(held.report())
-        assert held[name] == released[name]
+    assert "One of many" in first
+    name = first.partition("(--hold ")[2].partition("=")[0]
+    held = hfa.trim(PLANE, hold={"h": 500.0, name: released[name]}, free=[*free - {name}])
+    assert "One of many" not in str(held.report())
 
 
-def test_what_is_kept_does_not_depend_on_units():
+def test_which_states_are_kept_does_not_depend_on_units():
     """V and h keep their start values in km/s and mm, with degrees and without nominal values."""
 
     def in_degrees(x, u, p, w):

@@ -35,10 +35,10 @@ def test_names_index_matrices():
 
 
 def test_a_sweep_is_a_sequence_of_linear_models():
-    """Its items are the linear models of the points, and `at` trims between the points.
+    """The items of a sweep are the linear models of its points; `at` trims between the points.
 
-    A point without a trim raises its reason. An index beyond the points, and `at` without a value
-    of each variable, are refused.
+    An index beyond the points, a point without a trim (5 ft/s), and `at` without a value of each
+    variable are refused.
     """
     swept = sweep(MODEL, {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0]})
     for each in (swept, pickle.loads(pickle.dumps(swept))):
@@ -71,7 +71,7 @@ def test_results_become_tables_of_pandas():
     verdict = hfa.verify(game, hfa.from_value(game, solution.P))
     entries = 6 * 6 + 5 * 6  # of P and K
     table = game.to_pandas().set_index(["matrix", "row", "column"])["value"]
-    assert table["A", "alpha", "pitch_rate"] == game.A[1, 3]
+    assert table["A", "alpha", "pitch_rate"] == game.A[1, 3]  # states 1 and 3
     assert len(solution.to_pandas()) == len(verdict.to_pandas()) == entries
     assert {"P learned", "P exact"} <= {axes.get_title() for axes in verdict.plot()}
     pyplot.close("all")
@@ -98,8 +98,8 @@ def test_a_sweep_is_a_table_and_draws_curves():
 
 
 def test_a_plot_of_point_shows_its_limits():
-    """`point.plot` draws each variable, labeled with its name, at its share of its range; a point
-    that was not found by a search, too.
+    """`point.plot` draws each variable, labeled with its name, at its share of its range in %, also
+    of a point that was loaded from a file (without `found_by`).
     """
     axes = replace(trim(MODEL), found_by=None).plot()
     labels = [label.get_text() for label in axes.get_yticklabels()]

@@ -40,9 +40,11 @@ def test_residualized_models_equal_python_controls(aircraft):
 
 
 def test_a_bode_plot_shows_the_response_of_each_channel():
-    """Lines of the panels are magnitude and phase of C (jω - A)⁻¹ B + D, a decade beyond the modes.
+    """Lines of the panels are magnitude and phase of C (jω - A)⁻¹ B + D, to a decade beyond the modes
+    at 1 and 2 rad/s.
 
-    Phases have no jumps. An output that no input affects is named.
+    Phases have no jumps, also at the peak with the damping ratio 0.001. The output `alone`, which
+    no input affects, is named.
     """
     A = np.array([[0.0, 1.0, 0.0], [-4.0, -4e-3, 0.0], [0.0, 0.0, -1.0]])
     linear = LinearModel.of(A, np.eye(3)[:, :2], states=("q", "v", "alone"), inputs=("f", "g"))
@@ -64,9 +66,9 @@ def test_a_bode_plot_shows_the_response_of_each_channel():
 
 
 def test_responses_at_the_modes_are_those_of_the_matrices(folder):
-    """They are C (jω - A)⁻¹ B + D at |λ| of the damped modes, of channels with an effect alone.
+    """The responses of channels with an effect are C (jω - A)⁻¹ B + D at |λ| of the damped modes.
 
-    The command prints them in decibels and degrees.
+    Modes: -1 and -2, coupled, and an undamped one at 3 rad/s. The command prints dB and degrees.
     """
     A = np.array(
         [[-1.0, 0.0, 0.0, 0.0], [0.5, -2.0, 0.0, 0.0], [0.0, 0.0, 0.0, 3.0], [0.0, 0.0, -3.0, 0.0]]

@@ -148,8 +148,8 @@ def test_panels_add_up_to_the_uniform_wind(aircraft):
 
 
 def test_vertical_wind_has_the_released_columns():
-    """The columns of E of updrafts are those of the released simulation within 2e-8 of their largest
-    entry.
+    """The columns of E of updrafts are those of the released simulation, `PEER`, within 2e-8 of their
+    largest entry.
     """
     # Those of headwinds are not: its drag follows the speed over ground, which in level flight a
     # vertical wind does not change to first order.
@@ -168,8 +168,8 @@ def test_vertical_wind_has_the_released_columns():
     [("height", ("v",), True), ("lag", ("v",), False), ("lag", ("v", "lag"), True)],
 )
 def test_winds_that_act_through_an_omitted_lag_have_no_columns(struck, kept, has_wind):
-    """A wind on the omitted height, which no trim balances, keeps its column; one on a lag does not,
-    unless the lag is kept.
+    """A linear model of v alone has a column for a gust on the height, which no trim balances, and
+    none for a gust on the lag, unless the lag is kept.
     """
 
     def equations(x, u, p, w):
@@ -186,7 +186,7 @@ def test_winds_that_act_through_an_omitted_lag_have_no_columns(struck, kept, has
         steady=("v", "lag"),
         linear=("v",),
     )
-    assert direct_disturbances(trim(model), kept) == ("gust",) * has_wind
+    assert direct_disturbances(trim(model), kept) == (("gust",) if has_wind else ())
 
 
 @pytest.mark.parametrize(
@@ -202,7 +202,9 @@ def test_winds_that_act_through_an_omitted_lag_have_no_columns(struck, kept, has
 def test_an_entry_is_compared_in_half_units_and_percent(
     printed, computed, half_units, percent, is_zero
 ):
-    """Half a unit of 0.05 is the last digit's; only an entry printed as 0 can be zero."""
+    """The difference from the print is in units of 0.05, half of the last printed digit, and in
+    percent of the printed value; only an entry printed as 0 can be zero.
+    """
     entry = EntryRow("A", "alpha", "speed", printed, computed, 0.05)
     assert entry.half_units == pytest.approx(half_units, rel=1e-4, abs=0.0)
     assert entry.percent == pytest.approx(percent, nan_ok=True)

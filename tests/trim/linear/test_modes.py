@@ -42,7 +42,9 @@ def test_an_oscillator_has_its_textbook_numbers(damping):
 )
 @pytest.mark.parametrize("seed", range(2))
 def test_an_eigenvalue_zero_by_rounding_is_zero(block, seed):
-    """An eigenvalue that is 0 up to rounding is 0, without a time to half or to double."""
+    """A block with eigenvalues 0, in a random basis, has them up to rounding: their modes have the
+    eigenvalue 0 exactly, and no time to half or to double.
+    """
     basis = np.random.default_rng(seed).normal(size=(3, 3))
     A = basis @ block @ np.linalg.inv(basis)
     modes = modes_of(A, ("a", "b", "c"))
@@ -125,7 +127,9 @@ def test_a_steep_turn_has_a_spiral():
 
 @pytest.mark.parametrize("mode", ["roll", "spiral"])
 def test_a_coupled_roll_has_no_time_constant(mode):
-    """A roll or spiral mode that oscillates has ζω; two modes of this name have nothing."""
+    """x'' + x' + x = 0 oscillates, with ζω = 0.5; x'' + x' + 0.1 x = 0 has two real modes of this name,
+    of which none has a time constant.
+    """
     for stiffness, expected in ((1.0, {f"{mode} damping times frequency": 0.5}), (0.1, {})):
         model = Model(
             "oscillator",
@@ -138,7 +142,7 @@ def test_a_coupled_roll_has_no_time_constant(mode):
 
 
 @pytest.mark.parametrize(("part", "named"), [("", True), ("body_", True), ("body2", False)])
-def test_states_of_a_part_have_their_roles(part, named):
+def test_states_with_a_prefix_have_the_roles_of_their_names(part, named):
     """The modes of body_speed, body_alpha, ... have the names of those of speed, alpha, ...
 
     Those of body2speed, whose part is not separated by "_", do not.

@@ -28,6 +28,7 @@ FORCES = {
 
 
 def cart(force):
+    """Return x' = v, v' = u + force(x): A[1, 0] is the slope of the force."""
     return Model(
         name="cart",
         equations=lambda x, u, p, w: ({"x": x.v, "v": u.u + force(x.x)}, {}),
@@ -42,8 +43,10 @@ def at(model, x):
 
 
 @pytest.mark.parametrize("name", FORCES)
-def test_a_kink_has_the_mean_slope_of_both_sides(name):
-    """At a nonsmooth point, A has the mean slope of both sides, as a central difference, and a note names both."""
+def test_a_nonsmooth_point_has_the_mean_slope_of_both_sides(name):
+    """At x = 0, A has the mean slope of both sides, and a note names both; at x = 0.3, it has the slope
+    above, without a note.
+    """
     force, below, above = FORCES[name]
     model = at(cart(force), 0.0)
     assert model.A[1, 0] == pytest.approx((below + above) / 2.0, abs=1e-12)
@@ -57,9 +60,7 @@ def test_a_kink_has_the_mean_slope_of_both_sides(name):
 
 
 def test_a_jump_is_named_and_keeps_its_slope():
-    """A note names a jump of the equations, such as dry friction. A contains the slope without
-    the jump.
-    """
+    """A note names the jump of ± sign(x) + 2 x at 0, and A contains the slope 2 without the jump."""
     for jump in (1.0, -1.0):
         model = at(cart(lambda x, jump=jump: jump * ca.sign(x) + 2 * x), 0.0)
         assert model.A[1, 0] == 2.0
@@ -75,8 +76,10 @@ def swept():
     return sweep(cart(TABLE), {"x": [-0.5, *[0.0] * NONSMOOTH, 0.5]})
 
 
-def test_each_point_of_a_sweep_has_the_slopes_of_its_own_nonsmooth_points():
-    """A sweep has one slope at each nonsmooth point, and its note names the first and counts all."""
+def test_each_point_of_a_sweep_has_its_own_slope():
+    """The slope is -1 below x = 0, 3 above, and the mean 1 at each of the 9 points at 0; the note names
+    the first of these and counts all.
+    """
     result = swept()
     assert result.A[:, 1, 0] == pytest.approx([-1.0, *[1.0] * NONSMOOTH, 3.0], abs=1e-8)
     assert list(result.nonsmooth_points) == list(range(1, NONSMOOTH + 1))
@@ -84,13 +87,14 @@ def test_each_point_of_a_sweep_has_the_slopes_of_its_own_nonsmooth_points():
     assert note.endswith("(9 of 11 points, the first at 0)")
 
 
-def test_kinks_of_a_sweep_in_chunks_are_those_of_its_points(monkeypatch):
+def test_nonsmooth_points_do_not_depend_on_the_chunks_of_a_sweep(monkeypatch):
+    """A sweep in chunks of 4 points has the results and notes of one in a single chunk."""
     whole = swept()
     monkeypatch.setattr("trim.sweeps.sweep.CHUNK", 4)
     assert swept() == whole
 
 
-def test_several_kinks_at_one_point_have_their_own_slopes():
+def test_several_switches_at_one_point_have_their_own_slopes():
     """Each term of v' = table(x) + max(v - 1/2, 5 (v - 1/2)) + min(u, 2 u) has its mean slope.
 
     A note names each nonsmooth point.
@@ -113,12 +117,12 @@ def test_several_kinks_at_one_point_have_their_own_slopes():
     assert [note.split()[2] for note in point.nonsmooth_points] == ["A(v,", "A(v,", "B(v,"]
 
 
-def test_the_kink_of_the_atmosphere_is_reported(published_aircraft):
-    """A model of the flexible aircraft has a nonsmooth point at 11 km, where the temperature stops falling.
-
-    At 40,000 ft the model has no nonsmooth point.
+def test_the_tropopause_is_a_nonsmooth_point(published_aircraft):
+    """The rate of the speed is nonsmooth in the altitude at 11 km, where the temperature stops
+    falling, and smooth at 40,000 ft.
     """
-    tropopause = 11_000.0 / (1 - 11_000.0 / 6_356_766.0) / 0.3048  # ft
+    # geometric altitude, ft, of a geopotential altitude of 11 km with the earth's radius 6356.766 km
+    tropopause = 11_000.0 / (1 - 11_000.0 / 6_356_766.0) / 0.3048
     nonsmooth_points = []
     for altitude in (tropopause, 40_000.0):
         point = trim(published_aircraft, level_flight(0.1, altitude=altitude))
@@ -131,10 +135,12 @@ SOURCE = """
 import casadi as ca
 from hfa import Model, Signal
 
-TABLE = ca.interpolant("table", "linear", [[-1.0, 0.0, 1.0]], [1.0, 0.0, 3.0])
+def equations(x, u, p, w):
+    return {"x": x.v, "v": u.u + ca.pw_lin(x.x, [-1.0, 0.0, 1.0], [1.0, 0.0, 3.0])}, {}
+
 CART = Model(
     name="cart",
-    equations=lambda x, u, p, w: ({"x": x.v, "v": u.u + FORCE(x.x)}, {}),
+    equations=equations,
     states={"x": Signal(min=-1, max=1), "v": Signal(min=-5, max=5)},
     inputs={"u": Signal(min=-9, max=9)},
     trim={"x": 0.0},
@@ -150,11 +156,10 @@ CART = Model(
         "export --Q 1,1 --R 1 --delta inf -o folder",
     ],
 )
-def test_every_command_names_a_kink(command, tmp_path, monkeypatch):
-    """Every command that uses a linear model, or a gain from one, names the nonsmooth point of the model once."""
+def test_every_command_names_a_nonsmooth_point_once(command, tmp_path, monkeypatch):
+    """Commands that use a linear model, or a gain from one, name its nonsmooth point in one line."""
     monkeypatch.chdir(tmp_path)
-    source = SOURCE.replace("FORCE", "(lambda x: ca.pw_lin(x, [-1.0, 0.0, 1.0], [1.0, 0.0, 3.0]))")
-    Path("cart.py").write_text(source, "utf-8")
+    Path("cart.py").write_text(SOURCE, "utf-8")
     name, *options = command.split()
     done = hfa(name, "--aircraft", "cart.py:CART", *options)
     assert (done.out + done.err).count(

@@ -39,13 +39,15 @@ MODEL = Model(
     ],
 )
 def test_a_held_alternative_frees_the_speed(held, speed):
-    """Held knots, a held Mach number, or both, replace the speed of the usual condition."""
+    """Held knots (2 x speed), a held Mach number (speed / 100), or both, replace the imposed speed 7."""
     point = hfa.trim(MODEL, hold=held)
     assert (point["speed"], point["thrust"]) == pytest.approx((speed, speed))
 
 
 def test_a_rate_of_0_that_the_model_does_not_balance_is_stated():
-    """A file of conditions has the imposed climb rate, from which the same gamma follows."""
+    """The flexible aircraft balances no altitude rate by default: an imposed climb rate of 0 is stated
+    in files of conditions, although it is 0. The free gamma is then 0.
+    """
     point = hfa.trim(hfa.aircraft(), altitude_dot=0.0, free="gamma")
     assert stated_values(point.trim_problem.asked).held == {"altitude_dot": 0.0}
     assert point["gamma"] == pytest.approx(0.0, abs=1e-12)

@@ -38,9 +38,7 @@ def test_wrong_files_are_refused(point, tmp_path, pattern, replacement, words):
 
 @pytest.mark.parametrize(("name", "speed"), [("simvfa-64", 64.0), ("simvfa-30", 30.0)])
 def test_trims_at_released_conditions_have_released_angles(published_aircraft, name, speed):
-    """Trims at the conditions of the released simulation have the angles of attack of this
-    simulation.
-    """
+    """Trims at the dihedral angles of the released simulation have its speed and angles of attack."""
     condition = load_condition(name)
     trims = [each for each in released_trims() if each.speed == speed]
     assert len(trims) >= 5
@@ -76,7 +74,8 @@ def test_a_faulty_condition_file_is_refused(tmp_path, text, message):
 def test_values_of_a_condition_file_have_its_units(tmp_path, metric):
     """Angles with _deg are in degrees, others in rad; lengths are in ft, also of an aircraft in SI.
 
-    An angle outside the breakpoints of a table is refused.
+    At a dihedral of 7.5 deg, the table from 1 deg at 0 to 3 deg at 10 deg has 2.5 deg; beyond 10 deg
+    it is refused.
     """
     text = """free = ["aileron_outer"]
     [impose]
@@ -110,7 +109,7 @@ def test_values_of_a_condition_file_have_its_units(tmp_path, metric):
 
 
 def test_a_point_survives_its_file_bit_for_bit(point, tmp_path):
-    """Numbers of every size, the smallest and the largest, are stored exactly."""
+    """Numbers of every size, from the smallest to the largest double, are stored exactly."""
     values = [5e-324, -0.0, -1.7976931348623157e308, 0.1, 2.0 / 3.0, 1e-17, 68.0, 1e300, -0.3]
     planted = replace(
         point,

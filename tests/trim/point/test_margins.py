@@ -38,7 +38,9 @@ NAN, INF = math.nan, math.inf
     ],
 )
 def test_margins_follow_from_the_limits(value, lowest, highest, nearer, distance, share, used):
-    """The share is that of the range, and `used` that of the travel from rest."""
+    """The share is the distance from the nearer limit over the range; `used` is the travel from 0, or
+    from the limit next to 0, over that to the limit on the side of the value.
+    """
     margin = trim_at(value, lowest, highest).margins["u"]
     assert (margin.nearer, margin.at_limit) == (nearer, False)
     found = margin.distance, margin.share, margin.used
@@ -47,7 +49,7 @@ def test_margins_follow_from_the_limits(value, lowest, highest, nearer, distance
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_a_variable_is_at_its_limit_within_a_tolerance(side):
-    """The tolerance is 1e-6 of nominal size plus limit."""
+    """The tolerance is 1e-6 of the nominal size, 2 m, plus the limit, 40 m."""
     slack = 1e-6 * (2.0 + 40.0)
     for inward, expected in ((0.99 * slack, True), (1.01 * slack, False)):
         margin = trim_at(side * (40.0 - inward), -40.0, 40.0).margins["u"]
@@ -58,7 +60,7 @@ def test_a_variable_is_at_its_limit_within_a_tolerance(side):
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_a_limit_is_exceeded_by_rounding_only(side):
-    """A value beyond its limit by 1e-9 of nominal size plus limit is a trim, and no farther."""
+    """A value may be beyond its limit of 40 m by 1e-9 of nominal size plus limit, and not farther."""
     slack = 1e-9 * (2.0 + 40.0)
     assert trim_at(side * (40.0 + 0.9 * slack), -40.0, 40.0).ok
     with pytest.raises(hfa.NoSolutionError, match="u at m"):
@@ -66,7 +68,9 @@ def test_a_limit_is_exceeded_by_rounding_only(side):
 
 
 def test_an_output_is_limited_by_itself_and_by_the_state_it_replaces():
-    """y = 2 x has the limits -2 of x and 5 of its own declaration."""
+    """y = 2 x has the lower limit 2 (-1) of x, above its own -3, and its own upper limit 5, below
+    that of x, 2 (4).
+    """
     model = hfa.Model(
         "lever",
         {"x": Signal("m", 1.0, -1.0, 4.0)},

@@ -51,9 +51,8 @@ def test_lift_drag_and_thrust_balance_the_weight(name):
 
 
 def test_the_static_margin_is_that_of_the_table():
-    """It is -Cm_alpha / CL_alpha of the file, also if it is 0 or negative.
-
-    Times the chord, it is the distance of the neutral point from the center of gravity.
+    """The static margin is -Cm_alpha / CL_alpha, also if it is 0 or negative; CL_alpha of the file is
+    3.45. Times the chord, 0.18994 m, it is the distance of the neutral point from the c.g.
     """
     model = trimmed(UAV)[0].model
     for slope in (-0.38, 0.0, 0.1):
@@ -68,7 +67,10 @@ def test_the_static_margin_is_that_of_the_table():
     "name", [UAV, pytest.param(f"{ROOT}/examples/gtm.py:GTM", marks=pytest.mark.slow), BOEING]
 )
 def test_control_per_g_is_that_of_nonlinear_pull_ups(name):
-    """The nonlinear model is trimmed in pull-ups of 1 ± 0.002 g with all other states held."""
+    """Elevator per g is the slope of trims of the nonlinear model in pull-ups of n ± 0.002 g.
+
+    In a pull-up, the rates of alpha and pitch rate are 0, and all states but these two are held.
+    """
     pytest.importorskip("hfa_jsbsim")
     point, data = trimmed(name)
     model = point.model
@@ -94,7 +96,7 @@ def test_control_per_g_is_that_of_nonlinear_pull_ups(name):
 
 @pytest.mark.parametrize("name", [UAV, f"{ROOT}/examples/gtm.py:GTM"])
 def test_control_per_knot_is_the_slope_of_trims(name):
-    """Trims 2 kt slower and faster, from the declared start, have the slope of the report."""
+    """Elevator per knot is the slope between trims 2 kt slower and 2 kt faster."""
     point, data = trimmed(name)
     knot = KNOTS[point.model.unit("speed")]
     speeds = [point["speed"] + change * knot for change in (-2.0, 2.0)]
@@ -105,7 +107,9 @@ def test_control_per_knot_is_the_slope_of_trims(name):
 
 @pytest.mark.slow
 def test_thrust_of_a_propeller_whose_speed_is_a_state_is_not_invented():
-    """The thrust of the Cessna follows the speed of its propeller."""
+    """The thrust of the Cessna follows its propeller speed rpm0, a state, and no input: the largest
+    thrust is not known.
+    """
     point = hfa.trim(hfa.load_model("jsbsim:c172p"))
     data = point.report().data
     assert "thrust available" not in values(data)
@@ -159,7 +163,9 @@ def glider(chord=1.0, elevator=1.0, largest=True, constant_from=math.inf, drag=0
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_moment_of_the_other_sign_is_doubted_without_an_inertia(sign):
-    """The signs of the output pitching_moment and of the rate of the pitch rate are compared."""
+    """A glider without a declared inertia has a warning if its output pitching_moment has another sign
+    than its pitch acceleration: the static margins of both, ± 0.6 / 5, are 0.24 chords apart.
+    """
     right = glider()
 
     def equations(x, u, p, w):
@@ -173,7 +179,9 @@ def test_a_moment_of_the_other_sign_is_doubted_without_an_inertia(sign):
 
 
 def test_aircraft_of_users_have_figures_by_names_of_outputs():
-    """A glider with the declared outputs gets L/D, margin and stall from a declared CL_max."""
+    """A glider of 3000 N with CL_alpha = 5, Cm_alpha = -0.6, CD = 0.02 and CL_max = 1.4 gets L/D, static
+    margin, stall speed and elevator per g by hand.
+    """
     model = glider()
     point = hfa.trim(model, hfa.TrimCondition(model, {"speed": 30.0, "thrust": 0.0}))
     data = point.report().data
@@ -200,7 +208,9 @@ def test_aircraft_of_users_have_figures_by_names_of_outputs():
     ],
 )
 def test_a_figure_that_does_not_exist_is_not_invented(changes, figure, reason):
-    """Without chord, elevator, maximum of the lift or limit of the thrust a figure is missing."""
+    """A figure is "not in this model", with the reason, without a chord, an effect of the elevator, a
+    maximum of the lift, drag, or a limit of the thrust.
+    """
     model = glider(**changes)
     held = {"speed": 30.0, "thrust": 0.0}
     rates = {"alpha": 0.0, "pitch": 0.0, "speed": 0.0}

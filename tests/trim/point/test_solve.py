@@ -35,6 +35,7 @@ def assert_meets(aircraft, condition, point):
 
 
 def effort(point):
+    """Return the control effort Σ (u / scale)² that trims of least effort minimize."""
     return float(((np.array(point.inputs) / np.array(INPUT_SCALES)) ** 2).sum())
 
 
@@ -155,8 +156,8 @@ def test_the_rounding_of_an_effect_is_no_effect():
 def test_controls_with_proportional_effects_are_named(published_aircraft):
     """The message on a failed trim names two elevators with proportional effects.
 
-    Very small and distant outer tails only pitch the aircraft, as the center tail does. With one of
-    them held, a trim exists.
+    Outer tails of 1e-14 times the area and 1e14 times the distance only pitch the aircraft, as the
+    center tail does. With one of them held, and an aileron free instead, a trim exists.
     """
     p = hfa_model.parameters_of(published_aircraft)
     alike = published_aircraft.with_parameters(
@@ -175,7 +176,10 @@ def test_controls_with_proportional_effects_are_named(published_aircraft):
 
 def test_the_pitch_limit_is_checked_with_free_angles(published_aircraft):
     """If alpha and gamma are free and within their limits, the limit of pitch, alpha + gamma, is
-    checked: a search that begins at a trim beyond it names the pitch there.
+    checked.
+
+    A trim at gamma = 62 deg and alpha = 2.8 deg exists with wider limits of the pitch. A search from
+    there, with its controls held, names the pitch 64.8 deg.
     """
     # A light aircraft with 100 times the thrust can climb at any angle.
     p = hfa_model.parameters_of(published_aircraft)
@@ -193,8 +197,8 @@ def test_the_pitch_limit_is_checked_with_free_angles(published_aircraft):
         trim(strong_aircraft, both, start=beyond)
 
 
-def test_an_equilibrium_with_nothing_free_is_its_own_trim():
-    """A point at which all variables are held is a trim if it is an equilibrium."""
+def test_an_equilibrium_with_all_variables_held_is_a_trim():
+    """v' = force - 2 x is 0 at x = 1 with force = 2."""
     model = hfa.Model(
         "cart",
         {"x": hfa.Signal("m"), "v": hfa.Signal("m/s")},
@@ -216,8 +220,8 @@ def test_an_equilibrium_with_nothing_free_is_its_own_trim():
     ],
 )
 def test_a_parameter_is_set_free(aircraft, parameter, held, value):
-    """The trim of the aircraft with the parameter found has the value that was held, and so has the
-    trim that begins elsewhere; a sweep and a game refuse to free it.
+    """With a held control, a trim finds the parameter; with this parameter, a trim of the free control
+    finds the held value. A sweep refuses to free a parameter.
     """
     model = hfa.load_model(f"{ROOT}/{aircraft}") if aircraft else hfa.aircraft()
     found = hfa.trim(model, free=parameter, hold={held: value})

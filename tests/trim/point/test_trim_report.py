@@ -86,7 +86,7 @@ def test_a_later_limit_replaces_an_earlier_one():
 
 
 def test_imposed_rates_are_balanced_and_freed(published_aircraft):
-    """With V' = 0.5 ft/s² the thrust exceeds that of level flight by m V' / cos α.
+    """With V' = 0.5 ft/s² the thrust along the path exceeds that of level flight by m V'.
 
     Report and condition have the imposed rate, which can be set free again.
     """
@@ -111,14 +111,16 @@ def test_imposed_rates_are_balanced_and_freed(published_aircraft):
     ("degrees", "ends_at"), [(-15.001, "-15 deg"), (-15.0, ""), (15.0, ""), (16.0, "15 deg")]
 )
 def test_a_value_beyond_the_range_of_validity_is_noted(published_aircraft, degrees, ends_at):
-    """The note has the end of the range on the side of the value, and there is none within it."""
+    """The paper's range is -15 to 15 deg; a note on a value beyond it names the exceeded end."""
     notes = trim(published_aircraft, level_flight(math.radians(degrees))).warnings
     assert len(notes) == bool(ends_at)
     assert all(note.endswith(f"which ends at {ends_at}") for note in notes)
 
 
 def test_a_second_trim_is_listed_once():
-    """A thrust of 2.5 balances the drag v / 2 + 2 / v at the speeds 1 and 4."""
+    """A thrust of 2.5 balances the drag v / 2 + 2 / v at the speeds 1 and 4: the trim found from the one
+    lists the other.
+    """
     states = {"speed": Signal("m/s", 1.0, 0.1, 10.0, 4.0)}
     inputs = {"thrust": Signal("N", 1.0, 0.0, 9.0)}
     model = Model(

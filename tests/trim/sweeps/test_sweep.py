@@ -111,7 +111,9 @@ def test_a_wrong_listed_point_is_named(text, words, tmp_path):
 
 
 def test_a_listed_point_outside_a_limit_fails_alone(tmp_path):
-    """Its reason names the value, also of a parameter with which a trim exists."""
+    """Of three listed points, the speed 99000 ft/s and the temperature isa = 120 K are outside their
+    limits; each has its own reason, and the first point is trimmed.
+    """
     path = tmp_path / "points.csv"
     path.write_text("speed,isa\n220,10\n99000,10\n220,120\n", encoding="utf-8")
     table = str(ROOT / "examples" / "cessna182.toml")
@@ -124,7 +126,7 @@ def test_a_listed_point_outside_a_limit_fails_alone(tmp_path):
 
 
 def test_a_list_may_have_comments_units_and_flight_levels(tmp_path):
-    """Its point is that of the options."""
+    """A list with 0.2 rad and FL380 has the trim of `--dihedral 0.2rad --hold altitude=38000`."""
     path = tmp_path / "points.csv"
     text = "# card 7\ndihedral [rad],altitude [FL]\n# flown\n0.2,380\n"
     path.write_text(text, encoding="utf-8")
@@ -135,7 +137,9 @@ def test_a_list_may_have_comments_units_and_flight_levels(tmp_path):
 
 @pytest.mark.parametrize("command", ["trim", "sweep"])
 def test_a_list_is_given_by_conditions(command, tmp_path):
-    """A list given by --condition, which names one condition, is refused; the advice is right."""
+    """A list given by --condition, the option for a single condition, is refused with the advice to
+    use --conditions, which reads it.
+    """
     path = tmp_path / "points.csv"
     path.write_text("dihedral\n10\n", encoding="utf-8")
     words = (command, "--condition", str(path), "--dihedral", "10")
@@ -144,7 +148,7 @@ def test_a_list_is_given_by_conditions(command, tmp_path):
 
 
 def test_a_point_without_a_trim_has_no_numbers_in_a_file(tmp_path):
-    """Both parts of its eigenvalues are NaN, as are its states, inputs, A and B."""
+    """At 10 ft/s there is no trim: states, inputs, eigenvalues, A and B are NaN in the CSV file."""
     path = tmp_path / "swept.csv"
     assert hfa("sweep", "--dihedral", "10", "--hold", "speed=10,68", "-o", str(path)).code == 0
     with path.open(newline="", encoding="utf-8") as stream:
@@ -204,11 +208,10 @@ def test_no_row_depends_on_its_neighbors(model, ranges, count):
 
 
 def test_each_point_has_the_expected_status(published_aircraft):
-    """Each point has the expected status, and A is finite if and only if the point is trimmed.
-
-    Speeds are in ft/s, gamma and alpha in rad.
+    """With the controls free, a climb or descent of 20 deg, 30 ft/s, or alpha = 21 deg is possible only
+    beyond a limit, and a negative speed not at all. A is finite at trims only.
     """
-    statuses = {
+    statuses = {  # (speed, ft/s; gamma, rad; alpha, rad)
         (68.0, 0.35, 0.0489): BEYOND_LIMITS,
         (68.0, -0.35, 0.0489): BEYOND_LIMITS,
         (30.0, 0.0, 0.0489): BEYOND_LIMITS,
@@ -293,8 +296,8 @@ def test_a_store_is_resumed_with_its_own_sweep_only(more, store):
 
 
 def test_a_long_sweep_prints_its_ends(published_aircraft):
-    """Both tables have the first and last 20 rows, and 20 of the 23 points without a trim have a
-    reason. The records have each point.
+    """Of 401 points, both tables have the first and last 20 rows, and 20 of the 23 points without a trim
+    (30 ft/s) have a reason. The records have each point.
     """
     speeds = np.linspace(68.0, 75.0, 401)
     speeds[[100, *range(200, 222)]] = 30.0
