@@ -47,9 +47,9 @@ def test_a_missing_package_is_named(name, point, monkeypatch):
     ("file", "variable", "value"),
     [("", "dihedral", 10.0), ("uav.toml", "speed", 30.0), ("navion.py:NAVION", "speed", 176.0)],
 )
-def test_a_row_of_a_sheet_is_that_of_its_data_and_of_csv_files(file, variable, value, folder):
-    """Name, value, unit and level of each row are those of the data and, in degrees, of the CSV
-    files of the trim and of a matrix of conditions, which have no other rows.
+def test_rows_of_a_sheet_are_those_of_its_data_and_csv_files(file, variable, value, folder):
+    """The data have the name, value, unit and level of each row of a sheet, and no others. So have, with
+    angles in degrees, the CSV files of the trim (`records`) and of a list of conditions (`cells`).
     """
     name = f"{ROOT}/examples/{file}"
     model = hfa.load_model(name) if file else hfa.aircraft()
@@ -71,29 +71,23 @@ def test_a_row_of_a_sheet_is_that_of_its_data_and_of_csv_files(file, variable, v
     assert cells.pop("qualities of the worst level") == named
     assert records.pop("qualities of the worst level") == named
     for row in point.sheet:
-        entry = data.pop(row.name)
-        stored = complex(*entry["value"]) if isinstance(row.value, complex) else entry["value"]
+        entry, parts = data.pop(row.name), {"": row.value}
+        stored = entry["value"]
+        if isinstance(row.value, complex):
+            parts = {" real": row.value.real, " imaginary": row.value.imag}
+            stored = complex(*stored)
         found = stored, entry["unit"], entry.get("level")
         assert found == (row.value, row.unit, row.stated_level)
-        level = cells.pop(f"{row.name} level", None)
-        assert level == (None if row.level is None else str(row.stated_level))
-        assert records.pop(f"{row.name} level", None) == row.stated_level
-        parts = {row.name: row.value}
-        if isinstance(row.value, complex):
-            parts = {
-                f"{row.name} real": row.value.real,
-                f"{row.name} imaginary": row.value.imag,
-            }
-        for part, number in parts.items():
-            unit = row.cells()[2]
-            heading = f"{part} [{unit}]" if unit else part
-            cell, record = cells.pop(heading), records.pop(heading)
-            if isinstance(number, str):
-                assert cell == number == record
-            else:
-                shown = math.degrees(number) if "deg" in unit != row.unit else number
-                assert float(cell) == pytest.approx(shown, rel=1e-12, abs=1e-13)
-                assert record == pytest.approx(shown, rel=1e-12, abs=1e-13)
+        unit = row.cells()[2]  # as printed
+        for columns in (records, cells):
+            assert str(columns.pop(f"{row.name} level", None)) == str(row.stated_level)
+            for part, number in parts.items():
+                cell = columns.pop(f"{row.name}{part} [{unit}]" if unit else row.name + part)
+                if isinstance(number, str):
+                    assert cell == number
+                else:
+                    shown = math.degrees(number) if "deg" in unit != row.unit else number
+                    assert float(cell) == pytest.approx(shown, rel=1e-12, abs=1e-13)
     assert (data, records, cells) == ({}, {}, {})
 
 

@@ -117,8 +117,8 @@ def test_an_altitude_that_the_equations_determine_is_not_kept():
 
 
 def test_alpha_is_kept_where_only_the_speed_was_set_free():
-    """PLANE has one equation less than unknowns if V is free: of the states that the user did not
-    set free, alpha ("a") keeps its start value.
+    """With V free, the equations of PLANE leave one unknown undetermined: of the states that the user
+    did not set free, alpha ("a") keeps its start value.
     """
     first = str(hfa.trim(PLANE, hold={"h": 500.0}, free="V").report()).partition("\n\n")[0]
     assert "does not determine it: a" in first

@@ -56,6 +56,19 @@ def test_an_unlimited_bank_stays_below_a_quarter_turn(speed, turn):
     assert "No limits are declared for bank, thrust, lift" in repr(point)
 
 
+def test_an_empty_tank_is_at_its_limit():
+    """A mass without a lower limit is at least 0: fuel that follows a flow of 0 is at this limit."""
+    tank = Model(
+        "tank",
+        {"fuel": Signal("kg")},
+        {"flow": Signal("kg/s")},
+        lambda x, u, p, w: ({"fuel": u.flow - x.fuel}, {}),
+        trim={"flow": 0.0},
+    )
+    assert hfa.trim(tank).margins["fuel"].at_limit
+    assert hfa.sweep(tank, flow=[0.0, 1.0]).at_limit.tolist() == [[-1, 0], [0, 0]]
+
+
 def test_bank_angles_of_a_sweep_are_exact():
     """The bank angles in a sweep of turns equal arctan(V turn / g)."""
     turns = np.array([0.1, 0.5, 1.5])

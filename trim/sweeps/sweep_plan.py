@@ -75,7 +75,7 @@ def at_limit(condition: TrimCondition, states: np.ndarray, inputs: np.ndarray) -
     inputs: (N, m)
     """
     names = limited(condition)
-    limits = Limits.of(condition.model, names, condition.limits)
+    limits = condition.limits_on(names)
     places = [[*condition.model.states, *condition.model.inputs].index(name) for name in names]
     values = np.hstack([states, inputs])[:, places]
     return limits.at_highest(values).astype(np.int8) - limits.at_lowest(values).astype(np.int8)

@@ -161,8 +161,8 @@ def test_a_derivative_that_is_not_a_number_is_one_line(words, code, folder):
 
 
 def test_lags_follow_in_static_margin_and_control_per_g():
-    """The static margin and the elevator per g are those of the slopes with steady lags at 15 deg of
-    dihedral, 0.2062 chord and -25.40 deg/g, computed once from steady trims.
+    """The static margin and the elevator per g are those of rigid-body slopes with steady lags, 0.2062
+    chord and -25.40 deg/g at 15 deg of dihedral.
 
     CL_alpha is the slope of the lift whose lags have followed alpha, without apparent mass.
     """
@@ -462,9 +462,7 @@ def test_class_follows_from_weight_and_load_factor(weight, unit, largest_load_fa
     ("mass", "unit", "class_"), [(5_600.0, "kg", "I"), (400.0, "slug", "II-L")]
 )
 def test_class_follows_from_the_mass_without_a_weight(mass, unit, class_):
-    """Class I ends at 12,500 lbf, 5,670 kg or 389 slug in standard gravity, for an aircraft of medium
-    maneuverability.
-    """
+    """Class I ends at 12,500 lbf, the weight of 5,670 kg or 389 slug in standard gravity."""
     states = {"V": Signal("m/s", start=50.0), "alpha": Signal("rad")}
     model = hfa.Model(
         "body",
