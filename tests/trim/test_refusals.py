@@ -77,15 +77,13 @@ LEVEL = level_flight(0.2)
 
 
 def coasting():
-    """Return v' = -v, which its input does not change, beside a turn that no input changes."""
-    states = {"speed": Signal("m/s", 1.0, start=10.0), "roll_rate": Signal("rad/s")}
-    inputs = {"push": Signal("N")}
-    trimmed = {"speed": 10.0, "roll_rate": 0.0}
+    """Return v' = -v, which its input does not change."""
+    states, inputs = {"speed": Signal("m/s", start=10.0)}, {"push": Signal("N")}
 
     def equations(x, u, p, w):
-        return {"speed": -x.speed, "roll_rate": -x.roll_rate}, {}
+        return {"speed": -x.speed}, {}
 
-    return Model("coasting", states, inputs, equations, trim=trimmed)
+    return Model("coasting", states, inputs, equations, trim={"speed": 10.0})
 
 
 def beyond(**changes):

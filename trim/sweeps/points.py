@@ -218,9 +218,7 @@ def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np
     # - NO_TRIM, marked in `one_by_one`: all other points, and every point if the system is not
     #   square.
     model = system.model
-    n = len(model.states)
-    m = len(model.inputs)
-    count = len(values)
+    n, m, count = len(model.states), len(model.inputs), len(values)
     if not system.equations.square or not count:
         status = np.full(count, NO_TRIM, dtype=np.int8)
         shapes = ((n,), (m,), (n, n), (n, m))
