@@ -44,7 +44,7 @@ TURNING = Model(
 )
 
 
-@pytest.mark.parametrize(("speed", "turn"), [(30.0, 0.1), (100.0, 1.5), (300.0, 1.5), (1e3, 1.5)])
+@pytest.mark.parametrize(("speed", "turn"), [(30.0, 0.1), (300.0, 1.5), (1e3, 1.5)])
 def test_an_unlimited_bank_stays_below_a_quarter_turn(speed, turn):
     """Without limits, the bank angle satisfies tan(bank) = V turn / g and is below 90 deg.
 

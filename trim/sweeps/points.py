@@ -223,7 +223,7 @@ def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np
         status = np.full(count, NO_TRIM, dtype=np.int8)
         shapes = ((n,), (m,), (n, n), (n, m))
         x, u, A, B = (np.full((count, *shape), np.nan) for shape in shapes)
-        return Points(status, x, u, A, B, {}, one_by_one=status == NO_TRIM)
+        return Points(status, x, u, A, B, {}, status == NO_TRIM)
     c = _constants(system, variables, values)
     z = _starts(system, variables, values)
     ends = newton(system, z, c)
@@ -238,10 +238,14 @@ def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np
     status = np.where(balanced & within, TRIMMED, NO_TRIM)
     if system.only_inputs:
         status[balanced & ~within] = BEYOND_LIMITS
-    states = found.signals[:, :n]
-    inputs = found.signals[:, n : n + m]
     return Points(
-        status.astype(np.int8), states, inputs, found.A, found.B, {}, one_by_one=status == NO_TRIM
+        status=status.astype(np.int8),
+        states=found.signals[:, :n],
+        inputs=found.signals[:, n : n + m],
+        A=found.A,
+        B=found.B,
+        failures={},
+        one_by_one=status == NO_TRIM,
     )
 
 
