@@ -11,7 +11,6 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs
-from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Result, storable
 from hfa_support.reporting.text import Table
@@ -111,15 +110,6 @@ class StoredSweep(Result, Reported):
         )
 
 
-def stream_sweep(plan: SweepPlan, path: Path, **options: Any) -> Any:
-    """Compute a sweep in the store at `path`, and return the store as `xarray.Dataset`.
-
-    options: keyword arguments of `fill_store`
-    """
-    job = RowJob("sweep", _POINT, _template(plan), _stored_points, plan.task)
-    return fill_store(job, path, **options)
-
-
 def _stored_points(
     model: Model,
     variables: tuple[str, ...],
@@ -143,23 +133,13 @@ def _stored_points(
     }
 
 
-def reported_sweep(
-    plan: SweepPlan,
-    path: Path,
-    *,
-    workers: int | str,
-    resume: bool,
-    provenance: Mapping[str, Any],
-    progress: Progress,
-) -> Report:
+def reported_sweep(plan: SweepPlan, path: Path, **options: Any) -> Report:
     """Compute a sweep in a store and return its report.
 
-    The keyword arguments are those of `fill_store`.
+    options: keyword arguments of `fill_store`
     """
-    dataset = stream_sweep(
-        plan, path, workers=workers, resume=resume, provenance=provenance, progress=progress
-    )
-    return stored_sweep(plan, dataset, path).report()
+    job = RowJob("sweep", _POINT, _template(plan), _stored_points, plan.task)
+    return stored_sweep(plan, fill_store(job, path, **options), path).report()
 
 
 def _template(plan: SweepPlan) -> Any:
@@ -209,7 +189,7 @@ def _template(plan: SweepPlan) -> Any:
 def stored_sweep(plan: SweepPlan, dataset: Any, path: Path) -> StoredSweep:
     """Return the summary of a store: points by status, and warnings.
 
-    dataset: the store at `path`, from `stream_sweep`
+    dataset: the store at `path`, from `fill_store`
     """
     totals = np.zeros(len(STATUS) + 1, dtype=int)
     changed_points = 0
