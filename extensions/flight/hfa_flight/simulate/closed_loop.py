@@ -364,7 +364,7 @@ class FlightLoop:
         scenario = self.scenario
         time = tick * scenario.tick if time is None else time
         held.policy[:] = self.policy.held_inputs(tick, time)
-        held.begin[:] = time + SAME_TIME
+        held.begin[:] = time + SAME_TIME  # so that a step at this time has happened
         sample = tick // scenario.ticks_per_sample
         if scenario.samples is not None:
             held.noise[:] = scenario.samples[sample]

@@ -177,7 +177,7 @@ def _refuse_invalid(
         return invalid(X[:rows], U[:rows], model.native.p)
 
     if reason(len(X)):
-        # If the first rows are invalid, so are more of them: the first invalid row is bisected.
+        # More rows than some invalid first ones are invalid, too: bisection finds the first one.
         row = bisect_left(range(1, len(X)), True, key=lambda rows: bool(reason(rows)))
         raise NoSolutionError(
             f"{model.title}: no flight: {reason(row + 1)}; it is met at {flight.times[row]:.4g} s"
@@ -543,34 +543,34 @@ class Flight(StatesAndInputs, Result, Reported):
         return Report(self.title(), parts, notes, Entries(self), self._record_table())
 
     def _state_table(self, with_angle_of_attack: bool) -> Table:
-        """Return a table of the states, one row each; in moving air alpha has a second row."""
-        model = self.point.model
+        """Return a table of the states, one row each; in moving air, one of the angle of attack."""
+        model, envelope = self.point.model, self.envelope
         differences = self.largest_difference_from_linear
         header = ["state", "unit", "largest deviation", "final deviation", "rms error, 2nd half"]
-        header += ["envelope"] + ["difference from linear"] * (differences is not None)
+        header.append("envelope")
+        if differences is not None:
+            header.append("difference from linear")
         final = self.final
         largest = self.largest_deviation
         errors = self.rms_error
         rows = []
-        assumed = self.envelope.assumed.tolist()
-        pairs = zip(self.envelope.lowest, self.envelope.highest, assumed, strict=True)
-        for index, (state, (low, high, is_assumed)) in enumerate(
-            zip(model.states, pairs, strict=True)
-        ):
+        limits = zip(envelope.lowest, envelope.highest, envelope.assumed.tolist(), strict=True)
+        for state, (low, high, is_assumed) in zip(model.states, limits, strict=True):
             unit = model.unit(state)
-            limits = limits_text(low, high, unit) + ", assumed" * is_assumed
-            names = (
-                (state, ANGLE_OF_ATTACK) if state == ALPHA and with_angle_of_attack else (state,)
-            )
+            trim = getattr(self.point.states, state)
+            names = [state]
+            if state == ALPHA and with_angle_of_attack:
+                names.append(ANGLE_OF_ATTACK)  # which the envelope limits in place of alpha
             for name in names:
                 cells = [name, shown_unit(unit)]
                 cells.append(short_number(largest[name], unit))
-                cells.append(short_number(final[name] - self.point.states[index], unit))
+                cells.append(short_number(final[name] - trim, unit))
                 cells.append(short_number(errors[name], unit) if name in errors else "")
-                cells.append(limits if name == names[-1] else "")
+                limited = limits_text(low, high, unit) + ", assumed" * is_assumed
+                cells.append(limited if name == names[-1] else "")
                 if differences is not None:
-                    shown = name in differences
-                    cells.append(short_number(differences[name], unit) if shown else "")
+                    known = name in differences
+                    cells.append(short_number(differences[name], unit) if known else "")
                 rows.append(tuple(cells))
         return Table(tuple(header), rows)
 

@@ -82,7 +82,7 @@ def step_function(
     """
     t, h, before = (ca.SX.sym(name) for name in ("t", "h", "before"))
     y, held = ca.SX.sym("y", rate.numel_in(1)), ca.SX.sym("held", rate.numel_in(2))
-    k = rate(t, y, held)
+    k = rate(t, y, held)  # gets a column for each stage: its slope
     for time, stage in zip(_TIMES, _STAGES, strict=True):
         inside = y + h * ca.mtimes(k, ca.DM(stage))
         k = ca.horzcat(k, rate(t + time * h, inside, held))
@@ -94,6 +94,7 @@ def step_function(
     deviating = np.flatnonzero(nominal).tolist()
     largest = ca.fmax(before, ca.mmax(size[deviating] / units[deviating]))
     allowed = TOLERANCE * (size + _SMALL * units * largest) + _ROUNDING * units
+    # The root mean square over the states; a state that stays 0, as a cost, is not 0 / 0.
     ratio = ca.norm_2(error / (allowed + sys.float_info.min)) / math.sqrt(y.numel())
     in_units = ca.norm_2(error[deviating] / units[deviating])
     results = (after, largest, ratio, in_units, ca.mtimes(k, ca.DM(_POLYNOMIAL)))
@@ -160,6 +161,7 @@ class RungeKutta:
             if self._count >= self._pause:
                 self._pause *= 2
                 break
+            # Equal steps of at most the wanted length, of which the last ends exactly at `end`.
             steps_left = max(1, math.ceil((end - time) / self._next))
             seconds = (end - time) / steps_left
             t[0], h[0], before[0] = time, seconds, self._largest
@@ -170,7 +172,7 @@ class RungeKutta:
             elif shorter := self._shorter_step(seconds, ratio, float(error[0])):
                 self._next = shorter
                 continue
-            else:
+            else:  # the step is made over a jump
                 self._next = min(self._longest, self._shortest)
                 if math.isfinite(ratio):
                     self.error += float(error[0]) / float(largest[0])
@@ -192,7 +194,10 @@ class RungeKutta:
         return time, now.copy()
 
     def _shorter_step(self, seconds: float, ratio: float, error: float) -> float | None:
-        """Return the length, s, of the next trial of a step, None for a short one over a jump."""
+        """Return the length, s, of the next trial of a step, or None if its error is that of a jump.
+
+        The error of a short step over a jump hardly falls with the length (`_AT_A_JUMP`).
+        """
         if seconds > self._shortest:
             return _step_factor(ratio) * seconds
         if error < _AT_A_JUMP * self._error_of_short_step:
@@ -201,7 +206,7 @@ class RungeKutta:
         return None
 
     def clear(self) -> None:
-        """Forget the steps made so far."""
+        """Forget the steps made so far, and pause after fewer steps again."""
         self._count = 0
         self._pause = min(self._pause, _PAUSE_LATER)
 
@@ -242,7 +247,7 @@ class CompiledLoop:
         model, sizes = loop.plant.point.model, loop.state_sizes
         nominal = StateParts(
             plant=model.nominal(model.states),
-            actuators=model.nominal(model.inputs)[: sizes.actuators],
+            actuators=model.nominal(model.inputs)[: sizes.actuators],  # of all inputs or none
             cost=np.zeros(sizes.cost),
         )
         rate = self._function("loop_rate", now.rate)
@@ -372,7 +377,12 @@ class _Commands(NamedTuple):
 
 
 class _Flying:
-    """One flight of a closed loop under way: its state, and the inputs that are held."""
+    """One flight of a closed loop under way: its state, and the inputs that are held.
+
+    ticks: number of ticks of the flight
+    window: number of ticks between two tests of whether the flight is over
+    parameters, stop: as in `CompiledLoop.fly`
+    """
 
     def __init__(
         self,
@@ -410,6 +420,7 @@ class _Flying:
             alone
         """
         policy, sizes = self._loop.policy, self._loop.held_sizes
+        # Of several rows of held inputs, each belongs to a tick, or begins at a break.
         policy_changes = len(policy.held) > 1 and not hasattr(policy, "breaks")
         changes_each_tick = (
             self._sampler is not None or policy_changes or sizes.noise or sizes.gust or sizes.delay
@@ -440,7 +451,7 @@ class _Flying:
             now = change
             while now < later:
                 now, self._y = self.integration.advance(now, later, self._y, self._held)
-                if now < later:
+                if now < later:  # after many steps: the flight may be over
                     last_row = int(np.searchsorted(times, now, side="right")) - 1
                     last_of_tick = last_row - last_row % self._per_tick
                     rows, over = self._rows(times[: last_of_tick + 1], changes, held)
@@ -477,7 +488,7 @@ class _Flying:
         tick = math.floor(ticks + SAME_TIME)
         loop.hold(tick, parts, time)
         if self._sampler is not None:
-            if abs(ticks - tick) <= SAME_TIME:
+            if abs(ticks - tick) <= SAME_TIME:  # not at a break within a tick
                 (measured,) = self._compiled.measured.at(time, self._y, held)
                 self._sampled = self._sampler(tick, measured)
             parts.policy[:] = self._sampled
@@ -490,7 +501,7 @@ class _Flying:
         due = time - self._delay + SAME_TIME
         while self._commands and self._commands[0].end <= due:
             self._commands.pop(0)
-        if due < 0.0:
+        if due < 0.0:  # before the first command arrives, the inputs are at trim
             return np.concatenate([[0.0, 1.0], np.zeros(2 * self._first_command.size)])
         begin, end, first, last = self._commands[0]
         return np.concatenate([[begin + self._delay, end + self._delay], first, last])
