@@ -194,7 +194,7 @@ class RungeKutta:
         return time, now.copy()
 
     def _shorter_step(self, seconds: float, ratio: float, error: float) -> float | None:
-        """Return the length, s, of the next trial of a step, or None if its error is that of a jump.
+        """Return the length, s, of the next trial of a step, or None if it passes over a jump.
 
         The error of a short step over a jump hardly falls with the length (`_AT_A_JUMP`).
         """
