@@ -69,7 +69,9 @@ def print_to_stderr(text: str, end: str = "\n") -> None:
 
 
 def drop(stream: TextIO) -> None:
-    """Redirect a stream to the null device. The final flush of the stream then cannot fail."""
+    """Redirect a stream that cannot be written to the null device, so that Python's flush at the
+    exit cannot fail.
+    """
     with contextlib.suppress(AttributeError, io.UnsupportedOperation):
         descriptor = stream.fileno()
         os.close(descriptor)  # frees the descriptor for the null device
@@ -81,8 +83,7 @@ def interruption() -> Iterator[threading.Event]:
     """Yield an event that is set by the first Ctrl-C.
 
     A second Ctrl-C has its usual effect. The event is never set outside the main thread, or if
-    SIGINT is ignored. An exception could not replace the event, because CasADi discards exceptions
-    that are raised during IPOPT.
+    SIGINT is ignored. It is no exception, because CasADi discards those raised during IPOPT.
     """
     interrupted = threading.Event()
     before = signal.getsignal(signal.SIGINT)

@@ -54,11 +54,12 @@ def _texts(cells: np.ndarray) -> np.ndarray | None:
 
 
 def _is_text(cell: Any) -> bool:
+    """Return whether a cell is a text; SciPy reads an empty one as an empty array of any type."""
     return isinstance(cell, np.ndarray) and (cell.dtype.kind == "U" or cell.size == 0)
 
 
 def _full_size(value: Any) -> int:
-    """Return the bytes of the arrays in a value as SciPy reads it, sparse ones as full ones."""
+    """Return the size of the arrays in a value as SciPy reads it, bytes; of sparse ones as full."""
     if issparse(value):
         return int(np.prod(value.shape, dtype=object)) * int(value.dtype.itemsize)
     if not isinstance(value, np.ndarray):
@@ -71,8 +72,10 @@ def _full_size(value: Any) -> int:
 
 
 def _unpacked_size(file: bytes, largest: int) -> int:
-    """Return the bytes of all compressed elements of a .mat file, up to the permitted number."""
-    # A file of MATLAB 4 has none.
+    """Return the unpacked size of all compressed elements of a .mat file, bytes; counting ends
+    above the largest permitted size. A file of MATLAB 4, which has no byte order, has no such
+    elements.
+    """
     order = _ORDERS.get(file[_HEADER - 2 : _HEADER])
     size, place = 0, _HEADER
     while order and place + 8 <= len(file) and size <= largest:

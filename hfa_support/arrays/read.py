@@ -58,7 +58,7 @@ def columns_of(path: Path) -> dict[str, np.ndarray]:
 
 
 class _Entry(NamedTuple):
-    """Row of the table of P and K that `hfa solve` and `hfa learn` write."""
+    """Row of a .csv table of P and K, which `hfa solve` and `hfa learn` write: one matrix entry."""
 
     matrix: str
     row: str
@@ -106,7 +106,9 @@ def matrices_of_entries(path: Path) -> dict[str, Any] | None:
 
 
 def _units_of_gain(entries: Sequence[_Entry]) -> dict[str, list[str]]:
-    """Return "input_units" and "state_units" of K, or {} unless each entry states both."""
+    """Return "input_units" and "state_units" of K by the units of its entries, "(deg)/(ft/s)", or
+    {} unless each entry states both.
+    """
     of_input: dict[str, str] = {}
     of_state: dict[str, str] = {}
     for entry in entries:
@@ -126,10 +128,14 @@ class _Table(NamedTuple):
 
 
 def _table(name: str, path: Path) -> _Table:
-    """Return the matrix in a .csv file, with the names of its rows and columns."""
-    # A first row, or a first column, without a number contains the names.
-    # Raises ValueError for rows of different lengths, a file without rows of numbers, and a cell
-    # that is not a number.
+    """Return the matrix in a .csv file. A first row, or a first column, without a number contains
+    names.
+
+    name: name of the matrix, for messages
+
+    Raises ValueError for rows of different lengths, a file without rows of numbers, and a cell that
+    is not a number.
+    """
     with regular_file(path).open(encoding="utf-8-sig", newline="") as stream:
         rows = [row for row in csv.reader(stream) if any(cell.strip() for cell in row)]
     _refuse_separators(name, rows)
@@ -142,7 +148,7 @@ def _table(name: str, path: Path) -> _Table:
         if not any(map(_is_number, first_column)):
             row_names = first_column
             rows = [row[1:] for row in rows]
-            column_names = column_names[1:]
+            column_names = column_names[1:]  # the first cell is above the row names
     widths = {len(row) for row in rows}
     if column_names:
         widths.add(len(column_names))
@@ -188,10 +194,13 @@ class _Sides(NamedTuple):
 
 
 def _names_and_units(tables: Mapping[str, _Table]) -> dict[str, list[str]]:
-    """Return the names and units of the states and inputs that .csv files contain."""
-    # The result has the keys "states", "inputs", "state_units" and "input_units", as far as known.
-    # Names of states come from the matrix A, and names of inputs from the columns of B; of a
-    # critic, from P and K. Units are returned only if each state, or each input, has a unit.
+    """Return "states", "inputs", "state_units" and "input_units", as far as .csv files state them.
+
+    The names of a plant are those of A and of the columns of B, and those of a critic are in P and
+    K. Units are returned only if each state, or each input, has a unit.
+
+    Raises ValueError if a matrix has the states in another order.
+    """
     sides = {
         matrix: _Sides([*map(Label.of, table.rows)], [*map(Label.of, table.columns)])
         for matrix, table in tables.items()
@@ -218,7 +227,7 @@ def _names_and_units(tables: Mapping[str, _Table]) -> dict[str, list[str]]:
 
 
 def _is_number(text: str) -> bool:
-    """Return whether a cell is a number, which may be inf or nan."""
+    """Return whether a cell of a .csv file is a number, which may be inf or nan."""
     try:
         float(text)
     except ValueError:
@@ -250,7 +259,8 @@ def matrices(path: Path) -> dict[str, Any]:
         if entries is not None:
             return entries
         return matrices_and_names(_matrix_files(path))
-    files = _matrix_files(path) if path.stem in (*PLANT, *CRITIC) else {UNKNOWN: path}
+    is_named = path.stem in (*PLANT, *CRITIC)
+    files = _matrix_files(path) if is_named else {UNKNOWN: path}
     arrays = {}
     for name, file in files.items():
         with file_faults(file):
@@ -259,7 +269,10 @@ def matrices(path: Path) -> dict[str, Any]:
 
 
 def _matrix_files(path: Path) -> dict[str, Path]:
-    """Return matrix name -> path, of a file named A also of the other matrices of its plant."""
+    """Return matrix -> its file; for a file named A also the other matrices of the plant beside it.
+
+    Raises BadInputError for a file that is named after neither A nor a matrix of a critic.
+    """
     if path.stem not in ("A", *CRITIC):
         raise BadInputError(
             f"{path}: a plant is read from A{path.suffix} (with B in the same folder), a critic "
@@ -274,7 +287,7 @@ def _matrix_files(path: Path) -> dict[str, Path]:
     return files
 
 
-#: Time limit, s; reading the largest .mat file takes a few seconds.
+#: Time limit of a child process, s; reading the largest .mat file takes a few seconds.
 _LONGEST = 60.0
 _CHILD = Path(__file__).with_name("_loadmat.py")
 
@@ -308,8 +321,8 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
     - A .npy or .csv file contains one matrix, named by the file: W.npy, P.csv.
     - With A.csv or A.npy, the other matrices of the plant (B, ...) in the same folder are also
       read.
-    - The matrix of a .npy file that is not named after a matrix of a plant or critic is stored
-      under `one_matrix.UNKNOWN`.
+    - The matrix of a .npy file that is not named after a matrix of a plant or critic has the name
+      `UNKNOWN`.
     - In a .csv file, the first row and the first column may contain names, with units as in "speed
       [ft/s]".
 
@@ -351,7 +364,7 @@ def arrays_of_npz(content: bytes) -> dict[str, np.ndarray]:
     }
     for array in entries.values():
         if array.dtype.kind == "U":
-            array.tolist()  # ValueError for characters outside Unicode
+            array.tolist()  # raises ValueError for characters outside Unicode
     return entries
 
 
@@ -364,25 +377,16 @@ def _json(path: Path) -> dict[str, Any]:
 
 
 def _npz(path: Path) -> dict[str, Any]:
+    """Return the arrays of a .npz file by name."""
     with prefix_errors(path):
         return arrays_of_npz(regular_file(path).read_bytes())
-
-
-def _mat(path: Path) -> dict[str, Any]:
-
-    return structures(path)
-
-
-def _named_by_file(path: Path) -> dict[str, Any]:
-
-    return matrices(path)
 
 
 #: Suffix of `MATRIX_FILES` -> function from a path to the entries of the file.
 _READERS: Mapping[str, Callable[[Path], dict[str, Any]]] = {
     ".json": _json,
     ".npz": _npz,
-    ".npy": _named_by_file,
-    ".mat": _mat,
-    ".csv": _named_by_file,
+    ".npy": matrices,
+    ".mat": structures,
+    ".csv": matrices,
 }

@@ -114,8 +114,8 @@ def c_function(
     pointers = ", ".join(inputs + [f"{real} *{result}" for result in results])
     lines = []
     for index in range(function.n_instructions()):
-        # An instruction reads and writes numbered variables w, an entry of an argument or of a
-        # result, which are given by two numbers, or a constant.
+        # Sources and targets are the numbers of variables w, or two numbers: of an argument or a
+        # result, and of its entry.
         operation = function.instruction_id(index)
         sources = function.instruction_input(index)
         targets = function.instruction_output(index)
@@ -153,13 +153,16 @@ def c_function(
 
 
 def _name_of(operation: int) -> str:
-    """Return the name of an operation of CasADi, "OP_ERFINV"."""
+    """Return the name of an operation of CasADi by its number, "OP_ERFINV"."""
     names = (name for name in dir(ca) if name.startswith("OP_"))
     return next(name for name in names if getattr(ca, name) == operation)
 
 
 def _call(callee: str, operands: Sequence[str], targets: Sequence[int], real: str) -> str:
-    """Return the C block that calls a function and stores its results."""
+    """Return the C block that calls a function and stores its results in variables w.
+
+    targets: numbers of the variables, -1 for a result that is not used
+    """
     values = ", ".join(operands)
     count = len(targets)
     stores = " ".join(

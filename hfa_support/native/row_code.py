@@ -26,8 +26,8 @@ from hfa_support.progress import print_to_stderr
 #: Products and sums are rounded separately, even on processors with fused multiply-add.
 _FLAGS = ("-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
 
-#: Product of matrices in CasADi's C code, and the same with the sums of all rows side by side. Each
-#: sum has the same order, and thus the same bits.
+#: Product of matrices in CasADi's C code, and the same with its two inner loops exchanged, which a
+#: compiler evaluates for several rows at once. Each sum has the same order, and thus the same bits.
 _PRODUCT = """void casadi_mtimes_dense(const casadi_real* x, casadi_int nrow_x, casadi_int ncol_x,
     const casadi_real* y, casadi_int ncol_y, casadi_real* z, casadi_int tr) {"""
 _FAST_PRODUCT = """__attribute__((optimize("O3")))
@@ -44,11 +44,10 @@ Loaded = TypeVar("Loaded")
 def machine_code(function: ca.Function) -> ca.Function:
     """Return the function compiled to machine code.
 
-    Without a working compiler, a note is printed once and the function is returned unchanged. A
-    function that calls an FMU, which is compiled already, or erfinv, which C does not have, is
-    returned unchanged.
+    Without a working compiler, a note is printed once and the function is returned unchanged; also
+    one without C code (`_has_c`).
     """
-    if any(not _has_c(called) for called in (function, *function.find_functions())):
+    if not all(_has_c(called) for called in (function, *function.find_functions())):
         return function
     loaded = compiled(
         lambda symbol: _c_text(function, symbol),
@@ -70,15 +69,16 @@ def compiled(
     optimize: optimization flag of the compiler
 
     The library is kept in `cache_folder()`. The symbol contains a hash of the C text, the compiler
-    and its flags. One process cannot load two libraries with equal symbols. The owner and the hash
-    of a kept library are checked before it is loaded. A library that cannot be loaded is deleted.
+    and its flags, because one process cannot load two libraries with equal symbols. The owner and
+    the hash of a kept library are checked before it is loaded. A library that cannot be loaded is
+    deleted.
     """
     compiler = c_compiler()
     if compiler is None:
         _print_once("no C compiler found; running without machine code")
         return None
     command = [compiler, optimize, *_FLAGS]
-    content = "\n".join([text("placeholder"), *command])
+    content = "\n".join([text("placeholder"), *command])  # the symbol is not known yet
     symbol = f"hfa_{hashlib.sha256(content.encode()).hexdigest()[:24]}"
     library = None
     try:
@@ -114,7 +114,9 @@ def _c_text(function: ca.Function, symbol: str) -> str:
 
 
 def _has_c(function: ca.Function) -> bool:
-    """Return whether CasADi has C code of a function: of no callback of Python and of no erfinv."""
+    """Return whether CasADi writes C code for a function. It has none for a function in Python,
+    such as one that calls an FMU, nor for the operation erfinv, which math.h lacks.
+    """
     if function.class_name() != "SXFunction":
         return bool(function.class_name() != "CallbackInternal")
     operations = {function.instruction_id(place) for place in range(function.n_instructions())}
@@ -122,8 +124,10 @@ def _has_c(function: ca.Function) -> bool:
 
 
 def _own_folder(folder: Path) -> Path:
-    """Return the cache folder, accessible only to the user, and create it if it does not exist."""
-    # Raises RuntimeError if the folder is a link or belongs to another user.
+    """Return the cache folder, accessible only to the user, and create it if it does not exist.
+
+    Raises RuntimeError if the folder is a link or belongs to another user.
+    """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if folder.is_symlink():
         raise RuntimeError(f"{folder} is a link; replace the link with a folder")
@@ -134,8 +138,11 @@ def _own_folder(folder: Path) -> Path:
 
 
 def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
-    """Return the library of a C text, `symbol-digest.so` in a folder."""
-    # It is complete when it is moved to its name. The digest is checked before a library is loaded.
+    """Return the library of a C text, `symbol-digest.so` in a folder, to which it is moved
+    complete.
+
+    compiler: command line without files
+    """
     with tempfile.TemporaryDirectory(dir=folder) as temporary:
         source = Path(temporary, "generated.c")
         library = Path(temporary, "generated.so")
@@ -149,7 +156,7 @@ def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
 
 
 def _is_own(file: Path, symbol: str) -> bool:
-    """Return whether a library is this user's and has the hash in its name."""
+    """Return whether a library belongs to this user and has the digest that its name states."""
     status = file.lstat()
     if not stat.S_ISREG(status.st_mode):
         return False
@@ -159,21 +166,21 @@ def _is_own(file: Path, symbol: str) -> bool:
 
 
 def _digest(file: Path, symbol: str) -> str:
+    """Return a hash of a library and its symbol."""
     return hashlib.sha256(symbol.encode() + file.read_bytes()).hexdigest()[:24]
 
 
 @cache
 def c_compiler() -> str | None:
-    """Return the path of a C compiler, or None if there is none.
-
-    The command in CC (default cc) is preferred, then gcc, then clang.
+    """Return the path of the C compiler: the command in CC (default cc), else gcc, else clang; None
+    if none of them exists.
     """
     return shutil.which(os.environ.get("CC", "cc")) or shutil.which("gcc") or shutil.which("clang")
 
 
 @cache
 def _print_once(message: str) -> None:
-    """Print a message on standard error. The same message is printed only once per process."""
+    """Print a message on standard error, each message once per process."""
     print_to_stderr(f"hfa: {message}")
 
 
@@ -283,7 +290,7 @@ class RowCode(threading.local):
         self._bind(0)
 
     def _bind(self, count: int) -> None:
-        """Allocate memory for the arguments and results of a number of rows."""
+        """Allocate memory for arguments and results of `count` rows, and bind the code to it."""
         self._tables = [np.empty((count, width)) for width in self._widths]
         self._results = [np.empty((count, size)) for size in self._sizes]
         self._evaluate = self.bound(self._tables, self._results)
@@ -345,9 +352,13 @@ def row_code(function: ca.Function, one_row: bool = False) -> RowCode | RowFunct
 
 
 def _text(function: ca.Function, one_row: bool) -> str:
-    """Return the C source of a function of many rows, whose name is SYMBOL."""
-    # Raises RuntimeError if CasADi cannot expand the function to scalars, and BadInputError if
-    # `c_function` does not support an operation.
+    """Return the C source of a function of many rows, whose name is SYMBOL.
+
+    one_row: whether one row is evaluated at a time, and not one in each lane of a register
+
+    Raises RuntimeError if CasADi cannot expand the function to scalars, and BadInputError if
+    `c_function` does not support an operation.
+    """
     scalars = function if function.is_a("SXFunction") else function.expand()
     arguments = tuple(f"x{index}" for index in range(function.n_in()))
     results = tuple(f"y{index}" for index in range(function.n_out()))
@@ -380,8 +391,9 @@ def _text(function: ca.Function, one_row: bool) -> str:
 
 
 def _registers() -> tuple[str, int]:
-    """Return a line of C that enables AVX2, and the number of doubles in a register."""
-    # The line is "" if AVX2 is not listed in /proc/cpuinfo.
+    """Return a line of C that enables AVX2, or "" if the processor does not list it, and the number
+    of doubles in a register.
+    """
     try:
         features = Path("/proc/cpuinfo").read_text(encoding="utf-8").split()
     except OSError:  # not Linux
@@ -392,4 +404,5 @@ def _registers() -> tuple[str, int]:
 
 
 def _addresses(arrays: Sequence[np.ndarray]) -> Any:
+    """Return the addresses of the entries of arrays, as a C array."""
     return (ctypes.c_void_p * len(arrays))(*(array.ctypes.data for array in arrays))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 # Suppress matplotlib's message that its settings folder is not writable.
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
-#: Metadata of matplotlib that vary from run to run, and the metadata key for a description.
+#: Suffix -> metadata of matplotlib that vary from run to run, and the key of a description.
 _VARYING = {"png": ["Software"], "svg": ["Date"], "pdf": ["CreationDate", "Producer", "Creator"]}
 _ABOUT = {"png": "Description", "svg": "Description", "pdf": "Subject"}
 _DPI = 130
@@ -53,11 +53,15 @@ def save(figure: Figure, path: Path, source: str = "") -> None:
 
 
 def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any]) -> None:
-    """Write a figure to a stream."""
+    """Write a figure to a stream.
+
+    kind: "png", "svg" or "pdf"
+    metadata: entries of the file; None leaves out one that matplotlib would write
+    """
     _take_literally(figure)
     engine = figure.get_layout_engine()
     if kind == "png" and figure.axes and engine is not None:
-        # Without a layout of its own, matplotlib would draw the figure twice.
+        # The layout is computed once: `savefig` would draw the figure a first time for it.
         figure.dpi = _DPI
         engine.execute(figure)
         figure.set_layout_engine(None)
@@ -66,8 +70,9 @@ def _write(figure: Figure, stream: IO[bytes], kind: str, metadata: dict[str, Any
 
 
 def _take_literally(figure: Figure) -> None:
-    """Print text between dollar signs, as in a state's name, as it is and not as a formula."""
-    # The powers of ten on logarithmic axes remain formulas.
+    """Let matplotlib print dollar signs in texts, as in a state's name, instead of formulas. Powers
+    of ten on logarithmic axes remain formulas.
+    """
     from matplotlib.text import Text
     from matplotlib.ticker import LogFormatter
 
@@ -83,8 +88,7 @@ def _take_literally(figure: Figure) -> None:
 
 
 def _caption(figure: Figure, text: str) -> None:
-    """Add small text below the picture of a figure."""
-    # The picture is confined to the area above the text.
+    """Add small text below the picture of a figure, which is confined to the area above it."""
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     lines = textwrap.wrap(text, width=int(18 * figure.get_figwidth()))

@@ -89,9 +89,11 @@ def html_of(report: Contents, level: int, in_book: bool = False) -> str:
         f'<p class="bad"><b>{_escaped(line)}</b></p>' if is_warning(line) else _paragraph(line)
         for line in others
     ]
-    shown += ['<div class="part">'] * in_book
+    if in_book:
+        shown.append('<div class="part">')
     if report.head:
         shown.append(_cover(report.head) if report.is_book else _signed_head(report.head, in_book))
+    # Groups are those of a sheet, and the table of a book is a tuple with its sentences.
     style_class = {Group: "sheet"} | ({tuple: "matrix"} if report.is_book else {})
     for kind, parts in groupby(report.parts, key=type):
         fragments = [
@@ -101,14 +103,15 @@ def html_of(report: Contents, level: int, in_book: bool = False) -> str:
         if kind in style_class:
             fragments = [f'<div class="{style_class[kind]}">', *fragments, "</div>"]
         shown += fragments
-    shown += ["</div>"] * in_book
+    if in_book:
+        shown.append("</div>")
     shown += [_paragraph(f"Note: {note}") for note in report.notes]
     shown += [_paragraph(line) for line in filter(None, report.source.split("\n"))]
     return "\n".join(shown)
 
 
 def _html(part: Any) -> str:
-    """Return a part of a report, but for nested reports, as HTML."""
+    """Return a part of a report, which is no nested report, as HTML."""
     if isinstance(part, Picture):
         return figure_html(part)
     if isinstance(part, Group):
@@ -129,9 +132,10 @@ def figure_html(picture: Picture) -> str:
 
 
 def _table(table: Table) -> str:
-    """Return a table as HTML, in a box that is scrolled by pointer or keyboard."""
-    # The class of a cell is its tone. Columns of words have the class `words` (`are_words`).
-    columns = [
+    """Return a table as HTML, in a box that is scrolled by pointer or keyboard. Classes are the
+    tone of a cell, and `words` of a column of words.
+    """
+    columns = [  # classes of each column
         ["words"] if are_words([row[i] for row in table.rows]) else []
         for i in range(len(table.header))
     ]
@@ -155,7 +159,9 @@ def _table(table: Table) -> str:
 
 
 def _signed_head(head: Mapping[str, str], is_part: bool) -> str:
-    """Return the head of a sheet: its entries, and space to sign, unless it is part of a book."""
+    """Return the head of a sheet: its entries, and space to sign, unless the sheet is part of a
+    book.
+    """
     entries = "".join(f"<td><b>{_escaped(k)}</b><br>{_escaped(v)}</td>" for k, v in head.items())
     blanks = "".join(f"<td><b>{name}</b><br>&nbsp;</td>" for name in BLANKS)
     below = "" if is_part else f'<table class="signed"><tr>{blanks}</tr></table>'
@@ -196,7 +202,7 @@ def _linked(cell: Any) -> str:
 
 
 def _td(cell: Any, column: list[str]) -> str:
-    """Return a cell as HTML, with its tone as a class beside those of its column."""
+    """Return a cell as HTML, with its tone as a class beside the classes of its column."""
     tone = [cell.tone] if isinstance(cell, Cell) and cell.tone else []
     return f"<td{_class([*column, *tone])}>{_escaped(cell)}</td>"
 
@@ -207,7 +213,7 @@ def _class(names: list[str]) -> str:
 
 
 def _cell(cell: Any) -> str:
-    """Return the text of a table cell in Markdown, with column, tag and link characters escaped."""
+    """Return the text of a table cell in Markdown; it begins no column, tag or link."""
     text = re.sub(r"<(?=[A-Za-z/!])", "&lt;", printable(cell))
     return text.replace("|", "\\|").replace("](", "]\\(")
 

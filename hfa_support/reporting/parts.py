@@ -44,6 +44,7 @@ class Picture:
         return png_bytes(self.figure)
 
 
+#: Records of a report without records.
 NO_RECORDS = Table((), ())
 
 
@@ -81,5 +82,5 @@ class Contents:
 
     @property
     def is_book(self) -> bool:
-        """Whether it contains the reports of several trims behind a cover."""
+        """Whether the report contains the reports of several trims behind a cover."""
         return bool(self.head) and any(isinstance(part, Contents) for part in self.parts)

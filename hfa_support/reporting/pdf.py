@@ -73,10 +73,12 @@ def register_fonts() -> None:
 
 
 class _Text(Paragraph):
-    """Paragraph whose longest word, up to `_LONGEST_WORD`, is not cut in a column of its width."""
+    """Paragraph that is at least as wide as its longest word, so that words up to `_LONGEST_WORD`
+    are not cut.
+    """
 
     def minWidth(self) -> float:
-        """Return the width of the longest word, above its rounding, points."""
+        """Return the width of the longest word with its rounding, points."""
         return min(float(super().minWidth()) + 0.01, _LONGEST_WORD)
 
 
@@ -96,17 +98,21 @@ def paragraph(
 
 
 class Rows(Grid):
-    """Table narrower than its room by more than a rounding, as two columns require."""
+    """Table that is narrower than its room by more than a rounding: `BalancedColumns` would refuse
+    it.
+    """
 
     def wrap(self, width: float, height: float) -> Any:
-        """Return the size. A table of tall rows may be split after each, to fit on pages."""
+        """Return width and height. A table of tall rows may be split after any row, to fit on
+        pages.
+        """
         size = super().wrap(width - 0.01, height)
         if max(self._rowHeights) > _TALL_ROW:
             self._rowSplitRange = None
         return size
 
     def deepcopy(self) -> Rows:
-        """Return a copy to be split, with the same cells, for the search of balanced columns."""
+        """Return a copy with the same cells, which `BalancedColumns` splits for equal heights."""
         return copy(self)
 
 
@@ -144,7 +150,10 @@ def tables(table: Table, notes: Sequence[str], room: float) -> Iterator[Rows]:
 
 
 def _column(heading: str, cells: Sequence[Any], is_label: bool) -> _Column:
-    """Return a column of a table, wrapped between words if it contains labels or other words."""
+    """Return a column of a table. Labels and words may be wrapped, and numbers not.
+
+    is_label: whether the column names the rows
+    """
     is_words = is_label or are_words(cells)
     side = TA_LEFT if is_words else TA_RIGHT
     shown = [paragraph(heading, CELL, BOLD, alignment=side)]
@@ -162,7 +171,9 @@ def _column(heading: str, cells: Sequence[Any], is_label: bool) -> _Column:
 
 
 def _widths(columns: Sequence[_Column], room: float) -> list[float]:
-    """Return the widths of columns that fill a room as far as their contents need it, points."""
+    """Return the widths of columns, points: the least ones, and of the room that is left the same
+    share of what each needs for its natural width.
+    """
     least = sum(column.least for column in columns)
     more = sum(column.natural for column in columns) - least
     share = min(1.0, max(0.0, room - least) / more) if more else 0.0
@@ -170,7 +181,10 @@ def _widths(columns: Sequence[_Column], room: float) -> list[float]:
 
 
 def _grid(rows: list[list[Any]], widths: Sequence[Any], *rules: Any) -> Rows:
-    """Return rows, of which the first is repeated on each page, as a table of ReportLab."""
+    """Return rows, of which the first is repeated on each page, as a table of ReportLab.
+
+    rules: further styles of its cells
+    """
     look = [
         ("FONT", (0, 0), (-1, -1), SANS, CELL, _SPACING * CELL),
         ("TOPPADDING", (0, 0), (-1, -1), 0.7),
@@ -182,6 +196,7 @@ def _grid(rows: list[list[Any]], widths: Sequence[Any], *rules: Any) -> Rows:
         ("VALIGN", (0, 0), (-1, -1), "MIDDLE"),
         *rules,
     ]
+    # A page has at least `_LEAST_ROWS` of a table.
     cut = (1 + _LEAST_ROWS, -_LEAST_ROWS) if len(rows) > 2 * _LEAST_ROWS + 1 else None
     return Rows(
         rows,
@@ -215,8 +230,8 @@ def rows_of_group(group: Group) -> Iterator[Flowable]:
 
 
 def drawing(picture: Picture, width: float, height: float) -> Iterator[Flowable]:
-    """Yield a picture in its size, shrunk to the page or to what remains of it, of which at least
-    half the height of the picture must remain.
+    """Yield a picture in its size, shrunk to the page. If at least half its height is left on a
+    page, the picture is shrunk further to what is left; otherwise it is drawn on the next one.
 
     width, height: of a page, points
     """
@@ -256,7 +271,7 @@ def write_pdf(report: Contents, path: Path) -> None:
     )
     names = (report.head.get(label, "") for label in ("document", "aircraft"))
 
-    class Numbered(_NumberedPages):
+    class Numbered(_NumberedPages):  # ReportLab makes the canvas without further arguments
         footer = printable(", ".join(filter(None, names)))
         issued = report.head.get("issued", "")
 
@@ -270,7 +285,7 @@ class _Document(BaseDocTemplate):
     """Document whose contents have the page of each report."""
 
     def afterFlowable(self, flowable: Flowable) -> None:
-        """Add a nested report to the contents, without what follows its name."""
+        """Add the title of a nested report, up to a colon, to the contents."""
         if isinstance(flowable, _Entry) and flowable.level:
             name = flowable.title.partition(": ")[0]
             self.notify("TOCEntry", (0, name, self.page, flowable.anchor or None))
@@ -302,7 +317,7 @@ class _NumberedPages(Canvas):
         self.pages: list[dict[str, Any]] = []
 
     def showPage(self) -> None:
-        """Keep a page."""
+        """Keep a page until all are known."""
         self.pages.append({**self.__dict__})
         self._startPage()
 

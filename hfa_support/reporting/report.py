@@ -40,14 +40,11 @@ RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
 class Check(Result):
     """A number that must satisfy `value relation limit`.
 
-    name: name of the quantity
-    value: the measured number
-    limit: the limit
-    ok: whether the relation is satisfied
-    reason: reason for a failure, or "" if `ok`.
-    relation: "<=", "<", ">=", ">" or "=="
-    kind: "error", "rest" (of an equilibrium), "stability", "game loop", "cost", "gain", "data" or
-        "".
+    name: name of the quantity value: the measured number limit: the limit ok: whether the relation
+        is satisfied reason: reason for a failure, or "" if `ok`. relation: "<=", "<", ">=", ">" or
+        "==" kind: what the check is about: "error", "rest" (an equilibrium), "stability", "game
+        loop", "cost",
+        "gain", "data" or ""
     """
 
     name: str
@@ -141,7 +138,8 @@ def verdict_text(ok: bool) -> str:
     return Cell("PASS", "good") if ok else Cell("FAIL", "bad")
 
 
-#: Largest size of matrices and arrays whose entries are shown, and longest text of a field.
+#: Largest size of matrices and arrays of which `_of_fields` shows the entries, and longest text of
+#: a field.
 _MOST = 12
 _LONGEST = 110
 #: Suffixes of the files that `Report.save` writes, besides .pdf.
@@ -259,7 +257,7 @@ class Report(Contents):
             save_data(Path(path), storable(self.data), self.records)
 
     def _issued(self) -> Report:
-        """Return the report with the date of its provenance, or today's, in its head."""
+        """Return the report with the date of its provenance, else today's, in its head."""
         from hfa_support.provenance import now
 
         date = self.data.get("provenance", {}).get("date", "") or now()
@@ -315,20 +313,20 @@ def _text(part: Any, color: bool, width: int | None) -> str:
 
 
 def _of_fields(result: Any) -> Report:
-    """Return a report of a dataclass: summary line, fields, small matrices and checks."""
-    # The summary line is the name of the class and the first line of its docstring. Empty fields
-    # and fields with repr=False are omitted.
+    """Return a report of a dataclass: its name with the first line of its docstring, the fields
+    that are not empty, small matrices and checks. Fields with repr=False are omitted.
+    """
     held = {field.name: getattr(result, field.name) for field in fields(result) if field.repr}
     lines: list[str] = []
     matrices: list[Part] = []
-    entries: dict[str, Any] = {}
+    recorded: dict[str, Any] = {}  # matrices of real numbers, with names of rows and columns
     checks: list[Part] = []
     for name, value in held.items():
         is_matrix = isinstance(value, np.ndarray) and value.ndim == 2 and value.size > 0
         if is_matrix:
             rows, columns = (numbered("", count) for count in value.shape)
-        if is_matrix and value.dtype.kind == "f":
-            entries[name] = (rows, columns, value)
+            if value.dtype.kind == "f":
+                recorded[name] = (rows, columns, value)
         if is_matrix and max(value.shape) <= _MOST:
             matrices.append(matrix_table(name, rows, columns, value))
         elif isinstance(value, tuple) and value and isinstance(value[0], Check):
@@ -339,12 +337,13 @@ def _of_fields(result: Any) -> Report:
     first_line = (kind.__doc__ or "").partition("\n")[0]
     title = f"{kind.__name__}: {first_line}"
     report = Report(title, ["\n".join(lines), *matrices, *checks], data=held)
-    return replace(report, records=matrix_records(entries)) if entries else report
+    return replace(report, records=matrix_records(recorded)) if recorded else report
 
 
 def _on_one_line(value: Any) -> str:
-    """Return a value as one short line of text, or "-" if it is empty."""
-    # A long array is described by its shape, and another result by its type.
+    """Return a value as one short line of text, or "-" if it is empty. A long array is described by
+    its shape, and another result by its type.
+    """
     by_name = value._asdict() if hasattr(value, "_asdict") else value
     if value is None:
         text = ""

@@ -87,7 +87,10 @@ def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
 
 
 def _leaves(data: Any, name: str = "") -> dict[str, np.ndarray]:
-    """Return name -> array for nested mappings and lists of mappings: "modes.0.zeta"."""
+    """Return name -> array for the leaves of nested mappings and lists of mappings: "modes.0.zeta".
+
+    name: name of `data`, before those of its leaves
+    """
     if isinstance(data, list) and data and isinstance(data[0], Mapping):
         data = {str(index): item for index, item in enumerate(data)}
     if not isinstance(data, Mapping):
@@ -110,7 +113,10 @@ def _mat(data: Mapping[str, Any]) -> bytes:
 
 
 def _for_matlab(data: Any) -> Any:
-    """Return data as SciPy writes them: structs, arrays of structs, cell arrays and arrays."""
+    """Return data as SciPy writes them. A mapping becomes a struct, a list of mappings with equal
+    keys an array of structs, another list of mappings or texts a cell array, and other lists
+    arrays.
+    """
     if isinstance(data, Mapping):
         return {_field_name(key): _for_matlab(value) for key, value in data.items()}
     if isinstance(data, list) and data and isinstance(data[0], Mapping):
@@ -126,7 +132,7 @@ def _for_matlab(data: Any) -> Any:
     if not isinstance(data, list | np.ndarray):
         return _numbers(data)
     array = np.asarray(_numbers(data))
-    # N matrices become an array (rows, columns, N).
+    # N matrices become an array (rows, columns, N), as MATLAB stores systems.
     return np.moveaxis(array, 0, -1) if array.ndim == 3 else array
 
 
@@ -144,7 +150,10 @@ def _field_name(key: str) -> str:
 
 
 def _write_csv(stream: IO[bytes], records: Table, about: str) -> None:
-    """Write a table as CSV in UTF-8, row by row."""
+    """Write a table as CSV in UTF-8, row by row.
+
+    about: text in the last column of the first row
+    """
     text = io.TextIOWrapper(stream, "utf-8", newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow((*records.header, "about"))
@@ -162,8 +171,7 @@ def _cell(cell: Any) -> Any:
 
 
 def _inert(text: str) -> str:
-    """Return a text in a form that spreadsheets do not read as a formula."""
-    # A text that looks like a formula gets an apostrophe before the first character.
+    """Return a text with an apostrophe before it if spreadsheets would read it as a formula."""
     formula = r"[=@\t\r]|\+[^\d.]|\+.*[^\d.]$|-[^\d.]"
     return f"'{text}" if re.match(formula, text) else text
 
@@ -208,7 +216,8 @@ class Result:
 
 
 class Entries(Mapping[str, Any]):
-    """Entries of a file, name -> value in the form that files store, computed at the first access.
+    """Entries of a file, name -> value in the form that files store (`storable`), computed at the
+    first access.
 
     sources: results, mappings, and functions that return one; the last one with a name counts
     """
@@ -301,7 +310,7 @@ class ByValue:
 
 
 def _same(one: Any, other: Any) -> bool:
-    """Return whether two fields are equal, arrays entry by entry with nan equal to nan."""
+    """Return whether two values are equal, arrays entry by entry with nan equal to nan."""
     if not (isinstance(one, np.ndarray) and isinstance(other, np.ndarray)):
         return bool(one == other)
     have_nan = one.dtype.kind in "fc" and other.dtype.kind in "fc"

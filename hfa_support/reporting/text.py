@@ -15,7 +15,7 @@ from hfa_support.errors import printable
 #: Smaller numbers, as a fraction of their nominal size, are rounding errors and are shown as 0: a
 #: computed 0 is the sum of terms up to 1e4 times that size, with roundings of 1e4 eps = 2e-12.
 SHOWN_AS_ZERO = 1e-12
-#: Range of the largest entry for which a matrix is shown with four decimals.
+#: Range of the largest magnitude in a matrix that is shown with four decimals.
 _LEAST = 0.1
 _MOST = 1e7
 #: Tone, from the best to the worst -> color code of a terminal.
@@ -67,8 +67,7 @@ def matrix_table(
     """Return a table of a matrix, with the names of its rows and columns and four decimals.
 
     An entry that rounds to 0 is printed with an exponent, unless it is `SHOWN_AS_ZERO`. All entries
-    are printed with an exponent if the largest magnitude is nonzero and below `_LEAST`, or at least
-    `_MOST`.
+    are printed with an exponent if the largest magnitude is nonzero and below 0.1, or at least 1e7.
 
     name: text above the row names
     rows: names of the rows
@@ -153,14 +152,16 @@ def without_rounding(value: float, nominal: float = 1.0) -> float:
 
 
 def shown_unit(unit: str) -> str:
-    """Return the unit that reports print for values in a unit: deg for rad, and other units
-    unchanged.
+    """Return the unit in which reports print values with a unit: deg for rad, deg/s for rad/s, and
+    other units unchanged.
     """
     return unit.replace("rad", "deg") if unit.startswith("rad") else unit
 
 
 def beside_unit(text: str, unit: str, between: str = " ") -> str:
-    """Return a text followed by the unit that reports print, or the text alone if the unit is 1."""
+    """Return a text followed by the unit that reports print, "5 deg", or the text alone if the unit
+    is 1.
+    """
     return text if unit in ("", "1") else f"{text}{between}{shown_unit(unit)}"
 
 
@@ -207,15 +208,16 @@ def five_decimals(value: float, unit: str) -> tuple[str, str]:
 def short_number(value: float, unit: str, count: int = 4) -> str:
     """Return a value as text with `count` significant digits, in the unit that reports print.
 
-    A magnitude of more digits, below 1e7, is rounded to a whole number.
+    A magnitude of more digits, below 1e7, is rounded to a whole number, and has no exponent.
     """
-    shown = float(shown_values(value, unit))
-    shown = without_rounding(shown)
+    shown = without_rounding(float(shown_values(value, unit)))
     return f"{shown:.0f}" if 10.0**count <= abs(shown) < 1e7 else f"{shown:.{count}g}"
 
 
 def digits(value: float, count: int = 3) -> str:
-    """Return a number as text with `count` significant digits, and whole from 1000 on."""
+    """Return a number as text with `count` significant digits; one with more digits before the
+    point, at least four, is rounded to a whole number: "40,000".
+    """
     return f"{value:,.0f}" if abs(value) >= 10 ** max(count, 3) else f"{value:z,.{count}g}"
 
 
@@ -230,10 +232,10 @@ def percent(value: float, count: int = 2, *, up: bool = False) -> str:
     """
     if not math.isfinite(value) or value == 0.0:
         return f"{abs(value):g} %"
-    exact = Decimal(value)
+    exact = Decimal(value)  # an upper bound must not be rounded down in doubles
     is_whole = 100.0 <= abs(value) < 1e6
-    place = Decimal(1).scaleb(0 if is_whole else exact.adjusted() - count + 1)
-    rounded = float(exact.quantize(place, ROUND_CEILING if up else ROUND_HALF_EVEN))
+    last_digit = Decimal(1).scaleb(0 if is_whole else exact.adjusted() - count + 1)
+    rounded = float(exact.quantize(last_digit, ROUND_CEILING if up else ROUND_HALF_EVEN))
     is_whole = 10.0**count <= abs(rounded) < 1e6
     return f"{rounded:.0f} %" if is_whole else f"{rounded:.{count}g} %"
 
@@ -251,7 +253,8 @@ def digits_with_unit(value: float, unit: str, count: int = 3, nominal: float = 1
 def eigenvalue_text(value: complex) -> str:
     """Return the text of a real eigenvalue or a conjugate pair, for example "-0.0144 ± 0.7458i".
 
-    A part that four decimals do not show has an exponent; rounding is 0 in `value`.
+    A part that four decimals do not show has an exponent. A part of `value` that is rounding must
+    be 0 already.
 
     value: the eigenvalue, or either member of the pair
     """
@@ -263,7 +266,9 @@ def eigenvalue_text(value: complex) -> str:
 
 
 def _entry_text(value: float) -> str:
-    """Return the entry of a matrix with four decimals, or an exponent where these show only 0."""
+    """Return an entry of a matrix with four decimals, or with an exponent if these show only 0 and
+    it is not 0.
+    """
     text = four_decimals(value)
     return f"{value:.1e}" if text == "0.0000" and without_rounding(value) else text
 
@@ -340,7 +345,7 @@ def is_warning(line: str) -> bool:
 
 
 def flowing(text: str) -> str:
-    """Return a text whose lines that end with a comma or semicolon continue on the same line."""
+    """Return a text in which lines that end with a comma or semicolon are joined with the next."""
     return re.sub(r"(?<=[,;])\n", " ", text)
 
 

@@ -25,7 +25,7 @@ from hfa_support.progress import Progress
 from hfa_support.rows.workers import open_workers
 from hfa_support.version import identity
 
-#: Attributes of a store that do not belong to the job.
+#: Attributes of a store that belong to the run that created it, not to the job.
 _OF_ONE_RUN = ("toolchain", "provenance")
 _METADATA = "zarr.json"
 #: Folder of an array with its values.
@@ -155,7 +155,10 @@ def open_store(path: Any) -> Any:
 
 
 def _task(job: RowJob, number: int, path: Path | None) -> tuple[Any, ...]:
-    """Return the arguments of `_compute_chunk` for a chunk."""
+    """Return the arguments of `_compute_chunk` for a chunk.
+
+    path: store into which the worker writes the rows, or None if it returns them
+    """
     rows = job.rows_of(number)
     return path, rows, job.arrays, job.function, job.arguments(rows.start, rows.stop)
 
@@ -200,7 +203,10 @@ def _opened(path: Path, mode: Literal["r", "r+"]) -> Any:
 
 
 def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> None:
-    """Create a store without results. The store becomes visible when it is complete."""
+    """Create a store without results, which becomes visible when its metadata are complete.
+
+    Raises BadInputError if something exists at the path, or the folder cannot be written.
+    """
     taken = BadInputError(
         f"{path} already exists; continue this store with --resume, or give another path"
     )
@@ -288,7 +294,7 @@ def _refuse_another(path: Path, job: RowJob) -> None:
 
 
 def _deciding(attributes: Mapping[str, Any]) -> str:
-    """Return the attributes of a store that determine its results, as JSON text."""
+    """Return the attributes of a store that determine its results, as JSON text for comparison."""
     compared = {
         key: value for key, value in attributes.items() if key not in (*_OF_ONE_RUN, "coordinates")
     }
@@ -303,8 +309,11 @@ def _of_the_job(metadata: dict[str, Any]) -> dict[str, Any]:
 
 
 def _differing_file(path: Path, expected: Mapping[str, Any]) -> str:
-    """Return the path of a file that is not as expected, "the metadata of an array", or ""."""
-    # An unexpected file has other metadata, does not belong to the store, or is a symbolic link.
+    """Return the path of a file of a store that has other metadata, does not belong there or is a
+    symbolic link; "the metadata of an array" if these cannot be read; "" if all is as expected.
+
+    expected: path of a metadata file -> its content
+    """
     arrays = {Path(name).parent.name for name in expected}
     for name in expected:
         folder = (path / name).parent
@@ -323,7 +332,7 @@ def _differing_file(path: Path, expected: Mapping[str, Any]) -> str:
 
 
 def _labels(store: Any, row: str) -> dict[str, list[Any]]:
-    """Return the names or units in each array without an axis of rows."""
+    """Return array -> its entries, for each array of names or units, which has no axis of rows."""
     stored = open_store(store)
     return {
         str(name): variable.values.tolist()
@@ -341,7 +350,9 @@ def _same_labels(path: Path, row: str, expected: Mapping[str, list[Any]]) -> boo
 
 
 def _missing_chunks(path: Path, job: RowJob) -> list[int]:
-    """Return the numbers of the chunks that are damaged, with a warning, or missing in an array."""
+    """Return the numbers of the chunks that are missing in an array, or damaged; these with a
+    warning.
+    """
     group = _opened(path, "r")
     missing = []
     damaged = 0

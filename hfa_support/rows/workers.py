@@ -40,7 +40,7 @@ Run = Callable[[Callable[..., Any], Tasks], Iterator[tuple[int, Any]]]
 
 @contextmanager
 def open_workers(workers: int | str) -> Iterator[Run]:
-    """Context manager that provides an executor of tasks.
+    """Yield an executor of tasks, which runs a function for the arguments of each task.
 
     workers: 1 for this process, a number of child processes, or the address of a Dask scheduler,
         tcp://host:port
@@ -70,7 +70,10 @@ def _run_in_process(function: Callable[..., Any], tasks: Tasks) -> Iterator[tupl
 def _run_in(
     pool: Executor, in_flight: int, function: Callable[..., Any], tasks: Tasks
 ) -> Iterator[tuple[int, Any]]:
-    """Run tasks in a pool, and yield (key, result) as each task finishes."""
+    """Run tasks in a pool, and yield (key, result) as each task finishes.
+
+    in_flight: number of tasks that are submitted and not finished
+    """
     ours = identity()
     waiting = iter(tasks)
     keys: dict[Future[Any], int] = {}
@@ -88,7 +91,9 @@ def _run_in(
 
 
 def _call_same_code(theirs: str, function: Callable[..., Any], *arguments: Any) -> Any:
-    """Return what a function returns in this worker."""
+    """Return what a function returns in this worker. Raises BadInputError if the worker has another
+    version of the project than the process that submits tasks, `theirs`.
+    """
     if identity() != theirs:
         raise BadInputError(
             f"a worker has hfa {identity()}, but this process has {theirs}; install one of them on "
@@ -99,7 +104,7 @@ def _call_same_code(theirs: str, function: Callable[..., Any], *arguments: Any) 
 
 @contextmanager
 def _processes(count: int) -> Iterator[Run]:
-    """Context manager that provides an executor with `count` child processes."""
+    """Yield an executor with `count` child processes."""
     import multiprocessing
 
     context = multiprocessing.get_context("spawn")  # a fork of a process with threads may deadlock
@@ -115,11 +120,11 @@ def _processes(count: int) -> Iterator[Run]:
 
 
 class _Processes(ProcessPoolExecutor):
-    """Pool of processes, of which only the parent responds to Ctrl-C."""
+    """Pool of child processes that do not respond to Ctrl-C: the parent does, and ends them."""
 
     def submit(self, *call: Any, **named: Any) -> Future[Any]:
         """Submit a call, which may start a child process."""
-        with _signals_blocked():  # which a child inherits
+        with _signals_blocked():  # a child that is started here inherits the blocked signals
             try:
                 return super().submit(*call, **named)
             except OSError as error:  # too many files are open, or too many processes run
@@ -130,9 +135,10 @@ class _Processes(ProcessPoolExecutor):
 
 @contextmanager
 def _signals_blocked() -> Iterator[None]:
-    """Block SIGINT, SIGTERM and SIGHUP in this thread while the context is open."""
-    # A process that is started in this context inherits the blocked signals permanently. Ctrl-C in
-    # a terminal reaches every process, and only the parent process must respond.
+    """Block SIGINT, SIGTERM and SIGHUP in this thread while the context is open. A process that is
+    started meanwhile inherits the blocked signals permanently.
+    """
+    # Ctrl-C in a terminal reaches every process, and only the parent process must respond.
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
@@ -149,7 +155,7 @@ def _signals_blocked() -> Iterator[None]:
 
 
 def _end_with_parent() -> None:
-    """End this child process with its parent."""
+    """Start a thread that ends this child process when its parent ends."""
     import multiprocessing
 
     parent = multiprocessing.parent_process()
@@ -164,7 +170,7 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def _cluster(address: str) -> Iterator[Run]:
-    """Context manager that provides an executor of the Dask cluster with this scheduler."""
+    """Yield an executor of the Dask cluster whose scheduler has this address."""
     try:
         from dask.distributed import Client
         from distributed.comm import CommClosedError
