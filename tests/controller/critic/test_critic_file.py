@@ -15,7 +15,7 @@ from controller import basis, critic_in
 from hfa import BadInputError, Game, LinearModel
 from hfa.extend import Reading
 
-#: Game with two states and two inputs: 3 weights, 4 entries of P and of K.
+#: Game with two states and two inputs. V has 3 weights of the quadratic basis.
 GAME = Game(
     [[0.0, 1.0], [-2.0, -3.0]],
     [[0.0, 1.0], [1.0, 3.0]],
@@ -30,8 +30,9 @@ K = np.arange(12.0).reshape(3, 2, 2)
 pytestmark = pytest.mark.usefixtures("folder")
 
 
+#: The game in discrete time, in which a file may have H.
 STEPS = replace(GAME, A=0.2 * GAME.A, dt=True)
-SKEW = np.eye(4) + np.triu(np.ones((4, 4)), 1)
+SKEW = np.eye(4) + np.triu(np.ones((4, 4)), 1)  # not symmetric
 
 
 @pytest.mark.parametrize(
@@ -65,13 +66,17 @@ def test_bad_entries_are_refused_in_one_line(game, content, message):
     ("name", "n", "says"), [("quadratic", 0, "0 st"), ("paper", 4, "6 states")]
 )
 def test_a_basis_needs_its_states(name, n, says):
+    """A basis of 0 states, and the paper's, which has 6 states, for 4, are refused."""
     with pytest.raises(BadInputError, match=says):
         basis(name, n)
 
 
 @pytest.mark.parametrize("has_gain", [False, True])
 def test_a_value_with_a_policy_of_its_own_keeps_both(has_gain):
-    """A polynomial policy in a file stands beside the value of its weights; so does a gain."""
+    """A file with W and a policy has V of W, and not the policy that V implies.
+
+    The policy is a gain K, or a polynomial with weights of x, y, x², xy and y² (`policy_weights`).
+    """
     x, y = z = np.array([0.4, -0.3])
     rows = np.array([[1.0, -2.0, 0.5, 0.0, 3.0], [0.3, 0.7, 0.0, 0.0, 0.0]])
     policy = {"K": -rows[:, :2]} if has_gain else {"policy_weights": rows}
@@ -83,9 +88,12 @@ def test_a_value_with_a_policy_of_its_own_keeps_both(has_gain):
 
 
 def test_functions_of_a_critic_follow_its_matrices():
-    """Value, gradient and policy of a critic equal the formulas of its weights, or of its gain."""
+    """V, ∂V/∂z and u of weights are V = W'ψ, its derivative, and u = -½ R⁻¹B' ∂V/∂z.
+
+    A critic of a gain has no V, and the policy u = -K z.
+    """
     z = np.array([0.3, -0.2])
-    weights = np.array([1.0, 2.0, 3.0, 0.5, 0.0])  # one is not quadratic
+    weights = np.array([1.0, 2.0, 3.0, 0.5, 0.0])  # of x², xy, y², x⁴, y⁴
     critic = critic_in(stored("w.npz", W=weights), GAME, reading=Reading("quadratic+quartic"))
     assert critic.value is not None
     assert critic.gradient is not None
@@ -102,10 +110,11 @@ def test_functions_of_a_critic_follow_its_matrices():
 
 
 def test_the_policy_of_a_value_is_that_of_its_symmetric_part():
-    of_parts = [
+    """z'Pz is the same for P with the off-diagonal entries 0.4, 0.4 and 0.7, 0.1; so is K."""
+    symmetric, other = (
         hfa.from_value(GAME, P) for P in ([[2.0, 0.4], [0.4, 1.0]], [[2.0, 0.7], [0.1, 1.0]])
-    ]
-    np.testing.assert_allclose(of_parts[1].K, of_parts[0].K)
+    )
+    np.testing.assert_allclose(other.K, symmetric.K)
 
 
 def test_the_files_basis_applies_unless_another_is_named():
@@ -164,9 +173,11 @@ def in_units_of_file(game):
 
 @pytest.mark.parametrize("kind", CRITICS)
 def test_a_critic_means_the_same_in_all_units(kind):
-    """A file in other units than the plant contains the policy and the value of the same motion.
+    """A critic in a file in kt, deg and lbf is converted for a plant in m/s, rad and N.
 
-    L and H, where a critic has them, are converted, too.
+    At a state z in the plant's units, u and V equal those of the critic that is read without
+    conversion, for the game in the file's units, at the state PER_STATE z. L and H, where a critic
+    has them, are converted, too.
     """
     game = STEPS if "H" in CRITICS[kind] else GAME
     game = replace(game, names=game.names._replace(**OF_PLANT))
@@ -208,6 +219,9 @@ NAMED = replace(
     ],
 )
 def test_other_units_and_another_order_than_the_plants_are_refused(entries, says):
+    """Units that cannot be converted, signals of NAMED in another order, and policies in discrete
+    time are refused in a line that names the file.
+    """
     with pytest.raises(BadInputError, match=f"^K.json: .*{says}"):
         critic_in(stored("K.json", K=I2, **entries), NAMED)
 
@@ -226,7 +240,10 @@ ONE = replace(
 
 @pytest.mark.parametrize("poles", [{"e": [-1.0, -2.0]}, {"P": [[-1.0 + 1j], [-1.0 - 1j]]}])
 def test_the_results_of_lqr_of_matlab_are_k_and_p(poles):
-    """[K, S, e] and [K, S, P] = lqr(...): S is the value, also where P are the poles."""
+    """Of [K, S, e] or [K, S, P] = lqr(...) in a file, S is read as the matrix P of the value.
+
+    MATLAB's P are the poles.
+    """
     np.savez("lqr.npz", K=[[4.0, 3.0]], S=[[2.0, 1.0], [1.0, 5.0]], **poles)
     found = critic_in("lqr.npz", ONE)
     assert found.K.tolist() == [[4.0, 3.0]]
@@ -234,7 +251,7 @@ def test_the_results_of_lqr_of_matlab_are_k_and_p(poles):
 
 
 def test_a_gain_of_one_input_may_be_a_vector():
-    """It is read in a file and as an array; with several inputs it is refused."""
+    """K (n,) in a file and as an array is K (1, n) for one input; for two inputs it is refused."""
     np.savez("k.npz", K=[4.0, 3.0])
     for found in (critic_in("k.npz", ONE), hfa.from_gain(ONE, [4.0, 3.0])):
         assert found.K.tolist() == [[4.0, 3.0]]
@@ -246,7 +263,10 @@ def test_a_gain_of_one_input_may_be_a_vector():
     "library", ["pandas", pytest.param("polars", marks=pytest.mark.slow), "xarray"]
 )
 def test_labels_of_frames_are_matched_by_name(library):
-    """Columns in another order are the same gain; other names are refused, numbers are an order."""
+    """A frame of K with its columns in the order (alpha, speed) gives K in the order of ONE.
+
+    Other labels are refused. Columns with the labels 0 and 1 are taken in their order.
+    """
     package = pytest.importorskip(library)
 
     def frame(columns):
@@ -285,7 +305,10 @@ class Tensor:
 
 @pytest.mark.parametrize("kind", [Tensor, np.asarray, np.ndarray.tolist, "series", "frame"])
 def test_a_gain_is_accepted_in_each_form(kind):
-    """K is judged as a tensor, a list and a labelled array of pandas, with and without `from_gain`."""
+    """`verify` and `from_gain` accept K as a tensor, array, list, and Series or frame of pandas.
+
+    The labels of Series and frame are in reverse order.
+    """
     exact = hfa.solve(ONE).K
     if isinstance(kind, str):
         pandas = pytest.importorskip("pandas")
@@ -298,6 +321,7 @@ def test_a_gain_is_accepted_in_each_form(kind):
 
 
 def test_weights_are_a_row_or_a_column_and_their_basis_a_list():
+    """W of x², xy, y² as a vector, column and row, and with the basis as a list, gives one P."""
     W = np.array([3.0, 1.0, 2.0])
     P = [[3.0, 0.5], [0.5, 2.0]]
     for given in (W, W[:, None], W[None]):
@@ -308,6 +332,7 @@ def test_weights_are_a_row_or_a_column_and_their_basis_a_list():
 
 
 def test_games_and_critics_are_tables_of_their_entries():
+    """`to_pandas` of a game and a critic has a row for each entry, with its matrix and column."""
     pytest.importorskip("pandas")
     for result, name, column in ((ONE, "A", "speed"), (hfa.from_gain(ONE, [4.0, 3.0]), "K", "1")):
         table = result.to_pandas()
@@ -316,11 +341,14 @@ def test_games_and_critics_are_tables_of_their_entries():
 
 
 def test_h_is_read_in_the_order_that_its_file_lists():
-    """H over (u, x) is that over (x, u), by blocks and by names; other names are refused."""
+    """H over (u, x) with H_signals, blocks or names, gives K of H over (x, u) without them.
+
+    Names that are no signals are refused.
+    """
     H = np.diag([8.0, 6.0, 4.0, 10.0]) + np.add.outer(range(4), range(4)) / 10.0
     own = critic_in(stored("own.json", H=H), STEPS)
-    places = [2, 3, 0, 1]
-    names = [*STEPS.names.inputs, *STEPS.names.states] or ["u", "x"]
+    places = [2, 3, 0, 1]  # (u, x) in (x, u), with two states and two inputs
+    names = [*STEPS.names.inputs, *STEPS.names.states]
     for signals in (["u", "x"], names):
         turned = stored("turned.json", H=H[np.ix_(places, places)], H_signals=signals)
         np.testing.assert_array_equal(critic_in(turned, STEPS).K, own.K)
@@ -329,7 +357,7 @@ def test_h_is_read_in_the_order_that_its_file_lists():
 
 
 def test_the_table_of_hfa_solve_is_read_back(tmp_path):
-    """P and K of the .csv file pass, and K of a file in another unit is converted.
+    """P and K of the .csv file pass `verify`. K for a speed in km/h is converted to m/s, by 3.6.
 
     A table of P that lacks an entry is refused.
     """
@@ -362,7 +390,9 @@ OF_GAME = {name: getattr(GAME, name) for name in ("A", "B", "E", "Q", "R", "delt
     ],
 )
 def test_each_entry_of_a_file_is_used_compared_or_noted(entries, note):
-    """Other names are told, what differs from the game, and what is not used; nothing else is."""
+    """Notes tell other names than those of the plant, matrices that differ from the game's, and
+    entries that are not used. Without notes, the report's data have no entry `declared`.
+    """
     plant = LinearModel.of(GAME.A, GAME.B, states=("angle", "rate"), inputs=("roll", "pitch"))
     named = hfa.game(plant, Q=GAME.Q, R=GAME.R, E=GAME.E, delta=GAME.delta)
     np.savez("K.npz", K=np.eye(2), **entries)

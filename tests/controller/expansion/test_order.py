@@ -23,7 +23,10 @@ def written(tmp_path_factory):
 
 @pytest.mark.slow
 def test_the_written_file_is_a_critic_with_the_values_of_the_expansion(written):
-    """The file states the radii of both degrees; its weights give V and the policy."""
+    """The file of `hfa solve --order 3` has the radii of V2 and of V, and is read as a critic.
+
+    V and policy of the critic are those of the expansion at ten random states.
+    """
     game = game_at(15.0)
     expansion = expand(model_at(15.0), solve(game), order=3)
     data = json.loads(written.read_text())
@@ -48,6 +51,7 @@ def test_the_written_file_is_a_critic_with_the_values_of_the_expansion(written):
     ],
 )
 def test_wrong_requests_are_refused(words, named, folder):
+    """Too high an order, a picture without an order, and a plant of matrices are refused."""
     plant = {"A": [[0.0, 1.0], [0.0, 0.0]], "B": [[0.0], [1.0]]}
     (folder / "plant.json").write_text(json.dumps(plant))
     result = hfa("solve", *words)

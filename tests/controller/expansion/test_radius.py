@@ -35,11 +35,11 @@ def states_at(expansion, size, count, seed):
     return np.linalg.solve(expansion.root.T, size * y / np.linalg.norm(y, axis=0))
 
 
-def costs(expansion, z, finer=1.0):
-    """Return the costs of flights from states z (n, count) under both policies, by RK4."""
+def costs(expansion, z):
+    """Return the costs of flights from states z (n, count) with both policies, by RK4, (count,)."""
     game = expansion.game
     loop = np.linalg.eigvals(game.worst_case_loop(expansion.solution.P))
-    step = 0.2 / np.abs(loop).max() / finer
+    step = 0.2 / np.abs(loop).max()
     w = ca.SX.sym("w", expansion.states + 1)
     state = w[:-1]
     u, d = expansion.policy(state), expansion.disturbance(state)
@@ -79,19 +79,21 @@ def test_flights_inside_the_radius_agree_and_some_outside_do_not():
 
 
 def test_the_radius_grows_with_the_degree():
+    """V of degree 4 agrees with flights in a larger set z'Pz <= c than V2."""
     quadratic, whole = expanded(4).radii
     assert (quadratic.degree, whole.degree) == (2, 4)
     assert 0.0 < quadratic.c < whole.c
 
 
 def test_extents_are_those_of_the_ellipsoid():
+    """The largest |z_i| in z'Pz <= c is √(c (P⁻¹)_ii)."""
     radius = expanded(3).radii[-1]
     P = expanded(3).solution.P
     assert radius.extents == pytest.approx(np.sqrt(radius.c * np.diag(np.linalg.inv(P))))
 
 
 def test_linear_plant_agrees_everywhere():
-    """V2 and V3 of a linear plant agree with flights in sets z'Pz <= c of every size c."""
+    """V2 and V of degree 3 of a linear plant agree with flights from sets z'Pz <= c of each c."""
     linear = hfa.LinearModel.of([[0.0, 1.0], [-1.0, 0.3]], [[0.0], [1.0]])
     solution = hfa.solve(hfa.game(linear, Q=[1.0, 1.0], R=[2.0], delta=5.0))
     assert [radius.c for radius in expand(linear, solution, order=3).radii] == [math.inf, math.inf]

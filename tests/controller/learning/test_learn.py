@@ -22,6 +22,7 @@ STABLE = Game(
     R=[[0.5]],
     delta=3.0,
 )
+#: Game of the linear model that the paper prints for the dihedral 5 deg.
 PAPER = game_models()["published-5"]
 
 
@@ -34,7 +35,7 @@ def with_cross_weights(game):
     "game", [*game_models().values(), STABLE, with_cross_weights(STABLE), STABLE.with_delta(np.inf)]
 )
 def test_the_learned_solution_is_the_exact_one(game):
-    """P and K agree with the exact ones within 1e-9, and the judge accepts the run."""
+    """P and K agree with the exact ones within 1e-9, and `verify` accepts the run."""
     run = learn(game, seed=4)
     exact = hfa.solve(game)
     assert run.outcome == "settled"
@@ -44,7 +45,7 @@ def test_the_learned_solution_is_the_exact_one(game):
 
 
 def test_the_refusal_names_the_smallest_delta():
-    """Below the smallest delta, the law ends within 1 % of it."""
+    """For a delta 10 % below the smallest, the message has the smallest within 1 %."""
     smallest = hfa.solve(STABLE).delta_min
     with pytest.raises(NoSolutionError) as refused:
         learn(STABLE.with_delta(0.9 * smallest))
@@ -75,6 +76,7 @@ REFUSED = {
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_unusable_arguments_are_refused(case):
+    """An unknown law, Q = 0, and a wrong box or count of random states are refused."""
     call, words = REFUSED[case]
     with pytest.raises(BadInputError, match=words):
         call()
@@ -84,11 +86,15 @@ def test_unusable_arguments_are_refused(case):
 
 
 SCALAR = Game([[-1.0]], [[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=2.0)
+#: W(0) of the paper.
 FIRST = 100.0
 
 
 def printed_law(game, pool):
-    """Return regressors, constants, α1 and α2 (Eq. 32-33 and 48-49), sample by sample."""
+    """Return regressors, constants, α1 and α2 (Eq. 32-33 and 48-49), sample by sample.
+
+    The paper has γ = 0.01, η = 0.8, T = 5 s; θ is 0.9. c1 = (2γλ0)^(1-η/2), and c2 alike.
+    """
     n = len(game.A)
     S = game.B @ np.linalg.inv(game.R) @ game.B.T - game.E @ game.E.T / game.delta**2
     one = np.eye(n)
@@ -108,12 +114,16 @@ def printed_law(game, pool):
 
 
 def test_the_law_as_printed_overflows_on_the_aircraft_of_the_paper():
+    """The message has the step of the overflow, and the one that Theorem 1 requires."""
     with pytest.raises(NoSolutionError, match=r"overflows at step .* explicit step below"):
         learn(PAPER, "published")
 
 
 def test_the_law_as_printed_is_eq_46():
-    """The first tick equals 100 Euler steps of Eq. (46), written sample by sample."""
+    """The first tick equals 100 Euler steps of 1e-4 s of Eq. (46), written sample by sample.
+
+    The exponents are 1 - η = 0.2 and 1 + η = 1.8.
+    """
     states = np.linspace(0.5, 1.5, 50)[:, None]
     pool = Stack(states, -states)
     rows, constants, alpha1, alpha2 = printed_law(SCALAR, pool)

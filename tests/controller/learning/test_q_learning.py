@@ -8,7 +8,7 @@ from hfa import Game, NoSolutionError, learn, solve
 
 
 def _problem(seed, delta=np.inf, discount=0.97):
-    """Return a random game in steps, with 2 to 5 states, two inputs and cross weights."""
+    """Return a random game in discrete time, with 2 to 5 states, two inputs and cross weights."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 6))
     A, B, E = (rng.standard_normal((n, size)) for size in (n, 2, 1))
@@ -38,7 +38,7 @@ def test_q_learning_finds_the_exact_q_function(seed, margin):
 
 
 def test_games_without_a_solution_are_refused():
-    """Below delta_min, and with a mode that no input reaches, nothing is learned."""
+    """A delta below the smallest, and an unstable plant with B = 0, are refused."""
     smallest = minimum_delta(_problem(2)).value
     unreached = Game([[1.2]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=np.inf, dt=True)
     for game, named in (

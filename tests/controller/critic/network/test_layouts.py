@@ -35,9 +35,10 @@ refusal = partial(network_files.refusal, states=3, inputs=2)
 
 @pytest.mark.parametrize("name", STORED["actions"])
 def test_a_zip_gives_the_actions_of_stable_baselines(name):
-    """The actions are those of `predict`, with squash, clip and box, without help of the user.
+    """The actions are those of `predict`, with squash, clip and box, without options of the user.
 
-    The algorithm and the box are stated. Only zips of ARS have no unused part.
+    The algorithm, the first part of the file's name, and the box are stated. All zips but those of
+    ARS have parts, such as a value, that are noted as unused.
     """
     critic = read(ZIPS / f"{name}.zip")
     assert critic.u(OBSERVED) == pytest.approx(np.array(STORED["actions"][name]), abs=1e-6)
@@ -47,7 +48,7 @@ def test_a_zip_gives_the_actions_of_stable_baselines(name):
 
 
 def test_a_report_says_what_a_zip_states():
-    """The text of a report names the unused part; its data have algorithm and box, too."""
+    """The text of a report of a SAC zip names its unused tensors; its data have algorithm and box."""
     critic = read(ZIPS / "sac.zip")
     told = hfa.verify(GAME, critic, flights=0).report()
     note = "not used: actor.log_std, critic.qf0, critic.qf1, critic_target.qf0, critic_target.qf1"
@@ -58,7 +59,7 @@ def test_a_report_says_what_a_zip_states():
 
 
 def test_a_value_beside_a_policy_is_read_with_the_activation_of_the_zip():
-    """V has the activation of the zip, and not the box of u; another activation is refused."""
+    """V of a PPO zip is not limited to the box of u. Its activation "elu" may be given, no other."""
     both = read(ZIPS / "ppo.zip", network="V=value_net,policy=policy_net+action_net")
     assert both.u(OBSERVED) == pytest.approx(np.array(STORED["actions"]["ppo"]), abs=1e-6)
     assert both.value is not None
@@ -72,6 +73,7 @@ def test_a_value_beside_a_policy_is_read_with_the_activation_of_the_zip():
     [("dqn", "one of 3 discrete actions"), ("ppo_normalized", "trained behind a VecNormalize")],
 )
 def test_policies_that_are_no_function_of_the_states_are_refused(name, said):
+    """A zip of DQN, and one whose observations were normalized in training, are refused."""
     assert said in refusal(ZIPS / f"{name}.zip")
 
 
@@ -104,9 +106,10 @@ def halved(data):
     ],
 )
 def test_another_box_and_another_squash_are_another_policy(name, change):
-    """A halved box, and no squash, give other actions and another error over the box of `verify`.
+    """A halved box of the actions of PPO, and PPO without its squash, change actions and error.
 
-    The squash changes the slope at the trim; the box of a clip changes the policy in the box.
+    The error is that of the policy over the box of states of `verify`. Without squash, K at z = 0
+    is another one, too; a clip to a box does not act there.
     """
     own = ZIPS / f"{name}.zip"
     other = read(changed_zip(name, change))
@@ -118,6 +121,7 @@ def test_another_box_and_another_squash_are_another_policy(name, change):
 
 
 def test_a_zip_without_its_class_is_refused():
+    """The policy class says which layers are the policy's."""
     assert "policy_class" in refusal(changed_zip("ppo", lambda data: data.pop("policy_class")))
 
 
@@ -277,7 +281,10 @@ LIBRARIES = {
 @pytest.mark.parametrize("write", [torch_file, safetensors_file])
 @pytest.mark.parametrize("library", LIBRARIES)
 def test_the_policy_in_a_checkpoint_is_that_of_its_library(library, write):
-    """Of all formats, without words of the user; what is not used is named."""
+    """The policy in a file of torch or safetensors is that of the layers and the squash listed above.
+
+    No words of the user select it. A note names unused tensors, which all but TD3 have.
+    """
     tensors, names, after = LIBRARIES[library]
     path = write(f"a.{'pt' if write is torch_file else 'safetensors'}", tensors)
     critic = read(path, activation="relu")
@@ -287,6 +294,7 @@ def test_the_policy_in_a_checkpoint_is_that_of_its_library(library, write):
 
 
 def test_a_checkpoint_of_a_discrete_policy_is_refused():
+    """A last layer `logits` of rl_games chooses one of several actions."""
     tensors = layers("model.a2c_network.", "actor_mlp.0", "logits", widths=(3, 5, 2))
     path = torch_file("discrete.pth", tensors)
     assert "one of several discrete actions (logits)" in refusal(path, activation="tanh")
@@ -310,7 +318,11 @@ NORMALIZERS = {
 
 @pytest.mark.parametrize("library", NORMALIZERS)
 def test_the_normalizer_in_a_checkpoint_is_that_of_its_library(library):
-    """A policy of the states is refused behind it; one that saw no data is said."""
+    """Mean and divisor of a normalizer are read by each library's formula.
+
+    A critic of the states is refused behind a normalizer. A note says if its statistics are those
+    before any data, the mean 0 and the spread 1.
+    """
     tensors, *_ = LIBRARIES[library]
     mean, spread, divisor = NORMALIZERS[library]
     for numbers in (np.array([4.0, 0.25, 9.0]), np.ones(3)):
@@ -325,7 +337,9 @@ def test_the_normalizer_in_a_checkpoint_is_that_of_its_library(library):
 
 @pytest.mark.parametrize("suffix", ["npz", "pkl", "msgpack"])
 def test_layers_of_flax_are_read(suffix):
-    """Kernels are transposed weights, and layers in the order of their numbers."""
+    """Kernels in files of flax are transposed weights. Layers are in the order of their numbers,
+    0, 2, 10, and not in that of their names.
+    """
     names = ("Dense_0", "Dense_2", "Dense_10")
     tensors = chain(*names)
     kernels = {f"params/{name}/kernel": tensors[f"{name}.weight"].T for name in names}
@@ -374,7 +388,7 @@ def test_half_precision_is_read(kind):
             "half.safetensors", {name: each.astype("u2") for name, each in halves.items()}
         )
     critic = read(path, activation="tanh")
-    weights = {name: each.astype(float) for name, each in stored.items()}
+    weights = {name: each.astype(float) for name, each in stored.items()}  # as rounded in the file
     assert critic.u(OBSERVED) == pytest.approx(output_of(weights, ACTOR, np.tanh), rel=1e-12)
     assert critic.precision == kind
 
@@ -399,7 +413,10 @@ ASKED = {
 
 @pytest.mark.parametrize("name", ASKED)
 def test_each_example_of_a_refusal_is_accepted(name):
-    """The words that a refusal proposes lead, one after the other, to a policy of all layers."""
+    """The option that a refusal proposes is added, until the file is read.
+
+    The policy then has 2 actions and two hidden layers of tanh.
+    """
     path = torch_file("asked.pt", ASKED[name])
     typed = {}
     for _ in range(4):
@@ -415,18 +432,21 @@ def test_each_example_of_a_refusal_is_accepted(name):
         assert f'{key}="{value}"' in str(refused)
         assert key not in typed
         typed[key] = value
-    raise AssertionError(typed)
+    raise AssertionError(typed)  # four options do not suffice
 
 
 def test_a_policy_of_other_observations_is_no_q_function():
-    """3 observations equal 2 states + 1 input, but an actor is not taken for Q(x, u)."""
+    """An actor of 3 observations is refused for a plant with 2 states and 1 input.
+
+    Its inputs are as many as those of a Q(x, u), which it is not.
+    """
     game = hfa.Game(-np.eye(2), np.ones((2, 1)), Q=np.ones(2), R=np.ones(1))
     with pytest.raises(BadInputError, match="has 3 inputs, but 2 observations are given"):
         hfa.read_critic(ZIPS / "sac.zip", game)
 
 
 def test_a_layer_on_a_basis_says_what_its_file_contains_besides():
-    """A value of 6 weights is read, and the actor beside it is noted as unused."""
+    """A layer of 6 weights is W of the quadratic basis of 3 states; the actor is noted as unused."""
     stored = chain("value", widths=(6, 1)) | chain(*ACTOR)
     critic = read(torch_file("both.pt", stored), network="V=value")
     assert critic.weights is not None

@@ -56,7 +56,7 @@ def npz_file(path, layers):
      ("a.json", json_file)],
 )  # fmt: skip
 def test_layers_are_evaluated_in_the_order_of_their_numbers(game, path, write):
-    """V is that of NumPy, although all files but torch's contain 10 and 12 before 2.
+    """V is that of layers 0, 2, 10, 12, although all files but torch's contain 10 and 12 before 2.
 
     A network that the file does not name is refused.
     """
@@ -104,6 +104,7 @@ def test_a_pickle_with_code_is_not_executed(packed):
     ],
 )
 def test_a_zip_without_the_storages_of_torch_is_refused(member, said):
+    """A zip without data.pkl, and one with data.pkl but without its numbers, are refused."""
     torch_file("a.pt", {"weight": np.ones((4, 6))})
     with zipfile.ZipFile("a.pt") as archive:
         of_tensors = archive.read("critic/data.pkl")  # without its storages
@@ -114,9 +115,9 @@ def test_a_zip_without_the_storages_of_torch_is_refused(member, said):
 
 @pytest.mark.parametrize("stride", [60, -6])
 def test_a_tensor_beyond_its_storage_is_refused(stride):
-    """A tensor whose entries lie outside its storage is refused.
+    """A 4 x 6 tensor whose rows are 60 entries, or -6, apart lies outside its storage of 24.
 
-    stride: stride of the rows
+    The strides (6, 1) in the pickle are replaced.
     """
     torch_file("a.pt", {"weight": np.ones((4, 6))})
     with zipfile.ZipFile("a.pt") as archive:
@@ -154,6 +155,7 @@ WRONG = {
 
 @pytest.mark.parametrize("said", WRONG)
 def test_wrong_state_dicts_are_refused(said):
+    """Layers that are no chain from the 6 states, and other tensors that may act, are refused."""
     assert said in refusal(torch_file("wrong.pt", WRONG[said]), activation="tanh")
 
 
@@ -173,17 +175,20 @@ def test_layers_of_unknown_order_are_refused():
     ],
 )
 def test_damaged_and_foreign_files_are_refused(name, content, said):
+    """Files that are no zip, no pickle or no safetensors are refused in one line with the path."""
     Path(name).write_bytes(content)
     assert said in refusal(name)
 
 
 def test_a_file_above_the_largest_size_is_refused():
+    """A file of 512 MiB is refused before it is read."""
     with Path("large.pt").open("wb") as stream:
         stream.truncate(2**29)
     assert "larger than 256 MiB" in refusal("large.pt")
 
 
 def test_a_program_of_torchscript_is_refused():
+    """A zip with code/ and constants.pkl is a TorchScript program."""
     with zipfile.ZipFile("script.pt", "w") as archive:
         for name in ("script/data.pkl", "script/constants.pkl", "script/code/__torch__.py"):
             archive.writestr(name, b"")

@@ -9,13 +9,7 @@ from network_files import torch_file
 from planted_critics import gain, value, weights_of
 
 from controller import critic_in
-from hfa import (
-    BadInputError,
-    Game,
-    from_network,
-    solve,
-    verify,
-)
+from hfa import BadInputError, Game, from_network, solve, verify
 from hfa.main import BAD_INPUT, DONE
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -25,7 +19,10 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_the_scale_of_inputs_is_applied(game):
-    """A policy with scaled inputs passes with its scale. A scale of wrong length is refused."""
+    """A layer whose weights were divided by a scale is the exact gain of the paper's game with it.
+
+    A scale of 2 numbers for 6 states is refused.
+    """
     scale = np.array([1 / 7.0, *[10.0] * 5])
     path = torch_file("scaled.pt", {"weight": -gain(game) / scale})
     assert verify(game, from_network(game, path, scale=scale), flights=1).ok
@@ -36,7 +33,10 @@ def test_the_scale_of_inputs_is_applied(game):
 
 
 def test_six_outputs_on_a_plant_with_five_inputs_are_a_gradient(game):
-    """V and u, as many numbers, must be asked for: a policy of the wrong sign then fails."""
+    """Without a name, 6 outputs for 6 states and 5 inputs are read as ∂V/∂z, not as V and u.
+
+    With network="V+policy", V = z'Pz passes, and u = +K z has the wrong sign.
+    """
     z = ca.SX.sym("z", 6)
     V = ca.bilin(ca.DM(value(game)), z, z)
     both = ca.Function("f", [z], [ca.vertcat(V, ca.DM(gain(game)) @ z)])
@@ -47,7 +47,11 @@ def test_six_outputs_on_a_plant_with_five_inputs_are_a_gradient(game):
 
 
 def test_scale_applies_to_the_inputs_of_a_basis(game):
-    """A layer on a basis is evaluated at the scaled states."""
+    """A layer w on a basis is V = w'ψ(scale z): P is scaled on both sides.
+
+    The basis is the quadratic one, or the squares of the states, for which V(1, ..., 1) is
+    Σ w_i scale_i² + 2.
+    """
     weights = np.arange(1.0, 22.0)
     scale = np.array([0.5, 6.0, 1.0, 4.0, 3.0, 0.25])
     path = stored("layer.npz", weight=weights[None], bias=np.zeros(1))
@@ -109,7 +113,10 @@ def test_a_state_dict_needs_its_activation():
 
 
 def test_one_layer_on_one_state_is_a_policy_unless_v_is_asked_for():
-    """The layer is that of u = -K x; with V=, it is W of V = W x²."""
+    """A 1 x 1 layer is the gain of u = w x, or, with network="V=", the weight of V = w x².
+
+    The exact -K passes as a policy, the exact P as a value; -K fails as a value.
+    """
     plant = Game([[-1.0]], [[1.0]], Q=[1.0], R=[1.0])
     exact = solve(plant)
     policy, value = (
@@ -122,7 +129,10 @@ def test_one_layer_on_one_state_is_a_policy_unless_v_is_asked_for():
 
 
 def test_the_policy_of_a_value_contains_the_cross_weights():
-    """Networks of V and ∂V/∂z imply u = -R⁻¹(½ B'∂V/∂z + N'z)."""
+    """Networks of V and ∂V/∂z imply u = -R⁻¹(½ B'∂V/∂z + N'z).
+
+    The exact V = z'Pz passes; with 0.1 |z|⁴ added, the policy fails.
+    """
     A = np.array([[0.0, 1.0], [2.0, -0.3]])
     B = np.array([[0.0], [1.0]])
     N = np.array([[0.4], [-0.3]])
@@ -142,8 +152,12 @@ def test_the_policy_of_a_value_contains_the_cross_weights():
 
 @pytest.mark.parametrize("cost_unit", [1e-12, 1.0, 1e12])
 @pytest.mark.parametrize(("bias", "is_nonsmooth"), [(0.0, True), (-1e-7, False), (1e-7, False)])
-def test_a_kink_at_the_trim_does_not_depend_on_the_unit_of_the_cost(cost_unit, bias, is_nonsmooth):
-    """u = relu(z + bias) of a plant without a box of states has its nonsmooth point at z = -bias."""
+def test_a_nonsmooth_point_at_the_trim_is_found_in_any_unit_of_cost(cost_unit, bias, is_nonsmooth):
+    """u = relu(z + bias) is nonsmooth at z = -bias, and at the trim z = 0 for the bias 0 only.
+
+    There, K = -∂u/∂z is the mean -0.5 of both sides; else -1 for a positive bias, and 0. The plant
+    has no box of states.
+    """
     game = Game([[1.0]], [[1.0]], Q=[cost_unit], R=[cost_unit])
     z = ca.SX.sym("z")
     policy = ca.Function("policy", [z], [ca.fmax(z + bias, 0.0)])

@@ -15,6 +15,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def assert_as_onnx_runtime(path, **tolerance):
+    """Assert that the policy of a graph equals ONNX Runtime at the states 3 X."""
     runtime = pytest.importorskip("onnxruntime", reason="the package onnxruntime is not installed")
     session = runtime.InferenceSession(path, providers=["CPUExecutionProvider"])
     (states,), (outputs,) = session.get_inputs(), session.get_outputs()
@@ -56,7 +57,10 @@ def test_old_and_new_operator_sets_equal_onnxruntime(opset):
 
 @pytest.mark.parametrize("seven", [7, -7])
 def test_integer_division_in_a_graph_is_truncated(seven):
-    """The quotient of integers in a graph is truncated: 7 / 2 = 3, and -7 / 2 = -3."""
+    """The quotient of integers in a graph is truncated: 7 / 2 = 3, and -7 / 2 = -3.
+
+    The entries 0 to 3, or 0 to -3, of x = (1, ..., 6) have the sum 6.
+    """
     nodes = [
         ("Div", "seven two", "three"),
         ("Slice", "x begin three axis", "part"),
@@ -129,16 +133,13 @@ REFUSED = {
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_unsupported_graphs_are_refused(name):
-    """A graph of other inputs, operators, attributes or shapes, or a large one, is refused.
-
-    The message says what of it is not supported.
-    """
+    """Graphs with unsupported inputs, operators, attributes, shapes or sizes are refused by name."""
     said, nodes, constants, states = REFUSED[name]
     assert said in refusal(onnx_file("wrong.onnx", nodes, constants, states=states))
 
 
 def test_damaged_graphs_and_weights_in_other_files_are_refused():
-    """So is an activation that is given beside a graph."""
+    """An activation that is given beside a graph is refused, too."""
     assert "stored in another file; export the weights in" in refusal(external("a.onnx"))
     content = Path(onnx_file("good.onnx", QUADRATIC, _SINGLES)).read_bytes()
     Path("damaged.onnx").write_bytes(content[:-40])
@@ -263,7 +264,7 @@ def test_each_operator_equals_onnxruntime(name):
 
 
 def test_metadata_of_a_file_are_named_as_not_applied():
-    """A scale of actions in the metadata changes no gain, and a note says so."""
+    """A scale of actions in the metadata of V = z'Pz is noted as unused. V(1, ..., 1) is Σ P_ii."""
     onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
     constants = {"P": np.diag(np.arange(1.0, 7.0)), "ones": ONES}
     model = onnx.load(onnx_file("plain.onnx", QUADRATIC, constants))
@@ -276,7 +277,7 @@ def test_metadata_of_a_file_are_named_as_not_applied():
 
 
 def test_a_normalizer_of_no_data_is_said():
-    """Of (x - 0) / 1 before the layers, and not of another mean."""
+    """A graph that begins with (x - 0) / 1 is noted as normalized without data; (x - 1) / 1 is not."""
     nodes = [("Sub", "x mean", "c"), ("Div", "c std", "n"), ("MatMul", "n W", "y")]
     note = "the normalizer saw no data: its mean is 0 and its deviation 1"
     for mean, notes in ((np.zeros(6), (note,)), (np.ones(6), ())):
@@ -303,7 +304,11 @@ def several_outputs(names):
 
 
 def test_outputs_are_told_by_their_names_or_named_in_the_refusal():
-    """actions and values are u and V, log_prob is not used; other names are proposed, and accepted."""
+    """Of outputs actions, values and log_prob, u and V are read, and log_prob is noted as unused.
+
+    Of outputs with unknown names, the message proposes one, which is accepted. Each output is half
+    of the sum of x = (1, ..., 1).
+    """
     critic = read(several_outputs(("actions", "values", "log_prob")), inputs=2)
     assert critic.u(np.ones(6)).tolist() == [3.0, 3.0]
     assert critic.value is not None
@@ -315,6 +320,7 @@ def test_outputs_are_told_by_their_names_or_named_in_the_refusal():
 
 
 def test_a_graph_in_half_precision_is_evaluated_in_double():
+    """u = W'x with weights in float16, as they are stored, without rounding the products."""
     weights = RNG.normal(size=(6, 5)).astype("float16")
     nodes = [("MatMul", "x W", "m"), ("Cast", "m", "y", {"to": 10})]
     critic = read(onnx_file("half.onnx", nodes, {"W": weights}, outputs=5), network="policy=")

@@ -52,7 +52,7 @@ def test_the_policy_of_a_quadratic_form_is_linear(game, sign, inputs):
 
 
 def test_the_policy_is_nan_if_curvature_changes_sign():
-    """At a state where ∂²Q/∂u² has another sign than at 0, the policy is not finite."""
+    """Q = (1 - x) u² + u has the policy -1 / (2 (1 - x)) for x < 1, and no minimum at x = 2."""
     xu = ca.SX.sym("xu", 2)
     Q = ca.Function("Q", [xu], [(1.0 - xu[0]) * xu[1] ** 2 + xu[1]])
     policy = read(Q, states=1, inputs=1).policy
@@ -79,9 +79,10 @@ def test_a_q_not_quadratic_in_u_is_refused(power, says):
 
 
 def test_the_selected_actor_of_twin_networks_is_read(game):
-    """The actor in a file with an actor and two Q functions is read if it is selected.
+    """Of a file with an actor and two Q functions, the actor is read, selected or not.
 
-    Without a selection, it is read too. A Q function that is not quadratic in u is refused.
+    A Q function, selected by network="q1", is refused: it is not quadratic in u. At x = 0, the
+    slope of the actor with tanh is the product of its weights.
     """
     tensors = {"actor.0.weight": RNG.normal(size=(8, 6)), "actor.2.weight": RNG.normal(size=(5, 8))}
     for name in ("q1", "q2"):
@@ -100,7 +101,7 @@ def test_the_selected_actor_of_twin_networks_is_read(game):
 
 
 def test_q_functions_with_other_input_numbers_are_refused():
-    """A Q function with another number of inputs than the plant is refused."""
+    """A Q function of 4 inputs is refused for a plant with 5."""
     nodes = [("Concat", "x u", "z", {"axis": 1}), ("MatMul", "z w", "y")]
     path = onnx_file("odd.onnx", nodes, {"w": np.ones((10, 1))}, inputs=4)
     assert "has 4 entries instead of 5" in refusal(path, inputs=5)

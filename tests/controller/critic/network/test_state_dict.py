@@ -27,7 +27,12 @@ OF_CRITIC = chain(("critic.0", "critic.2", "critic.4"), (STATES, 8, 8, 1), RANDO
     ],
 )
 def test_a_tensor_of_unknown_function_is_refused_or_named_as_not_used(more):
-    """It may act on the network; the words that the refusal proposes are obeyed."""
+    """A tensor beside actor and critic that may act on the actor is refused, unless the user names
+    the actor: then a note says that the tensor is not used.
+
+    The refusal proposes this name. A deviation log_std of 6 entries is one of the states, not of
+    the 2 actions.
+    """
     path = torch_file("a.pt", OF_ACTOR | OF_CRITIC | more)
     how = {"inputs": ACTIONS, "activation": "tanh"}
     unknown = next(iter(more))

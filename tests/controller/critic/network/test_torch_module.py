@@ -59,10 +59,10 @@ def _network(activation):
 
 
 def test_another_module_is_read_through_its_state_dict():
-    """A module of the user's class is the network of its state dict, with the given activation.
+    """A module of the user's class, and its state dict, are the network of the stored layers.
 
-    So is the state dict itself.
-    Without an activation, and with a tensor that is no linear layer, it is refused.
+    The given activation acts between them. Without an activation, or with a tensor that is no
+    linear layer, the module is refused.
     """
     arrays = dict(zip(("body.0.weight", "head.weight"), WEIGHTS, strict=True))
     arrays |= dict(zip(("body.0.bias", "head.bias"), BIASES, strict=True))
@@ -70,12 +70,11 @@ def test_another_module_is_read_through_its_state_dict():
     tensors = {name: _Tensor(array) for name, array in ordered.items()}
     made = type("Actor", (), {"state_dict": lambda self: tensors, "__call__": lambda self, x: x})
     critic = hfa.from_network(GAME, made(), activation="tanh")
-    for z in POINTS:
-        u = WEIGHTS[1] @ np.tanh(WEIGHTS[0] @ z + BIASES[0]) + BIASES[1]
-        assert np.asarray(critic.policy(z)).ravel() == pytest.approx(u, rel=1e-12)
+    u = np.tanh(POINTS @ WEIGHTS[0].T + BIASES[0]) @ WEIGHTS[1].T + BIASES[1]
+    assert critic.u(POINTS) == pytest.approx(u, rel=1e-12)
     assert "Actor" in critic.origin
     of_tensors = hfa.from_network(GAME, tensors, activation="tanh")
-    assert np.asarray(of_tensors.policy(z)) == np.asarray(critic.policy(z))
+    assert np.array_equal(of_tensors.u(POINTS), critic.u(POINTS))
     with pytest.raises(BadInputError, match='give activation="tanh"'):
         hfa.from_network(GAME, made())
     tensors["norm.weight"] = _Tensor(np.ones(2))
@@ -97,6 +96,7 @@ def test_another_module_is_read_through_its_state_dict():
     ],
 )
 def test_unsupported_modules_and_settings_are_refused(network, said):
+    """The message names the module or the setting that is not supported."""
     with pytest.raises(BadInputError, match=said):
         hfa.from_network(GAME, network)
 
@@ -125,7 +125,10 @@ ACTIVATIONS = {
 
 @pytest.mark.parametrize("kind", ACTIVATIONS)
 def test_each_activation_is_that_of_torch(kind):
-    """Policies of Sequentials are those of the formulas in torch's documentation."""
+    """A Sequential with an activation is the policy by the formula in torch's documentation.
+
+    The modules have torch's default settings, which the reader compares.
+    """
     defaults = {"ELU": {"alpha": 1.0}, "GELU": {"approximate": "none"}}
     defaults |= {
         "Hardtanh": {"min_val": -1.0, "max_val": 1.0},
@@ -133,6 +136,6 @@ def test_each_activation_is_that_of_torch(kind):
         "Softplus": {"beta": 1.0, "threshold": 20.0},
     }
     critic = hfa.from_network(GAME, _network(_module(kind, **defaults.get(kind, {}))))
-    for z in 3.0 * POINTS:
-        u = WEIGHTS[1] @ ACTIVATIONS[kind](WEIGHTS[0] @ z + BIASES[0])
-        assert np.asarray(critic.policy(z)).ravel() == pytest.approx(u, rel=1e-7)
+    z = 3.0 * POINTS
+    u = ACTIVATIONS[kind](z @ WEIGHTS[0].T + BIASES[0]) @ WEIGHTS[1].T
+    assert critic.u(z) == pytest.approx(u, rel=1e-7)
