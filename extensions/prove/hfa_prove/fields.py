@@ -99,6 +99,7 @@ class Fields:
 
     def same(self, name: str, expected: Any) -> None:
         """Raise Malformed unless an entry equals `expected`; no number equals true or false."""
+        # `array` refuses true and false, which equal 1 and 0 in Python.
         are_numbers = np.asarray(expected).dtype.kind in "if"
         value = self.array(name, *np.shape(expected)).tolist() if are_numbers else self.value(name)
         require(value == expected, self._called(name), value)

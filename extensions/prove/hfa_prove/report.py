@@ -53,6 +53,7 @@ def claim_of(statement: ScheduleStatement) -> Claim:
     if rate is not None:
         how = f"at most {at_least(rate, 4)} {unit}/s" if math.isfinite(rate) else "any rate"
         lines.append(f"The linear loop is stable while the {model.schedule} moves at {how}.")
+    # of the paper's aircraft, the entry names its scheduling variable: dihedral_deg
     key = model.schedule_key if model.about.names_schedule else "scheduled"
     interval: Any = [flight.low, flight.high]
     data = {

@@ -36,7 +36,9 @@ def found():
     ],
 )
 def test_a_certificate_that_was_edited_is_refused(before, after, tmp_path):
-    """An edit of any text of a file is refused: a value, a seal, a second entry, another digit."""
+    """An edit of any text of a file is refused: of a value, of its digest, a second entry of the same
+    name, or another digit.
+    """
     path = tmp_path / "schedule.json"
     origin = {"version": "1", "command": "hfa prove schedule", "date": "today"}
     write_certificate(path, found().statement, found().witness, origin)
@@ -49,7 +51,7 @@ def test_a_certificate_that_was_edited_is_refused(before, after, tmp_path):
 
 
 def test_a_certificate_of_other_code_is_refused(tmp_path, monkeypatch):
-    """The refusal names the identities of both programs."""
+    """A certificate that another program made is refused with the identities of both programs."""
     path = tmp_path / "schedule.json"
     origin = {"version": "1", "command": "hfa prove schedule", "date": "today"}
     write_certificate(path, found().statement, found().witness, origin)
@@ -103,9 +105,8 @@ def test_different_equations_have_different_digests():
 
 
 def test_different_functions_have_different_digests():
-    """Functions that differ in the last digit of a number or in the state have different digests.
-
-    The number is a coefficient, or a value of a table. Tables are told apart where they are used.
+    """Functions that differ in the last digit of a coefficient or of a value of a table, in the state
+    z[0] or z[1], or in which of two tables they apply to a state, have different digests.
     """
     z = ca.SX.sym("z", 2)
     near = np.nextafter(0.25, 1.0)
@@ -117,7 +118,9 @@ def test_different_functions_have_different_digests():
 
 
 def test_a_certificate_about_a_file_is_not_read_as_one_about_a_variant():
-    """Without the file, the built-in aircraft of the same name is not the subject."""
+    """A certificate about the equations of a file, here with the name "published", is refused without
+    this file: the built-in aircraft of the same name is not its subject.
+    """
     content = certificate(found().statement, found().witness.content())
     model = facts(aircraft()) | {"equations": "0" * 64}
     with pytest.raises(BadInputError, match="give the aircraft file"):
@@ -134,7 +137,7 @@ def test_a_certificate_about_a_file_is_not_read_as_one_about_a_variant():
     ],
 )
 def test_entries_of_the_certificate_are_exactly_the_users(pull, drag, more, is_same):
-    """Further or other numbers than the user's are refused, above and below."""
+    """The float's parameters in the certificate, pull = 1 and drag = 0.1, must be exactly the user's."""
     own = {"pull": pull, "drag": drag, **more}
     with decided(is_same, "differs from the value"):
         compare(found().statement, {"flight.parameters": Given(own)})

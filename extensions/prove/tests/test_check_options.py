@@ -95,7 +95,11 @@ def usual():
 
 
 def check_case(path, words, entry, usual, monkeypatch):
-    """Fail unless the options change the entry in a proof, and --check then complains."""
+    """Fail unless options change an entry of the subject of a proof, and --check then refuses the
+    stored certificate, which was made with `BASE`.
+
+    path, words, entry: field, options and entry of `CHANGED`
+    """
     flag = words.split()[0]
     other_name = {"--at": "--dihedral"}
     kept = [
@@ -121,7 +125,9 @@ def check_case(path, words, entry, usual, monkeypatch):
 
 @pytest.mark.parametrize("size", [1e-9, 1.0, math.degrees(1.0), 1e12])
 def test_gains_are_compared_in_any_units(size):
-    """A gain of the rate that is 1 % off is another gain, also if all gains of the rate are tiny."""
+    """A gain is compared in nominal values of the states: one for the rate that is 1 % off is another
+    gain, however large a rate of 1 is in the unit of the model.
+    """
     pendulum = load_model(f"{ROOT}/examples/pendulum.py:PENDULUM")
     states = dict(pendulum.states)
     states["rate"] = states["rate"]._replace(nominal=size)
@@ -163,7 +169,7 @@ def test_an_option_that_changes_the_subject_is_noticed(
     ],
 )
 def test_an_option_that_is_not_compared_is_found(entry, path, usual, files, monkeypatch):
-    """The test above fails if the comparison leaves out an entry."""
+    """`check_case` fails if the comparison of --check leaves out an entry that the option changes."""
     compared = given.given_for
 
     def forgetful(*arguments):

@@ -430,7 +430,7 @@ FORGED = [
 
 @pytest.mark.parametrize(("changes", "said"), FORGED)
 def test_each_clause_refuses_its_forgery(changes, said, content):
-    """Each clause of the checker refuses the forgery that violates it."""
+    """The proof of the fixture is verified, and refused with the words of `FORGED` after the change."""
     assert checked(copy.deepcopy(content)) > 0
     with pytest.raises((NoSolutionError, BadInputError), match=said):
         checked(changed(content, **changes))
@@ -438,7 +438,9 @@ def test_each_clause_refuses_its_forgery(changes, said, content):
 
 @pytest.mark.parametrize(("high", "is_proved"), [(1.51, True), (1.49, False)])
 def test_an_output_may_be_imposed(high, is_proved, content):
-    """With the load imposed as 0.5, the lift rises from 1 to 0.5 + 0.5 · 2 = 1.5 N."""
+    """With the load lift - pull / 2 imposed as 0.5, the lift rises from 1 N to 1.5 N at the pull 2: it is
+    proved to be at most 1.51, and refused at most 1.49.
+    """
     imposed = {"imposed": {"heave": 0.0, "load": 0.5}, "first": {"depth": 1.0, "lift": 1.0}}
     made = changed(content, statement__flight=lambda flight: flight | imposed)
     with decided(is_proved, "lift is not proved"):
@@ -466,7 +468,9 @@ def test_distances_of_trims_are_measured_in_nominal_values(off, is_proved, conte
     ],
 )
 def test_a_linear_p_must_suit_the_rate(rate, factors, at, said, content):
-    """With P linear, the stated rate is bounded; "inf" requires a constant P."""
+    """With P that grows by 30 % from pull 1 to 2, a motion of 0.05 per s is proved, and one of 50 is not;
+    any rate ("inf") requires a constant P, and P must be given on the whole interval.
+    """
     P = np.array(content["witness"]["P"][0])
     changes = {_P: [(factor * P).tolist() for factor in factors], _AT: at}
     with decided(not said, said):
@@ -474,7 +478,9 @@ def test_a_linear_p_must_suit_the_rate(rate, factors, at, said, content):
 
 
 def test_decimals_of_the_file_are_covered():
-    """The proof holds for the decimal 0.1 of the drag, not only for the double nearest to it."""
+    """The balls of a parameter (the drag) and of an imposed value contain the decimal 0.1, not only the
+    double nearest to it; that of the unit of an angle contains π / 180.
+    """
     flight = SteadyFlight(proved(1.0, 1.5).statement.flight)
     assert flight.numbers[-2].contains(arb("0.1"))
     held = replace(flight.flight, imposed={"depth": 0.1, "heave": 0.0})

@@ -38,7 +38,9 @@ def others(value):
 
 
 def test_an_entry_of_another_type_or_shape_is_refused():
-    """Each entry, and the first of each array, must have the type and the shape of its own."""
+    """Each entry, and the first element of each list, is refused with a value of another type or shape
+    (`others`); the message names the entry.
+    """
     whole = json.loads(STORED.read_text())
     aircraft = hfa.aircraft()
     for path in leaves({part: whole[part] for part in ("statement", "witness")}):
@@ -56,6 +58,7 @@ def test_an_entry_of_another_type_or_shape_is_refused():
                 read_content(made, aircraft)
             names = [key for key in path if isinstance(key, str)][-2:]
             named = any(key in str(refused.value) for key in names)
+            # of another name of the dynamics, the message says that its file is missing
             assert named or path[-1] == "dynamics", (path, other)
 
 
@@ -70,7 +73,7 @@ def test_an_entry_of_another_type_or_shape_is_refused():
     ],
 )
 def test_an_entry_out_of_its_range_is_refused(keys, values):
-    """Signs, orders and counts are those that a proof can have."""
+    """An interval that is not ascending, a negative rate, or a wrong count is refused by its name."""
     whole = json.loads(STORED.read_text())
     for value in values:
         with pytest.raises(Malformed, match=keys.rpartition("__")[2]):

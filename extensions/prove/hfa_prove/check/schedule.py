@@ -208,7 +208,10 @@ class ScheduleProof:
         return LinearInPosition(*(arb_mat(n, n, list(column)).transpose() for column in columns))
 
     def _check_decay(self, loop: LinearInPosition, trims: TrimPiece) -> None:
-        """Raise Rejected unless -(S + S') - 2 a > 0, S = T⁻¹ C T, is proved for the rate a."""
+        """Raise Rejected unless Re λ < -a is proved for all eigenvalues of C and the decay rate a.
+
+        It follows from -(S + S') - 2 a > 0 with S = T⁻¹ C T, which is affine in t: at both ends.
+        """
         n = loop.centre.nrows()
         values, vectors = np.linalg.eig(midpoints(loop.centre))
         largest = float(values.real.max())
@@ -227,12 +230,16 @@ class ScheduleProof:
                 raise Rejected(f"the decay rate {rate:.6g} 1/s is not proved")
 
     def _check_motion(self, loop: LinearInPosition, trims: TrimPiece, rate: float) -> None:
-        """Raise Rejected unless V = x'P x decreases on every motion within the rate on a piece."""
+        """Raise Rejected unless V = x'P x decreases on a piece for every motion |ds/dt| <= rate.
+
+        It decreases if -(C'P + P C) ∓ rate dP/ds > 0, which is proved in the basis T of P = T⁻'T⁻¹.
+        """
         table = linear_part(self.witness.breakpoints, self.witness.P, trims.low)
         P, slope = table.at(trims.middle), table.slope
         half = trims.half_width
         is_constant = len(self.witness.P) == 1  # for any rate, which may be infinite
         P_rate = 0 * slope if is_constant else slope * exact(rate)
+        # C'P is quadratic in t. It differs by (h² - t²) C1'dP/ds from the line between its ends.
         bend = loop.slope.transpose() * slope
         bend = (bend + bend.transpose()) * arb(0).union(half * half)
         try:

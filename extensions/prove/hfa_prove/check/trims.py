@@ -216,7 +216,9 @@ class SteadyFlight:
 
     @cached_property
     def doubles(self) -> list[float]:
-        """Imposed values, parameters and the unit of the schedule as doubles."""
+        """Values of `Expressions.numbers` in doubles: imposed values, parameters, and the unit of the
+        scheduling variable.
+        """
         flight = self.flight
         return [
             *flight.imposed.values(),
@@ -226,9 +228,13 @@ class SteadyFlight:
 
     @cached_property
     def numbers(self) -> list[arb]:
-        """Balls of the same numbers, which contain every decimal that is read as the double."""
-        known = [arb(value, abs(value) * READING) for value in self.doubles[:-1]]
-        return [*known, unit_of_schedule(self.flight.model)]
+        """Balls about `doubles` that contain every decimal that is read as the double.
+
+        The unit of the scheduling variable, π/180 or 1, is not read, and is enclosed exactly.
+        """
+        *read, _ = self.doubles
+        balls = [arb(value, abs(value) * READING) for value in read]
+        return [*balls, unit_of_schedule(self.flight.model)]
 
     def estimate(self, guess: np.ndarray, s: float) -> TrimEstimate:
         """Return the trim at a scheduling value near a guess (f,), by Newton's method.
@@ -244,7 +250,7 @@ class SteadyFlight:
                 raise Undecided("the trim equations are singular") from error
             step = (inverse @ G)[:, 0]
             w -= step
-            if np.all(np.abs(step) <= 1e-4 * _LAST_STEP * self.nominal):
+            if np.all(np.abs(step) <= 1e-4 * _LAST_STEP * self.nominal):  # no smaller step follows
                 break
         if not np.all(np.abs(step) <= _LAST_STEP * self.nominal):
             raise Undecided("Newton's method for the trim does not converge")
@@ -257,6 +263,7 @@ class SteadyFlight:
 
         Raises Undecided or Rejected if the trims are not proved.
         """
+        # The Krawczyk step of a small box about the estimate tells how wide the box must be.
         w, slope, Y = self.estimate(guess, 0.5 * (low + high))
         thin = [exact(0.0)] * len(w)
         estimated = TrimPiece(low, high, w, slope, thin, thin)
@@ -274,7 +281,11 @@ class SteadyFlight:
         return proved
 
     def _krawczyk(self, piece: TrimPiece, Y: np.ndarray, box: Sequence[arb]) -> list[arb]:
-        """Return the Krawczyk step K of a box E, by the equation at the top of this module."""
+        """Return the step K = (I - Y G_w) E - Y (G(v, s0) + (G_s + G_w v') t) of a box E, |t| <= h.
+
+        piece: piece s0 + t with the estimate v + v' t of its trims
+        Y: estimate of the inverse of G_w, (f, f)
+        """
         f = len(box)
         at = [exact(value) for value in piece.estimate.tolist()]
         G, _ = self._balanced(at, [piece.middle], self.numbers)

@@ -256,14 +256,15 @@ def _of_table(table: Table, values: Sequence[Any]) -> Any:
 
 def _of_spline(spline: Spline, a: Any) -> Any:
     """Return the value of the piece of a table that is proved to contain a."""
+    # Two pieces agree at a knot without a jump: either may be used there.
     ends = [-arb("inf"), *map(arb, spline.knots), arb("inf")]
     is_jump = [False, *spline.has_jumps, False]
     for k, piece in enumerate(spline.pieces):
         above = a > ends[k] if is_jump[k] else a >= ends[k]
         below = a < ends[k + 1] if is_jump[k + 1] else a <= ends[k + 1]
         if above and below:
-            exact = tuple(arb(fmpq(c.numerator, c.denominator)) for c in piece)
-            return polynomial(exact, a - arb(spline.origins[k]))
+            coefficients = tuple(arb(fmpq(c.numerator, c.denominator)) for c in piece)
+            return polynomial(coefficients, a - arb(spline.origins[k]))
     raise Undecided("a table of the equations has a breakpoint within a box")
 
 

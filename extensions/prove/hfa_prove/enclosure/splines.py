@@ -210,7 +210,7 @@ class _Entries:
     def _place_after(self, key: str) -> int:
         """Return the place after the name of an entry."""
         stored = b"si" + struct.pack("<i", len(key)) + key.encode()
-        is_last = key == _COEFFICIENTS
+        is_last = key == _COEFFICIENTS  # derivatives of the table have entries of this name before
         place = self._data.rfind(stored) if is_last else self._data.find(stored)
         if place < 0:
             raise self._unknown()

@@ -24,7 +24,9 @@ def test_balls_contain_their_members():
 
 
 def test_a_read_number_contains_its_decimal():
-    """The ball of an imposed value contains what a user wrote, in degrees too."""
+    """The ball of a parameter, here the drag, contains the decimal that a user wrote, also one in degrees
+    that is converted to rad.
+    """
     given = [("0.1", arb("0.1"), 0.1)]
     for hundredths in range(1, 2000, 10):
         text = f"{hundredths / 100:.2f}"
@@ -46,7 +48,7 @@ def test_a_read_number_contains_its_decimal():
     "module", ["hfa_prove.enclosure.ball_function", "hfa_prove.search.schedule"]
 )
 def test_importing_balls_sets_their_precision(module):
-    """Whoever imports balls in a new process computes with the bits of proofs."""
+    """A new process that imports balls computes with the bits of proofs."""
     program = f"import {module}, flint; print(flint.ctx.prec)"
     words = [sys.executable, "-c", program]
     done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)
