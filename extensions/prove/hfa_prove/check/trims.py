@@ -216,9 +216,7 @@ class SteadyFlight:
 
     @cached_property
     def doubles(self) -> list[float]:
-        """Values of `Expressions.numbers` in doubles: imposed values, parameters, and the unit of the
-        scheduling variable.
-        """
+        """Values of `Expressions.numbers`: imposed values, parameters, and the unit of s."""
         flight = self.flight
         return [
             *flight.imposed.values(),
