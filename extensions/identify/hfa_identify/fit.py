@@ -165,6 +165,7 @@ class Fit:
         number: index of the record
         slopes: sensitivities, (N, k, c)
         """
+        # slopes - S₀ A⁻¹ S₀' R⁻¹ slopes, with the sensitivities S₀ to the initial state
         by_start = self.responses[number].slopes[:, :, len(self.theta) :]
         weighted = by_start * self.weights(number)[:, :, None]
         of_start = self.normals[number].of_start
@@ -241,8 +242,9 @@ class OutputError:
     def _first_lower(
         self, current: Fit, undamped: Step, first: int, number: int
     ) -> tuple[int, Fit | None]:
-        """Return the index of the first trial whose step does not raise L, and the fit after it."""
-        # The fit is None if the step of every trial raises L or fails.
+        """Return the index of the first of `_TRIALS` whose step does not raise L, and the fit after it,
+        or None if the step of every trial raises L or fails.
+        """
         low, high = self.bounds.T
         for trial in range(first, len(_TRIALS)):
             damping, part = _TRIALS[trial]
@@ -363,6 +365,7 @@ class OutputError:
             right += normal.g - normal.B @ inverse_A @ normal.h
         below = (current.theta <= self.bounds[:, 0]) & (right < 0.0)
         above = (current.theta >= self.bounds[:, 1]) & (right > 0.0)
+        # The standard deviation is at least 1 / √diag(total): the bounds are closer than `_LOOSE` of it.
         with np.errstate(invalid="ignore"):  # without information, or without bounds
             undetermined = np.diag(total) * np.ptp(self.bounds, axis=1) ** 2 < _LOOSE**2
         moves = ~(below | above | undetermined)

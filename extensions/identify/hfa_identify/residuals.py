@@ -41,7 +41,7 @@ def white_covariance(fit: Fit) -> np.ndarray:
     """
     covariance = _variance_ratio(fit) * inverse(fit.information)
     unseen = (np.diag(fit.information) <= 0.0) | (np.diag(covariance) < 0.0)
-    covariance[unseen, unseen] = np.inf
+    covariance[unseen, unseen] = np.inf  # their variances
     return covariance
 
 
@@ -298,8 +298,9 @@ def _candidate(fit: Fit, number: int, place: int) -> _Candidate:
 
 
 def _standing_alone(residuals: np.ndarray, present: np.ndarray) -> np.ndarray:
-    """Return the indices of samples of a quantity that are far from the mean of their neighbors."""
-    # Without any if there are more than a single one, or than one sample in 50.
+    """Return the indices of samples of a quantity that are far from the mean of their neighbors, or
+    none if they are more than one, and more than one in 50: noise, which has no single errors.
+    """
     rows = np.flatnonzero(present)
     v = residuals[rows]
     distances = np.abs(v[1:-1] - 0.5 * (v[:-2] + v[2:]))

@@ -2,7 +2,7 @@
 
 Between samples the inputs are linear in time or constant. The classical fourth-order Runge-Kutta
 method advances the states: x⁺ = Φ(x, u, u⁺, θ, Δt). The sensitivities S = dx/d(θ, x₀) advance by
-S⁺ = Φ_x S + Φ_θ. θ contains parameters of the model and biases of columns (`sensors.py`).
+S⁺ = Φ_x S + Φ_θ. θ contains parameters of the model and biases of columns (`biases`).
 """
 
 from __future__ import annotations
@@ -123,6 +123,7 @@ class Responses:
     def _expressions(self, x: ca.SX, u: ca.SX, theta: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Return the rates and the recorded quantities, of recorded inputs u and unknowns θ."""
         model = self.model
+        # recorded = true + bias: inputs have it subtracted, and measured quantities added
         unknowns = dict(zip(self.free, ca.vertsplit(theta), strict=True))
         bias_of = {column: unknowns[name] for name, column in self._biases.items()}
         parameters = [
@@ -175,13 +176,12 @@ class Responses:
         return int(np.clip(steps, 1, _MOST_STEPS))
 
     def _fastest(self, record: Record, start: np.ndarray, theta: np.ndarray) -> float:
-        """Return the largest magnitude of an eigenvalue of ∂f/∂x at the initial state, 1/s."""
-        # 0 if the Jacobian is not finite.
+        """Return the largest magnitude of an eigenvalue of ∂f/∂x at the initial state, 1/s, or 0 if
+        the Jacobian is not finite.
+        """
         _, slopes = self._rates_at(start[None], record.inputs[:1], theta[None])
         slope = slopes[0, :, : len(start)]
-        if not np.isfinite(slope).all():
-            return 0.0
-        return spectral_radius(slope)
+        return spectral_radius(slope) if np.isfinite(slope).all() else 0.0
 
     def simulated(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Simulation:
         """Return the simulation of a record.

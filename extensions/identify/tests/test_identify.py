@@ -35,7 +35,7 @@ def misses(result, true):
     return float(apart @ np.linalg.solve(result.covariance, apart))
 
 
-def test_estimates_and_bands():
+def test_estimates_agree_with_the_true_values_within_their_bands():
     """From 50 % off, the estimates agree with the true values: chi-square (7) below 24.3 (1 in
     1000). Each band is narrower than 30 % of its estimate, the residuals are the sensors' noise, and
     drawn aircraft spread as the covariance says.
@@ -56,7 +56,7 @@ def test_estimates_and_bands():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("pole", [0.0, 0.9])
-def test_coverage(pole):
+def test_bands_contain_the_true_values(pole):
     """At least 90 % of the bands of 40 records contain the true value, with white noise and with
     colored noise; no residuals are said to follow the inputs.
     """
@@ -72,7 +72,8 @@ def test_coverage(pole):
 def test_colored_noise_widens_the_bands():
     """Each band of a record with a noise pole of 0.9 is 2 to 7 times as wide as with white noise.
 
-    At low frequency the noise is √19 = 4.4 times as large. The result tells the two apart.
+    At low frequency the noise is √19 = 4.4 times as large. `coloured` is the factor by which the bands
+    were widened, and `white` the fraction of lags without autocorrelation.
     """
     white, colored = identified(), identified(pole=0.9)
     for name in FREE:
@@ -108,7 +109,7 @@ def test_a_table_of_pandas_is_a_record():
 
 
 def test_a_flight_is_a_record():
-    """A flight without noise gives the value with which it was flown."""
+    """A flight of `hfa.fly` without noise gives the Cm_q with which it was flown."""
     moved = {"elevator": [(0.0, 0.03), (0.6, -0.03), (1.2, 0.0)]}
     flight = hfa.fly(LONGITUDINAL, hfa.trim(LONGITUDINAL), moved, duration=1.9)
     off = LONGITUDINAL.with_parameters(Cm_q=1.5 * true_value("Cm_q"))
@@ -153,7 +154,7 @@ def test_a_planted_fault_is_seen(column, fault, seen, size):
         assert clearest.samples == 0  # no samples stand alone: the difference follows the inputs
 
 
-def test_parameters_far_from_the_start_are_told():
+def test_parameters_far_from_the_start_are_named():
     """With the wrong sign of the elevator its derivative changes sign, and the report advises to check
     units and signs of this parameter.
     """
@@ -219,7 +220,7 @@ def test_undetermined_parameters_are_named():
 
 @pytest.mark.parametrize("coloured", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_record_without_motion_fails(coloured):
-    """Sensor noise alone does not pass: parameters are not determined."""
+    """A record of constant columns with white or colored sensor noise determines no parameters."""
     noise, still = record(3, 0.9 * coloured), record(3, sensors={})
     columns = {"time": noise["time"]}
     for name in list(noise)[1:]:
@@ -290,7 +291,7 @@ def test_the_band_of_a_dynamic_parameter_is_that_of_its_closed_form():
 
 
 def test_noise_slower_than_the_maneuver_fails():
-    """Noise with a time constant of 3 s is beyond the correction of the bands."""
+    """Noise with a time constant of 3 s widens the bands by more than 8, beyond their correction."""
     model, columns = lag(lambda u, k, x: u - k * x, 1.2)
     slow = lfilter([1.0], [1.0, -0.985], np.random.default_rng(0).standard_normal(2000))
     columns["x"] = columns["x"] + 0.02 * slow[-len(columns["x"]) :]
@@ -328,7 +329,7 @@ def test_a_band_is_that_of_a_regression():
     assert 0.5 * (found.high - found.low) == pytest.approx(1.959964 * error, rel=0.01)
 
 
-def test_correlated_parameters_are_told():
+def test_correlated_parameters_are_named():
     """The gains of two inputs that move alike are estimated with a correlation near -1."""
     generator = np.random.default_rng(4)
     time, u = 0.1 * np.arange(60), generator.standard_normal(60)
@@ -361,7 +362,7 @@ def test_a_search_that_ends_early_fails(monkeypatch):
 
 
 def test_an_estimate_ends_at_the_limit_of_its_parameter():
-    """Beyond its limit, the search keeps the parameter there, and the result says so."""
+    """Cm_alpha, whose true value is beyond its limit, ends at the limit, and the result says so."""
     limit = 0.9 * true_value("Cm_alpha")
     signals = dict(LONGITUDINAL.parameters)
     signals["Cm_alpha"] = signals["Cm_alpha"]._replace(min=limit, start=0.5 * limit)

@@ -71,7 +71,7 @@ REFUSED = {
 
 @pytest.mark.parametrize("fault", REFUSED)
 def test_a_faulty_record_is_refused(fault):
-    """The message names the record, the column and the fault."""
+    """A record with one fault of `REFUSED` is refused: the message names record, column and fault."""
     columns = record()
     changes, message = REFUSED[fault]
     for name, change in changes.items():
@@ -109,9 +109,11 @@ def written(path, columns, degrees):
 
 
 def test_the_command_writes_an_aircraft(folder):
-    """The file names its aircraft relative to itself and contains the estimates and the values of
-    --given; a changed aircraft is refused. With --inputs, the estimate is that of Python.
-    The exit code of a record with a frozen sensor is 1.
+    """The file that `hfa identify` writes names its aircraft relative to itself, and contains the
+    estimates and the values of --given; it is refused once the file of the aircraft has changed.
+
+    With --inputs steps, the estimate is another one, that of Python. A record with a frozen sensor
+    has exit code 1.
     """
     for name in ("data", "results"):
         Path(name).mkdir()

@@ -430,9 +430,9 @@ def _weight(samples: Sequence[Sample]) -> np.ndarray:
 
 
 def _first_weight(C: np.ndarray) -> np.ndarray:
-    """Return W = -(C'P + P C) with P = T⁻'T⁻¹, T a real basis of the modes of C: W > 0 if C is stable.
+    """Return W = -(C'P + P C) with P = T⁻'T⁻¹, T a real basis of the modes of C.
 
-    If modes coincide, W = 1.
+    W > 0 if C is stable. If modes of C coincide, W = 1.
     """
     T = real_basis(*np.linalg.eig(C))
     if np.linalg.cond(T) > _COINCIDENT:
