@@ -103,8 +103,7 @@ def _listed(records: Any) -> list[Any]:
     from hfa_flight.simulate.flight import Flight
 
     is_table = hasattr(records, "columns")
-    is_one = is_table or isinstance(records, Flight | Record | Mapping | str | Path)
-    if is_one:
+    if is_table or isinstance(records, Flight | Record | Mapping | str | Path):
         return [records]
     if not isinstance(records, Iterable):
         raise BadInputError(f"records is of type {type(records).__name__}; give a path or a table")

@@ -242,8 +242,8 @@ class OutputError:
     def _first_lower(
         self, current: Fit, undamped: Step, first: int, number: int
     ) -> tuple[int, Fit | None]:
-        """Return the index of the first of `_TRIALS` whose step does not raise L, and the fit after it,
-        or None if the step of every trial raises L or fails.
+        """Return the index of the first of `_TRIALS` whose step does not raise L, and the fit after
+        it, or None if the step of every trial raises L or fails.
         """
         low, high = self.bounds.T
         for trial in range(first, len(_TRIALS)):
@@ -365,7 +365,7 @@ class OutputError:
             right += normal.g - normal.B @ inverse_A @ normal.h
         below = (current.theta <= self.bounds[:, 0]) & (right < 0.0)
         above = (current.theta >= self.bounds[:, 1]) & (right > 0.0)
-        # The standard deviation is at least 1 / √diag(total): the bounds are closer than `_LOOSE` of it.
+        # The standard deviations are at least 1 / √diag(total).
         with np.errstate(invalid="ignore"):  # without information, or without bounds
             undetermined = np.diag(total) * np.ptp(self.bounds, axis=1) ** 2 < _LOOSE**2
         moves = ~(below | above | undetermined)
