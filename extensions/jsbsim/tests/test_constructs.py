@@ -41,7 +41,9 @@ QUICK = {
 
 @needs_jsbsim
 def test_unusual_constructs_agree_are_noted_or_are_refused(tmp_path):
-    """Each unusual construct agrees with JSBSim, is reported in a note, or is refused."""
+    """Of a jet with one unusual construct, the accelerations agree with JSBSim, or a note reports
+    the construct, or the file is refused, as listed in `QUICK`.
+    """
     judged = compare_constructs(list(QUICK), tmp_path)
     assert {each.name: each.verdict for each in judged} == QUICK
 
@@ -59,8 +61,10 @@ def test_no_difference_remains_unreported(tmp_path):
 
 @needs_jsbsim
 def test_an_unreported_difference_is_detected(tmp_path, monkeypatch):
-    """The comparison detects a reader that ignores a construct without a note (planted error)."""
-    # Planted error: a reader that ignores the construct.
+    """The comparison calls a reader silent that ignores a construct without a note.
+
+    The planted reader returns the model of the jet without the construct.
+    """
     monkeypatch.setattr(judging, "read_model", lambda path: read_without_its_construct(tmp_path))
     (judgement,) = compare_constructs(["functions: force at the center of gravity"], tmp_path)
     assert judgement.verdict == "silent"

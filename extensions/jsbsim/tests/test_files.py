@@ -21,6 +21,8 @@ from small_aircraft import (
 from hfa import BadInputError, load_model, trim
 
 TABLE = "<table> <independentVar>aero/alpha-rad</independentVar> <tableData>{}</tableData> </table>"
+#: States of the glider: 120 ft/s, alpha 0.1 rad, 1000 ft; all others are 0.
+STATES = [120.0, 0.1, *[0.0] * 7, 1000.0]
 
 
 def model_of(folder, text):
@@ -28,7 +30,11 @@ def model_of(folder, text):
 
 
 def test_a_glider_is_read_by_path(tmp_path):
-    """A glider outside JSBSim's folder has the glide angle of its analytical polar."""
+    """A glider outside JSBSim's folder is trimmed on its polar C_D = 0.03 + 0.05 C_L².
+
+    The lift coefficient is 5 alpha. Pitch has the coefficients -1 for alpha and for the surface,
+    which moves 0.3 rad for the command 1.
+    """
     model = model_of(tmp_path, glider())
     point = trim(model, hold={"speed": 120.0})
     outputs = model.outputs_at(point.states, point.inputs)
@@ -38,7 +44,7 @@ def test_a_glider_is_read_by_path(tmp_path):
 
 
 def test_provenance_changes_with_every_file(tmp_path):
-    """The provenance changes if an included file changes."""
+    """The digest of an aircraft changes if a letter of a file that it includes does."""
     control = '<flight_control file="stick"/>'
     text = glider(control=control)
     stick = tmp_path / "aircraft" / "glider" / "stick.xml"
@@ -61,9 +67,10 @@ DECLARED = glider(
 
 
 def test_declared_commands_become_inputs(tmp_path):
-    """A command that nothing sets is an input that a trim imposes, and solves for if it is free.
+    """The command fcs/elevon-cmd, which nothing sets, is an input that a trim keeps at -0.1.
 
-    Both names of the input are accepted. With ?inputs= it is free.
+    A note and the refusal of the trim propose --free, with which the trim solves for it, by either
+    of its names. With ?inputs= it is free, and has the value of the elevator of the plain glider.
     """
     path = written(tmp_path, DECLARED)
     alone = load_model(path)
@@ -210,7 +217,7 @@ def test_a_fault_is_reported_with_file_and_line(tmp_path, text, fault):
 
 
 def test_xml_entities_are_replaced_by_text(tmp_path):
-    """XML entities are replaced by their text."""
+    """An entity &area; for the wing area gives the initial speed of the area as a number."""
     text = glider().replace("<fdm_config", '<!DOCTYPE a [<!ENTITY area "150">]>\n<fdm_config', 1)
     model = model_of(tmp_path, text.replace("> 150 <", "> &area; <"))
     assert model.states["speed"].start == pytest.approx(
@@ -226,12 +233,15 @@ SETS = (
 
 
 def test_a_property_that_nothing_sets_is_a_constant(tmp_path):
-    """It is 0 as in JSBSim, noted by its name, by which --hold sets it."""
+    """A side force that reads sim/gust, which nothing sets, has the parameter gust, 0 as in JSBSim.
+
+    A note proposes --hold. With gust = 1, the side force coefficient is 2.
+    """
     path = written(tmp_path, glider(LIFT + REST + force("SIDE", slope(2.0, "sim/gust"))))
     model = load_model(path)
     assert any(re.search(r"--hold.*glider.xml: \d+ sim/gust", each) for each in model.about.notes)
     assert model.about.aliases["sim/gust"] == "gust"
-    x, u = [120.0, 0.1, *[0.0] * 7, 1000.0], [0.0] * 3
+    x, u = STATES, [0.0] * 3
     still, pushed = (model.with_parameters(gust=value).rates_at(x, u)["beta"] for value in (0, 1))
     assert still == pytest.approx(load_model(written(tmp_path, glider())).rates_at(x, u)["beta"])
     # SIDE = 2 q S, where the lift coefficient at 0.1 rad is 0.5
@@ -250,17 +260,22 @@ def test_a_property_that_nothing_sets_is_a_constant(tmp_path):
     ],
 )
 def test_only_what_moves_a_force_may_not_be_set(tmp_path, name, said):
-    """A property of JSBSim that the aircraft does not have, or that moves no force, may be set."""
+    """A system may set a property of JSBSim that moves no force, such as one of an engine that the
+    glider does not have.
+    """
     path = written(tmp_path, glider(more=SETS.format(name)))
     if said:
         with pytest.raises(BadInputError, match=rf"glider.xml:\d+: {name} {said}"):
             load_model(path)
     else:
-        assert load_model(path).rates_at([120.0, 0.1, *[0.0] * 7, 1000.0], [0.0] * 3)
+        assert load_model(path).rates_at(STATES, [0.0] * 3)
 
 
 def test_the_property_that_stops_the_engine_is_named(tmp_path):
-    """Where the throttle moves no thrust, the first lines say which constant starts the engine."""
+    """If the throttle moves no thrust, a warning says which value starts the engine.
+
+    The tank is open if sim/fuel is 1; the engine runs if engine0 is 1.
+    """
     valve = (
         '<pure_gain name="fcs/probe"> <input>sim/fuel</input> <gain>1</gain>'
         " <output>propulsion/tank/priority</output> </pure_gain>"
@@ -274,13 +289,18 @@ def test_the_property_that_stops_the_engine_is_named(tmp_path):
 
 
 def test_a_constant_that_no_control_reads_is_no_input(tmp_path):
-    """It turns the aircraft, whose elevator moves nothing, and --hold sets it."""
+    """sim/gust pitches the glider in place of the elevator, but no control component reads it.
+
+    Such a constant is a parameter, unlike a command.
+    """
     text = glider(LIFT + REST.replace("fcs/elevator-pos-rad", "sim/gust"))
     assert "gust" in model_of(tmp_path, text).parameters
 
 
 def test_the_velocity_over_the_ground_is_an_output(tmp_path):
-    """Of a glider that descends at 0.1 rad with the heading 0.3 rad."""
+    """A glider at 120 ft/s that descends at 0.1 rad with the heading 0.3 rad has the ground speed
+    120 cos(0.1) and the track 0.3 rad.
+    """
     model = model_of(tmp_path, glider())
     found = model.outputs_at([120.0, 0.1, *[0.0] * 6, 0.3, 1000.0], [0.0] * 3)
     expected = {"ground_speed": (120.0 * np.cos(0.1), "ft/s"), "track": (0.3, "rad")}
@@ -289,7 +309,10 @@ def test_the_velocity_over_the_ground_is_an_output(tmp_path):
 
 
 def test_a_constant_whose_loop_is_off_keeps_its_value(tmp_path):
-    """An autopilot that a property switches off is no loop, and no value of it may switch it on."""
+    """The elevator follows its own position if sim/on is 1, a loop, and else the stick.
+
+    sim/on, which nothing sets, is 0. It keeps this value, is no parameter, and is noted.
+    """
     switch = (
         '<switch name="s"> <default value="fcs/elevator-cmd-norm"/> <test value="fcs/s">'
         " sim/on == 1 </test> <output>fcs/elevator-pos-rad</output> </switch>"
@@ -302,7 +325,10 @@ def test_a_constant_whose_loop_is_off_keeps_its_value(tmp_path):
 
 
 def test_a_number_ends_where_the_next_begins(tmp_path):
-    """As JSBSim reads them, 0.87.5 are two numbers of a table."""
+    """In a table, 0.87.5 are the numbers 0.87 and .5, as JSBSim reads them.
+
+    At 0.435 rad, half of 0.87, the lift coefficient is 0.3, the mean of .1 and .5.
+    """
     of_lift = force("LIFT", TABLE.format("\n0 .1\n0.87.5\n"))
     x, u = [120.0, 0.435, *[0.0] * 7, 1000.0], [0.0] * 3
     ratios = [
@@ -343,14 +369,14 @@ def test_a_number_ends_where_the_next_begins(tmp_path):
     ],
 )
 def test_components_have_their_steady_output_in_the_model(tmp_path, component, positions):
-    """In the model, the output of a component of the flight control system is its steady value for
-    the present input. A note names a hysteresis, which it has not.
+    """The elevator position behind a component is its steady output for the present command.
+
+    A note names half of a hysteresis, 0.025, which the model omits.
     """
     model = model_of(tmp_path, with_elevator(component))
-    x = [120.0, 0.1, *[0.0] * 7, 1000.0]
     for command, position in positions.items():
         u = [command if name == "elevator" else 0.0 for name in model.inputs]
-        outputs = model.outputs_at(x, u)
+        outputs = model.outputs_at(STATES, u)
         assert outputs["elevator_position"] == pytest.approx(position, abs=1e-14)
     notes = [note for note in model.about.notes if "hysteresis" in note]
     assert len(notes) == component.count("<hysteresis_width>")
@@ -360,8 +386,7 @@ def test_components_have_their_steady_output_in_the_model(tmp_path, component, p
 def test_a_surface_behind_an_integrator_is_an_input(tmp_path):
     """If the stick acts through an integrator, the surface position is the input of the model.
 
-    The position is limited by <clipto>. In trim, the position is the angle of attack with the
-    opposite sign.
+    The position is limited by <clipto>. In trim, the pitching moment -alpha - elevator is 0.
     """
     pid = (
         '<pid name="e"> <input>fcs/elevator-cmd-norm</input> <kp>1</kp> <ki>0.1</ki> <clipto>'
@@ -380,17 +405,19 @@ def test_lift_by_rate_of_alpha_gives_analytical_rate(tmp_path):
     term = slope(0.02, "aero/alphadot-rad_sec")
     model = model_of(tmp_path, glider(force("LIFT", slope(5.0, "aero/alpha-rad"), term) + REST))
     plain = model_of(tmp_path, glider())
-    x = [120.0, 0.1, *[0.0] * 7, 1000.0]  # 120 ft/s, alpha = 0.1 rad, 1000 ft
-    rate = model.rates_at(x, [0.0] * 3)["alpha"]
-    without = plain.rates_at(x, [0.0] * 3)["alpha"]
-    outputs = plain.outputs_at(x, [0.0] * 3)
+    rate = model.rates_at(STATES, [0.0] * 3)["alpha"]
+    without = plain.rates_at(STATES, [0.0] * 3)["alpha"]
+    outputs = plain.outputs_at(STATES, [0.0] * 3)
     # L / W = 5 alpha q S / (m g), with g in ft/s²
     pressure_per_momentum = outputs["lift_to_weight"] / (5.0 * 0.1) * 32.174049 / 120.0
     assert rate == pytest.approx(without / (1.0 + 0.02 * pressure_per_momentum), rel=1e-9)
 
 
 def test_the_sign_of_the_inertia_product_is_read(tmp_path):
-    """The sign of the product of inertia follows the attribute of the file."""
+    """With negated_crossproduct_inertia="false", the product of inertia has the other sign.
+
+    Equal moments then cause the accelerations of the matrix with -100 in place of 100 slug ft².
+    """
     tilted = METRICS.replace("<emptywt", '<ixz unit="SLUG*FT2"> 100 </ixz> <emptywt')
     x = [120.0, 0.1, 0.05, *[0.0] * 6, 1000.0]
     rates = []
@@ -406,7 +433,9 @@ def test_the_sign_of_the_inertia_product_is_read(tmp_path):
 
 
 def test_a_command_that_moves_no_force_is_not_noted(tmp_path):
-    """A note has only commands that move a force, and each of them can be an input."""
+    """Of fcs/live-cmd, which pitches the glider, and fcs/dead-cmd, whose gain is 0, the first alone
+    is an input and is noted. It can also be named by ?inputs=.
+    """
     damper = (
         '<channel name="damper"> <pure_gain name="idle"> <input>fcs/dead-cmd</input>'
         " <gain>0</gain> <output>fcs/idle</output> </pure_gain> <summer name='live'>"
@@ -429,7 +458,7 @@ def test_a_command_that_moves_no_force_is_not_noted(tmp_path):
 
 
 def test_a_link_to_itself_is_refused(tmp_path):
-    """In one line, as a FIFO is."""
+    """`hfa trim` of a file that is a symbolic link to itself has exit code 2."""
     path = tmp_path / "glider.xml"
     path.symlink_to(path)
     assert_refused(run("trim", "--aircraft", str(path)), 2, "cannot be read")

@@ -7,8 +7,7 @@ from small_aircraft import needs_jsbsim
 from hfa import linearize, load_model, trim
 
 pytestmark = needs_jsbsim
-#: JSBSim's name -> name in the model. The derivative of its altitude rate with respect to roll is
-#: wrong.
+#: JSBSim's name -> name in the model.
 STATES = {
     "Vt": "speed",
     "Alpha": "alpha",
@@ -20,13 +19,15 @@ STATES = {
     "R": "yaw_rate",
 }
 INPUTS = {"ThtlCmd": "throttle", "DaCmd": "aileron", "DeCmd": "elevator", "DrCmd": "rudder"}
+#: Derivatives that are wrong in JSBSim: of the speed's rate with respect to roll.
 FAULTS = {("Vt", "Phi")}
 
 
 def differences(name, kcas):
     """Return the largest relative differences of the model's A and B from JSBSim's linear model.
 
-    The result has the keys "A", "B" and "beta", the column of beta in A, which has nonsmooth points at 0.
+    The result has the keys "A", "B" and "beta", the column of beta in A. A difference is relative to
+    the entry, or absolute for entries below 1.
 
     kcas: calibrated airspeed, kt
     """

@@ -25,10 +25,8 @@ DIVE = {"altitude": 7000.0, "throttle": 0.0, "elevator": 0.0, "aileron": 0.0, "r
 
 
 def residual(name, held, parameters, free=()):
-    """Return the largest acceleration in JSBSim at the model's trim, and two weights of the
-    aircraft.
-
-    The weights are those of the model and of JSBSim, lb.
+    """Return the largest acceleration in JSBSim at the model's trim, ft/s² or rad/s², and the
+    weights of the aircraft in the model and in JSBSim, lb.
 
     held: values imposed on the trim
     parameters: values of parameters, such as tank contents
@@ -86,9 +84,7 @@ def residual(name, held, parameters, free=()):
 )
 def test_trims_have_no_acceleration_in_jsbsim(name, held, parameters, free):
     """At the model's trims with loads, wind and failed engines, JSBSim's accelerations are below
-    1e-9.
-
-    The weights of the aircraft in both programs agree.
+    1e-9 ft/s² or rad/s², and the weights in both programs agree.
     """
     acceleration, weight, weight_in_jsbsim = residual(name, held, parameters, free)
     assert acceleration < 1e-9
@@ -102,7 +98,8 @@ def test_warm_air_is_that_of_jsbsim(name):
     Mach number and density altitude.
 
     With `atmosphere/delta-T` 27 °R, JSBSim has at 5000 ft the pressure of 4752.54 ft in the standard
-    atmosphere and the temperature 527.843473790188 °R, which is warmer by 14.509964093413366 K.
+    atmosphere and the temperature 527.843473790188 °R, which is warmer by 14.509964093413366 K. The
+    model has the altitude of the pressure, and the parameter isa for the warmer air.
     """
     true_altitude, altitude, warmer = 5000.0, 4752.541346072101, 14.509964093413366
     gravity = GRAVITY * (RADIUS / (RADIUS + true_altitude)) ** 2
@@ -118,13 +115,13 @@ def test_warm_air_is_that_of_jsbsim(name):
 
 
 def test_downward_wind_changes_climb_rate_not_pitch_acceleration(tmp_path):
-    """A downward wind changes the climb rate but not the pitch acceleration.
+    """A steady downward wind changes the climb rate but not the pitch acceleration.
 
     An updraft acts on the pitch acceleration as the angle of attack and the airspeed that it causes,
-    and a gust to the east on the yaw acceleration as the sideslip.
+    and a gust to the east, for a heading north, on the yaw acceleration as the sideslip.
     """
     model = load_model(written(tmp_path, glider()))
-    x = [120.0, 0.1, *[0.0] * 7, 1000.0]
+    x = [120.0, 0.1, *[0.0] * 7, 1000.0]  # 120 ft/s, alpha 0.1 rad, 1000 ft, all else 0
     u = [0.0] * len(model.inputs)
     still = model.rates_at(x, u)
     sinking = model.with_parameters(wind_down=5.0).rates_at(x, u)
@@ -150,7 +147,7 @@ WASHOUT = (
 def test_replaced_commands_are_zero_in_filters():
     """Filters of the F-22 receive a centered stick, because the surface positions are the inputs.
 
-    The states of the filters decay at the same rate with the surfaces at any position.
+    From 1, the states of two filters decay, at the same rate with the surfaces at 0 and 0.1 rad.
     """
     model = load_model("jsbsim:f22?filters=states")
     assert model.inputs["elevator"].unit == "rad"
@@ -166,7 +163,8 @@ def test_replaced_commands_are_zero_in_filters():
 
 
 def test_a_washout_becomes_a_state_with_filters_option(tmp_path):
-    """With the option filters=states, a washout filter has a state with the expected derivatives.
+    """With filters=states, the state y of the washout s / (s + 0.5) of the yaw rate r has the rate
+    0.5 (r - y), and its output r - y damps the yaw.
 
     Without the option, a note reports that the output of the filter is 0.
     """
@@ -187,10 +185,10 @@ def test_a_washout_becomes_a_state_with_filters_option(tmp_path):
     assert linear.A[state, rate] == pytest.approx(0.5)
     assert linear.A[state, state] == pytest.approx(-0.5)
     assert linear.A[rate, state] > 0.0
-    # The output is the yaw rate minus the state of the filter; without this state it is 0.
+    # The output r - y acts on the yaw acceleration with opposite slopes for r and for y.
     point = trim(steady, hold={"speed": 120.0})
-    at_once = linearize(steady, point).A[rate, rate] - linear.A[rate, state]
-    assert linear.A[rate, rate] == pytest.approx(at_once)
+    without_damper = linearize(steady, point).A[rate, rate]
+    assert linear.A[rate, rate] == pytest.approx(without_damper - linear.A[rate, state])
 
 
 DAMPERS = {
@@ -209,8 +207,8 @@ DAMPERS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", DAMPERS)
 def test_a_damper_with_filter_states_agrees_with_jsbsim(tmp_path, kind):
-    """With filters as states, the yaw rate of an aircraft with a damper is ten times closer to
-    JSBSim's.
+    """After a second of flight with a yaw damper, the yaw rate with filters as states is ten times
+    closer to JSBSim's than that with the static gain of the filter.
     """
     text = DAMPERS[kind].format("velocities/r-rad_sec", "<output>fcs/probe</output>")
     axis = coefficient(slope(-0.3, "fcs/probe"), slope(0.1, "aero/beta-rad"), length="bw-ft")

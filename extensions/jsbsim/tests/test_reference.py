@@ -80,6 +80,7 @@ def misses(name, count):
 
 
 def test_a_glider_accelerates_as_in_jsbsim():
+    """At two random states and commands, the accelerations of the SGS 1-26 agree to 1e-12."""
     acceleration, *_ = misses("sgs126", 2)
     assert acceleration < 1e-12
 
@@ -87,9 +88,10 @@ def test_a_glider_accelerates_as_in_jsbsim():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", compared())
 def test_all_aircraft_accelerate_as_in_jsbsim(name):
-    """Accelerations and thrust of all aircraft agree with JSBSim, to 1e-9 where it has settled.
+    """At five random points, accelerations and thrust agree with JSBSim to a relative 1e-9.
 
-    At JSBSim's propeller speeds, the propellers of the model are in equilibrium.
+    JSBSim is run until its engines have settled, or for two minutes (`SLOW`). At its propeller
+    speeds, the propellers of the model are in equilibrium.
     """
     acceleration, thrust, turning = misses(name, 5)
     tolerance = SLOW.get(name, 1e-9)

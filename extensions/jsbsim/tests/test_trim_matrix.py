@@ -15,6 +15,7 @@ from hfa import load_model
 pytestmark = [needs_jsbsim, pytest.mark.slow]
 #: Radius of an almost flat Earth, ft: the model assumes a flat one.
 FLAT = 1e12
+#: Condition -> its result in the matrix; all others are "trimmed".
 RESULTS = {"stall": "stalled", "too slow": "no trim"}
 
 
@@ -44,8 +45,10 @@ def numbers_of(cells):
 
 
 def test_each_row_balances_in_jsbsim(rows):
-    """JSBSim's accelerations are 0 within 1e-5 g, also in a turn and a pull-up with steady rates,
-    and its calibrated airspeed, weight and thrust are those of the row. The stall is called stalled.
+    """JSBSim's accelerations are 0 within 1e-5 g, also in a turn and a pull-up with steady rates.
+
+    Its calibrated airspeed, weight and thrust are those of the row. The result of the condition
+    `stall` is "stalled".
     """
     model = load_model("jsbsim:737")
     flown = {name: cells for name, cells in rows.items() if cells["results"] != "no trim"}
@@ -69,7 +72,9 @@ def test_each_row_balances_in_jsbsim(rows):
 
 
 def test_each_row_is_the_flight_that_its_name_says(rows):
-    """Speeds, flight paths, load factors, engines, flap, gear and masses are those imposed."""
+    """Rows such as glide, turn 1.3 g, sideslip (3 deg) and engine out have the values of the flight
+    that examples/737_conditions.csv describes under this name.
+    """
     rows = {name: numbers_of(cells) for name, cells in rows.items()}
     assert rows["cruise"]["mach"] == pytest.approx(0.7)
     pressure, radius = 35000.0, 6356766.0 / 0.3048  # ft, of U.S. Standard 1976
@@ -85,5 +90,7 @@ def test_each_row_is_the_flight_that_its_name_says(rows):
     assert rows["engine out"]["engine1"] == 0.0
     assert abs(rows["engine out"]["rudder"]) > 0.1
     assert rows["landing"]["flap"] == rows["landing"]["gear"] == 1.0
-    assert rows["heavy"]["weight"] == rows["cruise"]["weight"] + 11000.0
+    assert (
+        rows["heavy"]["weight"] == rows["cruise"]["weight"] + 11000.0
+    )  # tank2: 15,000 for 4000 lb
     assert rows["stall"]["alpha"] == pytest.approx(math.radians(15.0))

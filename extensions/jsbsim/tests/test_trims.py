@@ -12,12 +12,13 @@ from hfa import BadInputError, linearize, load_model, trim
 
 @needs_jsbsim
 def test_a_calibrated_airspeed_has_its_impact_pressure():
-    """The impact pressure of a speed at altitude is that of its calibrated airspeed at sea level.
+    """The impact pressure of a speed at 20,000 ft is that of its calibrated airspeed at sea level.
 
     Source: the formulas of Saint-Venant and Rayleigh, below and above Mach 1.
     """
 
     def ratio(mach):
+        """Return impact pressure over static pressure."""
         if mach < 1.0:
             return (1.0 + 0.2 * mach**2) ** 3.5 - 1.0
         return 166.92158 * mach**7 / (7.0 * mach**2 - 1.0) ** 2.5 - 1.0
@@ -37,11 +38,8 @@ def test_a_calibrated_airspeed_has_its_impact_pressure():
 
 @needs_jsbsim
 @pytest.mark.slow
-def test_yaw_that_only_switches_is_no_obstacle():
-    """The F-16 is linearized, although its yaw enters the equations only as a switch condition.
-
-    Linear models do not contain yaw.
-    """
+def test_yaw_in_a_condition_does_not_prevent_a_linear_model():
+    """The F-16 is linearized without yaw, on which only a condition of its equations depends."""
     model = load_model("jsbsim:f16")
     linear = linearize(model, trim(model))
     assert "yaw" not in linear.states
@@ -67,9 +65,8 @@ def test_the_linear_model_contains_the_propeller_mode():
 
 @needs_jsbsim
 def test_a_governed_propeller_trims_at_lowest_blade_angle():
-    """At low speed a governed propeller is trimmed at the lowest blade angle and below 2400 rpm.
-
-    At high speed the propeller turns at 2400 rpm.
+    """At 110 kt, the governor of the Cessna 182 holds 2400 rpm. At 60 kt, with the blades at their
+    lowest angle, the propeller turns slower.
     """
     model = load_model("jsbsim:c182")
     fast = trim(model, kcas=110.0, altitude=5000.0)
@@ -103,7 +100,7 @@ def test_a_governed_propeller_trims_at_lowest_blade_angle():
     ],
 )
 def test_missing_trims_are_explained(name, held, reason):
-    """The message on a missing trim states its physical reason for each aircraft."""
+    """The line on a condition without a trim states its physical reason, such as missing thrust."""
     message = explained_failure(f"jsbsim:{name}", **held)
     assert re.search(f"no trim: .*{reason}", message)
 
@@ -123,14 +120,14 @@ def explained_failure(aircraft, *options, **held):
 @needs_jsbsim
 @pytest.mark.slow
 def test_failed_engines_are_not_counted():
-    """The message on missing thrust counts only the engines that run."""
+    """The message on the missing thrust of the twin C310 with a failed engine counts one engine."""
     message = explained_failure("jsbsim:c310", speed=250.0, altitude=5000.0, engine1=0.0)
     assert re.search(r"full throttle gives \d+ lb from 1 x \d+ hp: ", message)
 
 
 @needs_jsbsim
 def test_an_empty_tank_is_noted():
-    """An empty tank is noted, and the trim is a glide without thrust."""
+    """The tank of the X-15 is empty in its file: a note says so, and the trim is a steep glide."""
     model = load_model("jsbsim:X15")
     assert any("tank of" in note and "the trim is a glide" in note for note in model.about.notes)
     point = trim(model)
@@ -146,19 +143,17 @@ def test_an_empty_tank_is_noted():
     ],
 )
 def test_missing_lift_is_explained(speed, reason, tmp_path):
-    """At 15 ft/s the greatest lift is too small, at any elevator; at 60 ft/s the elevator is.
-
-    At 60 ft/s, the wing alone would carry more than the weight below an alpha of 40 deg.
+    """At 15 ft/s, the greatest lift of the glider is below its weight at any elevator. At 60 ft/s,
+    it is above the weight below an alpha of 40 deg, to which the elevator cannot trim.
     """
     aircraft = written(tmp_path, glider())
     assert re.search(reason, explained_failure(aircraft, "--units", "si", speed=0.3048 * speed))
 
 
-def test_missing_jsbsim_aircraft_are_refused(monkeypatch, tmp_path):
-    """A missing aircraft folder is refused. An unknown name is refused with the aircraft that
-    exist.
+def test_aircraft_are_found_by_name_in_the_folder_of_jsbsim(monkeypatch, tmp_path):
+    """An aircraft in $JSBSIM_ROOT is read by its name, and has JSBSim's names of signals.
 
-    An aircraft in the folder is read by its name.
+    A folder without aircraft is refused; an unknown name is refused with those that exist.
     """
     monkeypatch.setenv("JSBSIM_ROOT", str(tmp_path))
     with pytest.raises(BadInputError, match="which contains no folder named aircraft"):
@@ -174,13 +169,15 @@ def test_missing_jsbsim_aircraft_are_refused(monkeypatch, tmp_path):
 
 @needs_jsbsim
 def test_throttles_are_equal_and_a_stopped_engine_is_named_as_typed():
-    """The default trim is symmetric, also in gusts. One engine out is balanced by the rudder, and
-    its name is that of the input or parameter that is held.
+    """The default trim of the 737 with two throttles has equal throttles and no rudder.
+
+    One engine out is balanced by the rudder, and the title names it by the input or parameter that
+    is held. In gusts, the output throttle_split0 is still throttle1 - throttle0.
     """
     model = load_model("jsbsim:737?throttles=each")
     point = trim(model)
     in_gusts = model.at(point.states, point.inputs, ("throttle_split0",), disturbances=("updraft",))
-    assert in_gusts.D[0, -2:].tolist() == [-1.0, 1.0]
+    assert in_gusts.D[0, -2:].tolist() == [-1.0, 1.0]  # by throttle0 and throttle1
     assert point["throttle0"] == pytest.approx(point["throttle1"], abs=1e-12)
     assert abs(point["rudder"]) < 1e-12
     for failed, words in (
@@ -195,7 +192,10 @@ def test_throttles_are_equal_and_a_stopped_engine_is_named_as_typed():
 
 @needs_jsbsim
 def test_a_lever_is_a_share_of_its_travel_or_an_angle():
-    """The flap of the Cessna has 30 deg at the lever's 1; the sheet has the angle that acts."""
+    """The flaps of the Cessna 172 are at 30 deg for the lever at 1, and may be given as an angle.
+
+    The sheet of a trim has the position of the lever, and the angle in a note.
+    """
     plane = load_model("jsbsim:c172p")
     assert plane.number("flap", "10 deg") == pytest.approx(1.0 / 3.0, rel=1e-12)
     assert plane.with_parameters(flap="30 deg").parameters["flap"].start == 1.0  # not beyond it
@@ -219,4 +219,5 @@ def test_a_lever_is_a_share_of_its_travel_or_an_angle():
     ],
 )
 def test_a_parameter_beyond_its_limits_is_refused(aircraft, held, said):
+    """`hfa trim --hold NAME=VALUE` beyond a limit has exit code 2, and names the limit."""
     assert_refused(run("trim", "--aircraft", f"jsbsim:{aircraft}", "--hold", held), 2, said)
