@@ -13,9 +13,10 @@ if TYPE_CHECKING:
 
 
 class _Declared:
-    """Base of what a model says about itself: its fields are of the kinds that they state."""
+    """Base class of the declarations below."""
 
     def __post_init__(self) -> None:
+        """Raise BadInputError if a field is not of its annotated type."""
         check_fields(self)
 
 
@@ -64,11 +65,11 @@ class About(_Declared):
     fault: Callable[[], str] | None = None
 
     def name_of(self, typed: str) -> str:
-        """Return the name in the model of a typed name, which may be that in another program."""
+        """Return the name in the model of a typed name, which may be one of `aliases`."""
         return self.aliases.get(typed, typed)
 
     def failed(self) -> str:
-        """Return why the last evaluation of a compiled program failed, or ""."""
+        """Return why the last evaluation of a compiled program failed (`fault`), or ""."""
         return "" if self.fault is None else self.fault()
 
 
@@ -142,6 +143,8 @@ class Source(_Declared):
 
     def reduced(self, parameters: Mapping[str, float]) -> tuple[Any, ...]:
         """Return `reload` and its arguments, for pickle.
+
+        A converted model is converted again. Another one is loaded again from its file.
 
         parameters: name -> value
         """

@@ -172,14 +172,15 @@ def simulate_batch(
         in_window = np.empty((len(flying), end - begin + 1, n))
         in_window[:, 0] = state
         for tick in range(first_tick, last_tick):
-            row = tick * steps - begin
+            row = tick * steps - begin  # of the state at the beginning of the tick
             after = loop.stepper(state, loop.hold(tick, state, flying))
             in_window[:, row + 1 : row + steps + 1] = after
             state = after[:, -1]
         if over is not None:
             mask = over(History(begin, in_window, flying))
             is_over = mask.any(axis=1)
-            first_over = begin + mask[is_over].argmax(axis=1)
+            first_over = begin + mask[is_over].argmax(axis=1)  # number of the first True step
+            # A flight ends with its tick, in which its inputs are held.
             ends[flying[is_over]] = steps * np.ceil(first_over / steps).astype(int)
         if keep:
             kept[flying, begin : end + 1] = in_window
@@ -276,9 +277,9 @@ def _largest_change(before: Figures, after: Figures) -> tuple[str, float]:
         if name in before and name in after:
             (old, _), (new, least) = before[name], after[name]
             change = abs(new - old) / max(abs(new), least)
-        if not change <= largest:
+        if not change <= largest:  # also of a nan
             changed_most = name
-            largest = change if math.isfinite(change) else math.inf  # a nan is a large change
+            largest = change if math.isfinite(change) else math.inf
     return changed_most, largest if changed_most else 0.0
 
 
@@ -317,6 +318,7 @@ def is_within(states: Any, least: Any, most: Any) -> Any:
         return (np.isfinite(states) & (states >= least) & (states <= most)).all(axis=-1)
     limits = zip(*map(ca.vertsplit, (least, states, most)), strict=True)
     inside: list[Any] = [ca.logic_and(low <= x, x <= high) for low, x, high in limits]
+    # An infinite state is within the limits ±inf.
     return ca.logic_and(all_finite(states), reduce(ca.logic_and, inside))
 
 

@@ -201,7 +201,7 @@ def _own_outputs(system: control.NonlinearIOSystem) -> list[str]:
 def _rates_and_outputs(
     system: control.NonlinearIOSystem, time: Any, x: Any, u: Any, p: Any
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return state -> rate, and output -> value, by the functions of a system."""
+    """Return state -> rate, and output -> value, from the functions of a python-control system."""
     params = dict(zip(system.params, p, strict=True))
     arguments = (time, _array_of(x), _array_of(u), params)
     rates = system.updfcn(*arguments)
@@ -215,6 +215,7 @@ def _rates_and_outputs(
 
 def _refuse_time_and_floats(system: control.NonlinearIOSystem, model: Model) -> None:
     """Raise BadInputError if a system depends on time, or turned a symbol into nan."""
+    # float(symbol) and functions of math return nan for a symbol, without an exception.
     time = ca.SX.sym("t")
     columns = map(ca.vertsplit, model.layout.symbols("x", "u", "p"))
     with warnings.catch_warnings(action="ignore", category=FutureWarning):
@@ -233,7 +234,8 @@ def _refuse_time_and_floats(system: control.NonlinearIOSystem, model: Model) -> 
 
 
 def _array_of(vector: Any) -> np.ndarray:
-    """Return a sequence of numbers or symbols as an array, whose entries are not taken apart."""
+    """Return a sequence of numbers or symbols as an array of objects, (n,)."""
+    # np.array would try to convert each CasADi symbol into an array of its own.
     array = np.empty(len(vector), dtype=object)
     array[:] = list(vector)
     return array

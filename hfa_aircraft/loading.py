@@ -193,7 +193,11 @@ def reloaded(text: str, digest: str, parameters: dict[str, float]) -> Model:
 
 
 def _of_data(text: str, kind: str, changed_by: tuple[str, ...] = ()) -> Model:
-    """Return the aircraft in a data file or of a scheme, with its source."""
+    """Return the aircraft in a data file or of a scheme, with its source.
+
+    kind: suffix or scheme (`_format_of`)
+    changed_by: the files of parameters that led to this one, each naming the next
+    """
     with file_faults(text):
         if kind == ".toml" and "aircraft" in read_toml(text):
             model = _of_parameter_file(text, changed_by)
@@ -215,11 +219,12 @@ def _of_parameter_file(path: str, changed_by: tuple[str, ...]) -> Model:
     """Return the aircraft of a file that names another one and new values of its parameters."""
     # The other aircraft may be described by such a file too. Its path is relative to the folder of
     # the file that names it. Code (Python or an FMU) is never executed.
+    # changed_by: as in `_of_data`
     file = ParameterFile.read(path)
     base = _with_files(file.aircraft, lambda name: str(Path(Path(path).parent, name)))
     kind = _format_of(base)
     if kind in ("", COMPILED):
-        if not kind:
+        if not kind:  # Python code, or no aircraft at all
             with prefix_errors(path):
                 _refuse_unnamed(base)
         raise BadInputError(
@@ -250,8 +255,9 @@ def _with_source(model: Model, digest: str, text: str) -> Model:
 
 @lru_cache(maxsize=16)
 def _known_equations(text: str, digest: str) -> list[Callable[..., Any]]:
-    """Return a list for the equations loaded from a text with this digest, at first empty."""
-    # Each call with the same arguments returns the same list.
+    """Return the list with the equations that were loaded from a text with this digest."""
+    # At first the list is empty. The cache returns the same list for the same arguments, so that an
+    # entry which a caller adds is found again.
     return []
 
 
@@ -316,8 +322,8 @@ def _refuse_unnamed(text: str) -> None:
 
 def _format_of(text: str) -> str:
     """Return the scheme or suffix that selects the reader of an aircraft, or "" for Python code."""
-    # It is the scheme, such as "jsbsim" in "jsbsim:737", or else the longest known suffix of the
-    # file. Text after a "?" does not affect the choice.
+    # A scheme, such as "jsbsim" in "jsbsim:737", selects before a suffix, and the longest known
+    # suffix before shorter ones. Text after a "?" does not affect the choice.
     if text.rpartition(":")[0].endswith(".py"):
         return ""
     scheme = text.partition(":")[0]

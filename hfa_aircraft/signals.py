@@ -65,7 +65,7 @@ _RECORDS: dict[tuple[str, ...], Any] = {}
 def record(names: tuple[str, ...]) -> Any:
     """Return the class of named tuples with these field names.
 
-    Each class is created only once.
+    Each class is created only once, so that values with equal names are of one class.
     """
     if names not in _RECORDS:
         remember_record(namedtuple("Values", names))
@@ -76,6 +76,8 @@ def remember_record(kind: Any) -> None:
     """Register a class of named tuples as the one that `record` returns for its field names.
 
     The registered class is a subclass that also supports values["alpha"] and dict(values).
+
+    kind: class of named tuples
     """
 
     def item(values: Any, name: Any) -> Any:
@@ -86,6 +88,7 @@ def remember_record(kind: Any) -> None:
         return getattr(values, name)
 
     def reduced(values: Any) -> Any:
+        """Return what pickle calls to restore the values: the class itself cannot be imported."""
         return _unpickled, (kind._fields, tuple(values))
 
     members = {
@@ -270,7 +273,8 @@ def identifiers(names: Iterable[str]) -> dict[str, str]:
     for name in names:
         plain = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_") or "variable"
         plain = f"v_{plain}" if plain[0].isdigit() else plain
-        found[name] = plain + "_" * seen[plain]  # no plain name ends with "_"
+        # No plain name ends with "_", so that a second "a b" (a_b_) differs from all others.
+        found[name] = plain + "_" * seen[plain]
         seen[plain] += 1
     return found
 
@@ -312,7 +316,10 @@ class PlantNames(NamedTuple):
 
 
 def _as_many(key: str, texts: tuple[str, ...], usual: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the given names or units, or the default ones if none are given."""
+    """Return the given names or units, or the usual ones if none are given.
+
+    key: name of the entry, for messages
+    """
     if not texts:
         return usual
     if len(texts) != len(usual):

@@ -30,11 +30,13 @@ class ParameterSpread:
 
     def draws(self, count: int, seed: int) -> np.ndarray:
         """Return random values of the parameters, (count, n)."""
+        # z, relative to the sizes s, has the covariance C_ij / (s_i s_j). It consists of standard
+        # normal numbers times the square root of this matrix.
         center = np.array(list(self.values.values()))
         sizes = center if self.of_logarithms else np.sqrt(np.diag(self.covariance))
         sizes = np.where(sizes == 0.0, 1.0, sizes)  # of a parameter that is known exactly
         variances, axes = np.linalg.eigh(self.covariance / np.outer(sizes, sizes))
-        # The symmetric square root does not depend on the signs and the order of the eigenvectors.
+        # Unlike V sqrt(variances), this square root does not depend on signs and order of V.
         root = axes * np.sqrt(np.maximum(variances, 0.0)) @ axes.T
         z = np.random.default_rng(seed).standard_normal((count, len(center))) @ root
         return np.asarray(center * np.exp(z) if self.of_logarithms else center + sizes * z)
@@ -47,7 +49,8 @@ class ParameterSpread:
         return [model.with_parameters(**dict(zip(self.values, row, strict=True))) for row in rows]
 
 
-#: Asymmetry and negative eigenvalue of correlations that are rounding, in files with eight digits.
+#: Largest asymmetry and negative eigenvalue of correlations that are rounding, in files with eight
+#: digits.
 _ROUNDING = 1e-8
 _ADVICE = "give the file that `hfa identify -o FILE.toml` writes"
 
@@ -63,8 +66,8 @@ def spread_of_file(path: str, model: Model) -> ParameterSpread:
         raise BadInputError(f"{path} has no [covariance], which --draws requires; {_ADVICE}")
     table = table if isinstance(table, Mapping) else {}
     names, rows = table.get("names", ()), table.get("rows", ())
-    known = isinstance(names, list) and all(name in model.parameters for name in names)
-    if not names or not known or not _is_square(rows, len(names)):
+    are_known = isinstance(names, list) and all(name in model.parameters for name in names)
+    if not names or not are_known or not _is_square(rows, len(names)):
         raise BadInputError(
             f"{path}: [covariance] does not consist of names of parameters and one row for each "
             f"name; {_ADVICE}"
@@ -94,7 +97,7 @@ def spread_of(model: Model, known: Any, held: Collection[str]) -> ParameterSprea
                 "a [covariance]"
             )
         spread = spread_of_set(known)
-    if model.source.native is not None:
+    if model is not native:
         spread = _in_units_of(model, spread)
     is_kept = np.array([name not in held for name in spread.values])
     return replace(
@@ -125,7 +128,7 @@ def _in_units_of(model: Model, spread: ParameterSpread) -> ParameterSpread:
 
 
 def _is_square(rows: Any, size: int) -> bool:
-    """Return True if `rows` is a list of `size` lists of `size` finite numbers."""
+    """Return whether `rows` is a list of `size` lists of `size` finite numbers."""
     if not isinstance(rows, list) or len(rows) != size:
         return False
     return all(
@@ -135,6 +138,7 @@ def _is_square(rows: Any, size: int) -> bool:
 
 def is_covariance(matrix: np.ndarray) -> bool:
     """Return whether a matrix (n, n) can be a covariance: symmetric, no negative eigenvalue."""
+    # The correlations are examined, because parameters of different units differ in size.
     variances = np.diag(matrix)
     sizes = np.sqrt(np.where(variances > 0.0, variances, 1.0))
     with np.errstate(over="ignore"):

@@ -28,7 +28,7 @@ from hfa_support.units import (
 
 #: CasADi's operations that require an angle in radians, with their names in Python.
 _OF_ANGLES = {ca.OP_SIN: "sin", ca.OP_COS: "cos", ca.OP_TAN: "tan"}
-#: Operations whose result has the unit of their arguments.
+#: CasADi's operations whose result has the unit of their arguments.
 _KEEP_THE_UNIT = (ca.OP_ASSIGN, ca.OP_NEG, ca.OP_ADD, ca.OP_SUB)
 
 
@@ -52,12 +52,18 @@ def notes_on_degrees(model: Model) -> list[str]:
 
 @lru_cache(maxsize=16)
 def _angles_in_degrees(layout: Layout, names: tuple[str, ...]) -> tuple[tuple[str, str], ...]:
-    """Return pairs (signal, "sin", "cos" or "tan" of it or of a sum with it in the equations)."""
+    """Return the signals of which the equations compute a sine, cosine or tangent, (signal, "sin").
+
+    A sum or difference that contains the signal counts too.
+
+    names: signals in degrees
+    """
+    # The instructions of the compiled equations are followed in their order: `in_degrees` holds
+    # which signals in degrees each place in memory contains.
     vectors = layout.symbols("x", "u", "p")
     f, y = layout.expressions(vectors, layout.names.outputs)
     program = ca.Function("equations", vectors, [f, y])
     found: dict[tuple[str, str], None] = {}
-    #: Index in memory -> signals in degrees whose sum or difference is stored there.
     in_degrees: dict[int, tuple[str, ...]] = {}
     for number in range(program.n_instructions()):
         operation = program.instruction_id(number)
@@ -107,7 +113,11 @@ def coherent(model: Model) -> Model:
 
 
 def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model], Model]) -> Model:
-    """Return a model with all signals in some units, and with rates per second."""
+    """Return a model with all signals in other units, and with rates per second.
+
+    units: name of a signal -> its unit in the result
+    reload: the public function that converts, by which pickle makes the result again
+    """
     signals = model.signals
     if all(units[name] == signal.unit for name, signal in signals.items()):
         return model
@@ -126,7 +136,7 @@ def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model],
     for name, factor in rate_factors.items():
         rate = model.rate_scale(name) * factor
         converted["states"][name] = converted["states"][name]._replace(rate=rate)
-        factors.setdefault(f"{name}_dot", factor)
+        factors.setdefault(f"{name}_dot", factor)  # imposed rates; a signal of this name is kept
     domain, begin, explain = model.domain, model.trimming.begin, model.trimming.explain
     return replace(
         model,
@@ -173,7 +183,7 @@ def _unscaled(factors: Mapping[str, float], values: Mapping[str, Any]) -> dict[s
 
 
 def _declared(factors: Mapping[str, float], vector: Any) -> Any:
-    """Return a named tuple of converted values in the declared units."""
+    """Return a named tuple of converted values in the declared units of the original model."""
     values = zip(vector._fields, vector, strict=True)
     return record(vector._fields)(*(value / factors[name] for name, value in values))
 
@@ -184,7 +194,10 @@ def _envelope(
     x: Any,
     p: Any,
 ) -> dict[str, tuple[float, float]]:
-    """Return state -> (lowest, highest) in flight, for the state and parameters of a trim."""
+    """Return `Domain.envelope` in converted units, state -> (lowest, highest).
+
+    x, p: state and parameters of a trim, in converted units
+    """
     limits = envelope(_declared(factors, x), _declared(factors, p))
     return {
         name: (low * factors[name], high * factors[name]) for name, (low, high) in limits.items()
@@ -192,7 +205,7 @@ def _envelope(
 
 
 def _check(factors: Mapping[str, float], check: Callable[[Any], None], x: Any) -> None:
-    """Raise BadInputError, with values in the declared units, for a state outside the domain."""
+    """Raise BadInputError as `Domain.check` does, whose message has declared units."""
     check(_declared(factors, x))
 
 
@@ -201,7 +214,7 @@ def _begin(
     begin: Callable[[Mapping[str, Any]], Mapping[str, Any]],
     imposed: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Return variable -> initial value of a trim search."""
+    """Return `Trimming.begin` in converted units, variable -> initial value of a trim search."""
     return _scaled(factors, begin(_unscaled(factors, imposed)))
 
 
@@ -211,7 +224,10 @@ def _explain(
     imposed: Mapping[str, Any],
     solve: Callable[..., Any],
 ) -> str:
-    """Return why a trim does not exist, in words with the units of the declaration."""
+    """Return why no trim exists (`Trimming.explain`), in the declared units.
+
+    imposed, solve: imposed values, and search of a trim, in converted units
+    """
 
     def solve_declared(hold: Mapping[str, Any], free: tuple[str, ...]) -> dict[str, Any] | None:
         """Return the trim that `solve` finds, with values in the declared units."""

@@ -68,10 +68,10 @@ class Waveform(Result, Reported):
         """Time at which the harmonics end, s: inf with harmonics, 0 without."""
         return math.inf if self.harmonics else 0.0
 
-    # The results of NumPy for numbers and of CasADi for expressions have no common type.
     def at(self, t: Any) -> Any:
         """Return s(t): an array (n,) for a number t, a CasADi column for an expression t."""
-        if not isinstance(t, (ca.SX, ca.MX)):
+        # Arrays and columns have no common type.
+        if not isinstance(t, ca.SX | ca.MX):
             return self.sampled(np.array([t]))[0]
         value: Any = ca.DM(self.constant) + ca.DM(self.slope) * t
         for h in self.harmonics:
@@ -98,7 +98,7 @@ class Waveform(Result, Reported):
     @property
     def oscillates(self) -> np.ndarray:
         """Whether each channel has a sine or cosine, (n,)."""
-        waves = np.zeros(self.size, dtype=bool)
+        waves = np.zeros(len(self.constant), dtype=bool)
         for h in self.harmonics:
             waves |= (h.sine != 0.0) | (h.cosine != 0.0)
         return waves
@@ -131,7 +131,7 @@ class Waveform(Result, Reported):
             Harmonic(h.frequency, -h.frequency * h.cosine, h.frequency * h.sine)
             for h in self.harmonics
         )
-        return Waveform(self.slope, np.zeros(self.size), waves)
+        return Waveform(self.slope, np.zeros(len(self.slope)), waves)
 
 
 #: A number without sign, as people write it: 7, .5, 1e-3.
@@ -159,8 +159,8 @@ def channel(text: str) -> Waveform:
     begin = 0
     while begin < len(packed):
         term = _TERM.match(packed, begin)
-        empty = term is None or not (term["amplitude"] or term["ramp"] or term["wave"])
-        if term is None or empty or (begin > 0 and not term["sign"]):
+        is_empty = term is None or not (term["amplitude"] or term["ramp"] or term["wave"])
+        if term is None or is_empty or (begin > 0 and not term["sign"]):
             raise BadInputError(
                 f"{packed[begin:]!r} is no term of a signal; write sums of terms such as 7, 0.01t, "
                 "2sin(0.5t), 2cos(0.5t)"
@@ -174,7 +174,7 @@ def channel(text: str) -> Waveform:
             waves.append(Harmonic(frequency, np.array([sine]), np.array([cosine])))
         else:
             constant += amplitude
-        begin = term.end()
+        begin = term.end()  # the text of each term follows that of the last
     if not packed:
         raise BadInputError("a signal is empty; write terms such as 7, 0.01t, 2sin(0.5t)")
     return Waveform(np.array([constant]), np.array([slope]), tuple(waves))

@@ -97,30 +97,30 @@ def file_scales(stored: Mapping[str, Any], plant: PlantNames) -> FileScales:
     cannot be converted, or if the file lists the plant's states or inputs in another order.
     """
     for key in ("states", "inputs"):
-        _refuse_other_order(key, words(stored, key), getattr(plant, key))
+        in_file, of_plant = words(stored, key), getattr(plant, key)
+        if in_file == of_plant or len(in_file) != len(of_plant):
+            continue
+        # Unknown names are the author's own, for signals in the order of the plant.
+        place_in_plant = {name.lower(): i for i, name in enumerate(of_plant)}
+        places = [place_in_plant.get(name.lower(), i) for i, name in enumerate(in_file)]
+        if places != list(range(len(of_plant))):
+            raise BadInputError(
+                f"the {key} are {shortened(', '.join(in_file), 200)} in the file, but in the "
+                f"plant {shortened(', '.join(of_plant), 200)}; reorder the matrices or remove "
+                "these names"
+            )
     return FileScales(
         _scales_of("state", stored, plant.state_units),
         _scales_of("input", stored, plant.input_units),
     )
 
 
-def _refuse_other_order(key: str, in_file: tuple[str, ...], of_plant: tuple[str, ...]) -> None:
-    """Raise BadInputError if a file has a state or an input of a plant at another place."""
-    # Other names are those of the file's author, for signals in the order of the plant.
-    if in_file == of_plant or len(in_file) != len(of_plant):
-        return
-    place_in_plant = {name.lower(): i for i, name in enumerate(of_plant)}
-    places = [place_in_plant.get(name.lower(), i) for i, name in enumerate(in_file)]
-    if places != list(range(len(of_plant))):
-        raise BadInputError(
-            f"the {key} are {shortened(', '.join(in_file), 200)} in the file, but in the "
-            f"plant {shortened(', '.join(of_plant), 200)}; reorder the matrices or remove "
-            "these names"
-        )
-
-
 def _scales_of(signal: str, stored: Mapping[str, Any], of_plant: tuple[str, ...]) -> np.ndarray:
-    """Return the factors from the plant's units of all states or inputs to those of a file."""
+    """Return the factors from the plant's units of all states or inputs to those of a file.
+
+    signal: "state" or "input"
+    of_plant: units of the plant, "" for an unknown one
+    """
     key = f"{signal}_units"
     scales = np.ones(len(of_plant))
     units = words(stored, key)
@@ -179,7 +179,7 @@ def entries_of(contents: dict[str, Any], needed: set[str]) -> tuple[dict[str, An
 
 def _refuse_other_conventions(stored: Mapping[str, Any]) -> None:
     """Raise BadInputError for B1, B2, C1, D12 of COMPleib and a descriptor matrix of MATLAB."""
-    # A file of this program, with the entry `schema`, and one with delta have this program's E.
+    # Files that this program wrote have the entry `schema`.
     if "schema" in stored:
         return
     generalized = [key for key in ("B1", "B2", "C1", "C2", "D11", "D12", "D21") if key in stored]
@@ -211,7 +211,7 @@ def sample_time(stored: Mapping[str, Any]) -> float | None:
 
 
 def _seconds(key: str, value: Any) -> float | bool | None:
-    """Return the sample time in an entry `dt` or `Ts` (`sample_time`)."""
+    """Return the sample time in an entry `dt` or `Ts`, s, or True or None as `sample_time` does."""
     entry = np.asarray(value, dtype=object)
     dt = entry.item() if entry.size == 1 else entry.tolist()
     if dt is None or isinstance(dt, bool):

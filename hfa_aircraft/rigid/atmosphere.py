@@ -158,6 +158,7 @@ def mach_of_pitot(impact_pressure: Any, pressure: Any) -> Any:
     """
     ratio = impact_pressure / pressure + 1.0
     subsonic = ca.sqrt(5.0 * (ratio ** (2.0 / 7.0) - 1.0))  # isentropic flow
+    # Rayleigh's formula, solved for the M² that remains when (7 M² - 1)^2.5 is divided by M^5.
     coefficient = 1.2 ** (-0.25 * 7.0) * (1.2 / 1.4) ** (-0.5 * 2.5)
     supersonic = ca.fmax(subsonic, 1.0)
     for _ in range(10):  # as many fixed-point iterations as JSBSim's
@@ -168,16 +169,18 @@ def mach_of_pitot(impact_pressure: Any, pressure: Any) -> Any:
 def calibrated_speed(mach: Any, pressure: Any) -> Any:
     """Return the calibrated airspeed at a Mach number, ft/s.
 
-    pressure: static pressure, lb/ft²
+    At sea level, this airspeed has the same impact pressure.
+
+    pressure: static pressure, lbf/ft²
     """
     impact = pitot_pressure(mach, pressure) - pressure
     return SEA_LEVEL.sound * mach_of_pitot(impact, SEA_LEVEL_PRESSURE)
 
 
 def calibrated_airspeed(dynamic_pressure: float, mach: float) -> float:
-    """Return the calibrated airspeed, kt, at the static pressure 2 q / (1.4 M²).
+    """Return the calibrated airspeed, kt, at the static pressure p = 2 q / (1.4 M²).
 
-    At sea level, this airspeed has the same impact pressure.
+    q = ρ V²/2 and M² = ρ V² / (1.4 p).
 
     dynamic_pressure: q = ρ V²/2, Pa
     mach: Mach number M

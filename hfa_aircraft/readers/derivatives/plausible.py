@@ -33,37 +33,39 @@ def warnings_about(table: DerivativeTable, parameters: Mapping[str, float]) -> I
     parameters: the parameters of the model, which may differ from the table, name -> value
     """
     thrust = {"thrust": table.thrust[1]} if math.isfinite(table.thrust[1]) else {}
-    of = Values({**table.values, **table.derivatives, **thrust, **parameters})
+    entries = Values({**table.values, **table.derivatives, **thrust, **parameters})
     yield from table.warnings
     yield from _of_angles(table)
-    xx, yy, zz = (of[name] for name in ("Ixx", "Iyy", "Izz"))
-    products = (0.0, of.get("Ixz", 0.0), 0.0)
+    xx, yy, zz = (entries[name] for name in ("Ixx", "Iyy", "Izz"))
+    products = (0.0, entries.get("Ixz", 0.0), 0.0)
     if warning := inertia_warning(inertia_matrix((xx, yy, zz), products)):
         yield warning
-    yield from _unusual(table, of)
+    yield from _unusual(table, entries)
     needed = (*_NEEDED, *(_NEEDED_OF[name] for name in table.surfaces if name in _NEEDED_OF))
-    if missing := [name for name in needed if not of.get(name)]:
+    if missing := [name for name in needed if not entries.get(name)]:
         yield f"{', '.join(missing)} missing or 0; no published aircraft has 0"
-    effects = tuple(name for name, value in of.items() if value)
+    effects = tuple(name for name, value in entries.items() if value)
     idle = [name for name in table.surfaces if not any(e.endswith(f"_{name}") for e in effects)]
     if idle:
         yield f"no derivative of {', '.join(idle)} is given: no effect on the aircraft"
-    yield from _of_weight(table, of)
+    yield from _of_weight(table, entries)
 
 
-def _unusual(table: DerivativeTable, of: Values) -> Iterator[str]:
+def _unusual(table: DerivativeTable, entries: Values) -> Iterator[str]:
     """Yield a sentence for each figure outside those of published aircraft, with its entries."""
-    # Those of entries that are named already, or that the table declares as checked, are left out.
+    # Figures of entries that are named already, or that the table declares as checked, are left out,
+    # and figures that are 0: `warnings_about` names missing entries.
     named = {*table.checked}
     for figure, number in FIGURES.items():
-        entries = [name for name in re.findall(r"\w+", figure) if name in of]
+        names = [name for name in re.findall(r"\w+", figure) if name in entries]
+        # In a file of AVL (with a center), the user chooses the sign of a control.
         is_free = table.center is not None and any(name in figure for name in _FREE_SIGNS)
-        value = number(of)
-        if is_free or value == 0.0 or not named.isdisjoint(entries):
+        value = number(entries)
+        if is_free or value == 0.0 or not named.isdisjoint(names):
             continue
         if warning := unusual(figure, value):
-            named |= {*entries}
-            given = ", ".join(f"{name} {of[name]:.4g}" for name in entries if name != figure)
+            named |= {*names}
+            given = ", ".join(f"{name} {entries[name]:.4g}" for name in names if name != figure)
             yield f"{warning} ({given})" if given else warning
 
 
@@ -83,36 +85,39 @@ def _of_angles(table: DerivativeTable) -> Iterator[str]:
             )
 
 
-def _of_weight(table: DerivativeTable, of: Values) -> Iterator[str]:
+def _of_weight(table: DerivativeTable, entries: Values) -> Iterator[str]:
     """Yield a sentence if lift, weight and alpha at the stated condition contradict each other."""
     # The lift is far above the weight, the largest lift is below it, or level flight has another
     # alpha.
     air = air_at(table.values.get("altitude", 0.0), table.system)
-    pressure = 0.5 * float(air.density) * of["speed"] ** 2
-    weight_coefficient = of["mass"] * of["gravity"] / (pressure * of["wing_area"])
-    stated = of["CL_0"]
-    largest = table.values.get(LARGEST_LIFT) or max(stated, _LARGEST_LIFT)
-    if stated > _RATIO * weight_coefficient:
-        share, which = stated / weight_coefficient, "lift"
-    elif stated < 0.0:
-        yield f"CL_0 is {stated:.3g}, below 0 in level flight; check its sign"
+    pressure = 0.5 * float(air.density) * entries["speed"] ** 2
+    weight_coefficient = entries["mass"] * entries["gravity"] / (pressure * entries["wing_area"])
+    lift = entries["CL_0"]
+    largest = table.values.get(LARGEST_LIFT) or max(lift, _LARGEST_LIFT)
+    if lift > _RATIO * weight_coefficient:
+        share, which = lift / weight_coefficient, "lift"
+    elif lift < 0.0:
+        yield f"CL_0 is {lift:.3g}, below 0 in level flight; check its sign"
         return
     elif largest < weight_coefficient:
         share, which = largest / weight_coefficient, f"largest lift (CL {largest:.3g})"
     else:
-        yield from _of_alpha(of, weight_coefficient - stated)
+        yield from _of_alpha(entries, weight_coefficient)
         return
     yield (
-        f"the {which} at {of['speed']:.4g} {table.unit('speed')} carries {share:.2g} times "
+        f"the {which} at {entries['speed']:.4g} {table.unit('speed')} carries {share:.2g} times "
         "the weight; check the unit of the mass (1 slug = 32.17 lb), the speed and the altitude"
     )
 
 
-def _of_alpha(of: Values, missing: float) -> Iterator[str]:
-    """Yield a sentence if level flight needs another alpha than the stated one."""
+def _of_alpha(entries: Values, weight_coefficient: float) -> Iterator[str]:
+    """Yield a sentence if level flight needs another alpha than the stated one.
+
+    weight_coefficient: lift coefficient that carries the weight at the stated speed and altitude
+    """
     # A table without alpha has no warning, nor one whose slope of the lift is reported.
-    stated, slope = of["alpha"], of["CL_alpha"]
-    change = missing / slope if slope else 0.0
+    stated, slope = entries["alpha"], entries["CL_alpha"]
+    change = (weight_coefficient - entries["CL_0"]) / slope if slope else 0.0
     if math.isfinite(stated) and abs(change) > _OFF_ALPHA and not unusual("CL_alpha", slope):
         yield (
             f"level flight at the condition of the derivatives is at alpha "

@@ -26,28 +26,29 @@ class Values(dict[str, float]):
         return math.nan
 
 
-def _ratio(text: str, of: Values) -> float:
-    """Return the ratio of two entries, such as "Cl_beta / Cl_p"."""
+def _ratio(text: str, entry: Values) -> float:
+    """Return the ratio of two entries, such as "Cl_beta / Cl_p", nan if the second is 0."""
     one, other = text.split(" / ")
-    return of[one] / (of[other] or math.nan)
+    return entry[one] / (entry[other] or math.nan)
 
 
-def _radius(moment: str, of: Values) -> float:
-    """Return a radius of gyration in spans, nan of a moment that `inertia_warning` names."""
-    return math.sqrt(max(of[moment], 0.0) / of["mass"]) / of["span"] or math.nan
+def _radius(moment: str, entry: Values) -> float:
+    """Return the radius of gyration of a moment of inertia, in spans, nan for a moment <= 0."""
+    # `inertia_warning` names moments that are not positive.
+    return math.sqrt(max(entry[moment], 0.0) / entry["mass"]) / entry["span"] or math.nan
 
 
-def _drag(of: Values) -> float:
+def _drag(entry: Values) -> float:
     """Return the drag coefficient at the condition of the derivatives."""
-    return of["CD_0"] + of.get("CD_CL2", 0.0) * of["CL_0"] ** 2
+    return entry["CD_0"] + entry.get("CD_CL2", 0.0) * entry["CL_0"] ** 2
 
 
-def _induced(of: Values) -> float:
+def _induced(entry: Values) -> float:
     """Return 1/e of C_D = C_D0 + C_L² / (pi e aspect ratio), of CD_CL2 or of CD_alpha."""
-    slope = of["CD_CL2"]
+    slope = entry["CD_CL2"]
     if math.isnan(slope):
-        slope = of["CD_alpha"] / (2.0 * of["CL_0"] * of["CL_alpha"] or math.nan)
-    return slope * math.pi * of["span"] ** 2 / of["wing_area"]
+        slope = entry["CD_alpha"] / (2.0 * entry["CL_0"] * entry["CL_alpha"] or math.nan)
+    return slope * math.pi * entry["span"] ** 2 / entry["wing_area"]
 
 
 #: Figures that are entries themselves.
@@ -59,16 +60,16 @@ _RATIOS = ("Cn_beta / CY_beta", "Cl_beta / Cl_p", "Cn_r / Cn_beta")
 _RATIOS_OF_CONTROLS = ("Cl_aileron / Cl_p", "Cn_r / Cn_rudder")
 #: Figure -> its value from the entries; nan if it is unknown.
 FIGURES: Mapping[str, Callable[[Values], float]] = {
-    "span^2 / wing_area (aspect ratio)": lambda of: of["span"] ** 2 / of["wing_area"],
-    "chord * span / wing_area": lambda of: of["chord"] * of["span"] / of["wing_area"],
+    "span^2 / wing_area (aspect ratio)": lambda entry: entry["span"] ** 2 / entry["wing_area"],
+    "chord * span / wing_area": lambda entry: entry["chord"] * entry["span"] / entry["wing_area"],
     **{f"sqrt({name} / mass) / span": partial(_radius, name) for name in ("Ixx", "Iyy", "Izz")},
-    "(Izz - Iyy) / Ixx": lambda of: (of["Izz"] - of["Iyy"]) / (of["Ixx"] or math.nan),
-    "thrust / weight": lambda of: of["thrust"] / (of["mass"] * of["gravity"]),
+    "(Izz - Iyy) / Ixx": lambda entry: (entry["Izz"] - entry["Iyy"]) / (entry["Ixx"] or math.nan),
+    "thrust / weight": lambda entry: entry["thrust"] / (entry["mass"] * entry["gravity"]),
     "CD_0 + CD_CL2 CL_0^2": _drag,
     **{name: itemgetter(name) for name in _ENTRIES},
-    "-Cm_alpha / CL_alpha (static margin)": lambda of: -_ratio("Cm_alpha / CL_alpha", of),
+    "-Cm_alpha / CL_alpha (static margin)": lambda entry: -_ratio("Cm_alpha / CL_alpha", entry),
     "CD_CL2 or CD_alpha / (2 CL_0 CL_alpha), times pi aspect ratio": _induced,
-    "CT_u / (CD_0 + CD_CL2 CL_0^2)": lambda of: of["CT_u"] / (_drag(of) or math.nan),
+    "CT_u / (CD_0 + CD_CL2 CL_0^2)": lambda entry: entry["CT_u"] / (_drag(entry) or math.nan),
     **{text: partial(_ratio, text) for text in (*_RATIOS, *_RATIOS_OF_CONTROLS)},
 }
 

@@ -169,7 +169,7 @@ def _model(table: DerivativeTable) -> Model:
 
 
 def _domain(table: DerivativeTable) -> Domain:
-    """Return the condition of the derivatives, and the entries by which the speed matters."""
+    """Return the domain: the condition of the derivatives, and the effects of the speed."""
     altitude = table.values.get("altitude", 0.0)
     speed = table.values["speed"]
     sound = float(air_at(altitude, table.system).sound)
@@ -331,7 +331,7 @@ class _Equations:
         return ca.mtimes(self._moments_to_body, pressure_area * lengths * ca.vertcat(*coefficients))
 
     def _center_shift(self, p: Any) -> tuple[Any, Any]:
-        """Return Δ, and the arm of the tail relative to that of the file, 1 - Δ/l."""
+        """Return the shift Δ of the center of gravity, and the ratio of tail arms 1 - Δ/l."""
         values = self._table.values
         shift = (p.cg - values[CENTER]) * values["chord"] if CENTER in values else 0.0
         return shift, 1.0 - shift / values[TAIL_ARM] if TAIL_ARM in values else 1.0
@@ -387,7 +387,8 @@ class _Equations:
         return total
 
     def _alpha_rate(self, x: Any, p: Any, motion: Motion, specific_force: Any) -> Any:
-        """Return the rate of alpha, rad/s, of which the lift C_L,alphadot is a part."""
+        """Return the rate of alpha, rad/s, including the effect of the lift C_L,alphadot."""
+        # α' = rate - slope α', because the lift of α' reduces α' itself.
         # specific_force: force without that of alphadot, divided by mass, in body axes, (3,)
         values = self._table.values
         _, rate, _ = flow_rates(motion.velocity, motion.acceleration(specific_force))

@@ -303,7 +303,12 @@ def _numbers_of(
             by_kind.meanings[name] = meaning
         elif dimensional := dimensional_of(name, surfaces):
             without_unit = per_angle if dimensional.coefficient.is_by_angle else 1.0
-            unit = dimensional.unit(system, _divided(name, entry, texts["dimensional"]))
+            if not texts["dimensional"]:
+                raise entry.error(
+                    f'{name} is a dimensional derivative; give dimensional = "{BY_MASS}" (and '
+                    f'inertia), or dimensional = "{UNDIVIDED}"'
+                )
+            unit = dimensional.unit(system, texts["dimensional"])
             by_kind.dimensional[dimensional] = number(name, entry, unit, without_unit)
         else:
             raise _unknown(name, entry, surfaces)
@@ -347,16 +352,6 @@ def _notes(values: Mapping[str, float], derivatives: Mapping[str, float]) -> Ite
             f"{' and '.join(by_tail)} about {CENTER} {values[CENTER]:g} stay at another {CENTER}; "
             f"give {TAIL_ARM} in the table, and they change with the arm of the tail"
         )
-
-
-def _divided(name: str, entry: Entry, stated: str) -> str:
-    """Return the definition of the dimensional derivatives, which the table must state."""
-    if not stated:
-        raise entry.error(
-            f'{name} is a dimensional derivative; give dimensional = "{BY_MASS}" (and inertia), '
-            f'or dimensional = "{UNDIVIDED}"'
-        )
-    return stated
 
 
 def _refuse_two_forms(entries: Mapping[str, Entry], determined: Mapping[str, str]) -> None:
