@@ -42,6 +42,7 @@ def test_a_sine_of_degrees_causes_a_warning(torque, function):
     The trim of the model in SI units has the same warning.
     """
     model = pendulum(torque)
+    # The angle is held at 10 deg and its rate is free, so that the moment balances the torque.
     (note,) = hfa.trim(model, free="angle_dot").warnings
     assert note.startswith(
         f"the equations compute the {function} of angle, which is declared in deg"

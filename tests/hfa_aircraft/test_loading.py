@@ -31,11 +31,14 @@ def write_aircraft(path, in_equations="pass", at_the_end=""):
     path.write_text(AIRCRAFT.format(in_equations=in_equations, at_the_end=at_the_end))
 
 
-@pytest.mark.parametrize("calls", [0, 1])
-def test_equations_that_end_the_program_are_refused(calls, tmp_path, monkeypatch):
-    """sys.exit() in the equations is reported in one line, when they are loaded or later."""
+@pytest.mark.parametrize("earlier_calls", [0, 1])
+def test_equations_that_end_the_program_are_refused(earlier_calls, tmp_path, monkeypatch):
+    """sys.exit() in the equations is reported in one line, at their first call, which loads the
+    file, or at the second.
+    """
     monkeypatch.chdir(tmp_path)
-    write_aircraft(tmp_path / "late.py", in_equations=f"len(calls) > {calls} and sys.exit()")
+    ends = f"len(calls) > {earlier_calls} and sys.exit()"
+    write_aircraft(tmp_path / "late.py", in_equations=ends)
     assert_refused(hfa("trim", "--aircraft", "late.py:CAR"), 2, "sys.exit")
 
 

@@ -18,7 +18,12 @@ PLANT = Model(
 
 
 def hashes_of(name, inner):
-    """Return the hashes of a model with a module twice as it is, and with a comment more."""
+    """Return the hashes of a model whose module has three contents in succession.
+
+    The first two are equal. The third has a comment more.
+
+    inner: file of the module
+    """
     hashes = []
     for content in ("two = 2.0\n", "two = 2.0\n", "two = 2.0  # measured\n"):
         inner.write_text(content)

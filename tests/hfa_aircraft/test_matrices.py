@@ -93,29 +93,32 @@ def test_modes_of_given_matrices_are_printed(folder):
 
 
 @pytest.mark.parametrize("command", ["linearize", "assess K.npz"])
-def test_a_plant_is_an_aircraft_of_these_commands(command, folder):
-    """The former option --model is refused with the one that took its place."""
+def test_the_former_option_model_is_refused_with_its_replacement(command, folder):
+    """`--model FILE`, as earlier versions accepted it, is refused with advice: --aircraft."""
     result = cli.hfa(*command.split(), "--model", "plant.json")
     cli.assert_refused(result, 2, "; type --aircraft")
 
 
-def test_a_descriptor_matrix_is_no_aircraft(folder):
-    """E beside C and D is refused, as MATLAB's descriptor would change A.
+OSCILLATOR = '{"A": [[0, 1], [-2, -0.3]], "B": [[0], [1]], '
 
-    C and D alone change nothing, and an E alone is noted.
-    """
-    plant = '{"A": [[0, 1], [-2, -0.3]], "B": [[0], [1]], '
-    Path("other.json").write_text(plant + '"C": [[1, 0]], "D": [[0]], "E": [[2, 0], [0, 1]]}')
-    refused = cli.hfa("linearize", "--aircraft", "other.json")
+
+def test_E_beside_C_and_D_is_refused(folder):
+    """E beside C and D may be MATLAB's descriptor, which would change A; C and D alone may not."""
+    Path("plant.json").write_text(OSCILLATOR + '"C": [[1, 0]], "D": [[0]], "E": [[2, 0], [0, 1]]}')
+    refused = cli.hfa("linearize", "--aircraft", "plant.json")
     cli.assert_refused(refused, 2, "MATLAB's descriptor")
-    Path("plant.json").write_text(plant + '"C": [[1, 0]], "D": [[0]]}')
+    Path("plant.json").write_text(OSCILLATOR + '"C": [[1, 0]], "D": [[0]]}')
     assert cli.hfa("linearize", "--aircraft", "plant.json").code == 0
-    Path("game.json").write_text(plant + '"E": [[2, 0], [0, 1]]}')
+
+
+def test_an_unused_disturbance_matrix_is_noted(folder):
+    """An aircraft does not use the matrix E of a game, and its report says so."""
+    Path("game.json").write_text(OSCILLATOR + '"E": [[2, 0], [0, 1]]}')
     assert "E of the file is not used" in cli.hfa("linearize", "--aircraft", "game.json").out
 
 
-def test_deviations_of_an_aircraft_have_no_warning(folder):
-    """A linear model whose speed, a deviation, is 0 is not reported as an aircraft that stands."""
+def test_a_linear_model_read_as_an_aircraft_has_no_warning_of_its_speed(folder):
+    """The speed in the file of a linear model is a deviation: 0 is not an aircraft that stands."""
     assert cli.hfa("linearize", "--dihedral", "10", "-o", "linear.json").code == 0
     again = cli.hfa("linearize", "--aircraft", "linear.json")
     assert again.code == 0
@@ -123,7 +126,7 @@ def test_deviations_of_an_aircraft_have_no_warning(folder):
 
 
 def test_a_vector_is_the_gain_of_a_single_input():
-    """(n,) is the gain of one input for margins, as for critics, and of two inputs refused."""
+    """The gain of one input may be a vector (n,); for two inputs, a vector is refused."""
     linear = hfa.LinearModel.of(A, B)
     assert hfa.margins(linear, [5.0, 2.0])["u1"] == hfa.margins(linear, [[5.0, 2.0]])["u1"]
     with pytest.raises(BadInputError, match="K is 2; give 2 x 2"):

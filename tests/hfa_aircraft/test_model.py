@@ -79,14 +79,15 @@ def test_wrong_declarations_are_refused(declared, message):
         ),
     ],
 )
-def test_wrong_words_on_a_model_are_refused(declare, message):
+def test_wrong_texts_and_functions_of_a_model_are_refused(declare, message):
     """Each faulty text or function is refused with a message that names the fault."""
     with pytest.raises(BadInputError, match=message):
         declare()
 
 
 STRAY = ca.SX.sym("stray")
-#: What is wrong in equations of v' -> rates and outputs, or the rate of v alone.
+#: Words of the message -> faulty equations of the cart: a function of x and u that returns the rate
+#: of v, or (rates, outputs).
 EQUATIONS = {
     "the equations return no rate of v": lambda x, u: ({"x": x.v}, {"position": x.x}),
     "undeclared rate of 'q'; choose from x, v": lambda x, u: ({"x": x.v, "v": u.force, "q": 0}, {}),
@@ -118,14 +119,17 @@ def test_wrong_equations_are_refused(message):
 
     def equations(x, u, p, w):
         found = EQUATIONS[message](x, u)
-        is_rate = not isinstance(found, tuple) or not found
-        return ({"x": x.v, "v": found}, {"position": x.x}) if is_rate else found
+        is_pair = isinstance(found, tuple)
+        return found if is_pair else ({"x": x.v, "v": found}, {"position": x.x})
 
     assert message in refused(lambda: trim(cart(equations=equations, trim={"x": 0.0})))
 
 
 def test_division_by_zero_returns_infinity():
-    """Equations evaluated with numbers return inf for 1 / 0 and -inf for -1 / 0."""
+    """Equations evaluated with numbers return inf for 1 / 0 and -inf for -1 / 0, as CasADi does.
+
+    Numbers of Python would raise ZeroDivisionError.
+    """
     model = cart(
         equations=lambda x, u, p, w: ({"x": x.v, "v": u.force / x.x}, {"position": x.v / x.x})
     )

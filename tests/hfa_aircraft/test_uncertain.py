@@ -31,18 +31,18 @@ INDEFINITE = "is not a covariance matrix"
     ],
 )
 @pytest.mark.usefixtures("folder")
-def test_another_covariance_is_refused(names, rows, said):
-    """Names of parameters and a symmetric, positive semidefinite matrix of their size are needed."""
+def test_an_invalid_covariance_is_refused(names, rows, said):
+    """[covariance] must have names of parameters and a symmetric, positive semidefinite matrix.
+
+    CL_beta is no parameter of the aircraft. The last matrix has the eigenvalue -0.5.
+    """
     words = ("fly", "--aircraft", found("uav", names, rows), "--draws", "2", "--duration", "0.1")
     assert_refused(hfa(*words), 2, f"found.toml: [covariance] {said}")
 
 
 @pytest.mark.usefixtures("folder")
 def test_drawn_aircraft_do_not_depend_on_units():
-    """Mass and lift slope are drawn together: the drawn aircraft fly the same in SI.
-
-    They fly differently from each other.
-    """
+    """Aircraft with random mass and lift slope fly the same in SI, but differ from each other."""
     path = found("cessna182", '["mass", "CL_alpha"]', "[[16.0, 0.4], [0.4, 0.04]]")
     words = ("fly", "--aircraft", path, "--policy", "exact", "--draws", "3", "--duration", "0.1")
     flown = [
@@ -50,5 +50,5 @@ def test_drawn_aircraft_do_not_depend_on_units():
         for units in ((), ("--units", "si"))
     ]
     assert flown[1]["alpha"] == pytest.approx(flown[0]["alpha"], rel=1e-8)
-    assert flown[0]["alpha"][0] < flown[0]["alpha"][-1]
+    assert flown[0]["alpha"][0] < flown[0]["alpha"][-1]  # quantiles of the three flights
     assert flown[1]["speed"] == pytest.approx([0.3048 * v for v in flown[0]["speed"]], rel=1e-8)

@@ -40,9 +40,8 @@ def factors(model, names):
 
 
 def test_parameters_envelope_and_pickles_are_converted():
-    """A model in SI units accepts a mass in kg, and its envelope is converted.
-
-    A pickled copy has the same equations.
+    """A model in SI units accepts a mass in kg, its envelope is converted, and a pickled copy has
+    the same rates.
     """
     model = MODELS[1]
     converted = in_si(model)
@@ -127,8 +126,9 @@ def test_an_aircraft_of_each_reader_is_the_same_in_si(reader):
     "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))]
 )
 def test_an_aircraft_in_any_units_equals_its_twin_in_si(seed):
-    """Converted to SI, it has the signals, trim, A, B, sheet and disturbance of the same aircraft
-    that is written in SI. The units are random; those without a second give equations per minute.
+    """An aircraft in random units, converted to SI, equals its twin, the aircraft written in SI.
+
+    Signals, trim, A, B, sheet and disturbance are compared. All units of time are minutes.
     """
 
     def weighted(model, size):
@@ -136,14 +136,14 @@ def test_an_aircraft_in_any_units_equals_its_twin_in_si(seed):
         weights = {"Q": {"alpha": 3.0 * size**2, "speed": 0.0}, "E": ("alpha",)}
         return replace(model, about=About(weights=weights))
 
-    other, twin = named(seed), weighted(PLANE, 1.0)
+    other, twin = named(seed), weighted(PLANE, 1.0)  # of `twins.py`
     model = in_si(weighted(other.model, other.sizes["alpha"]))
     assert model.native.time_unit == "min"
     assert model.time_unit == "s"
     for name, signal in twin.signals.items():
         found = model.signals[name]
         assert found.unit == signal.unit
-        assert found[1:5] == pytest.approx(signal[1:5]), name
+        assert found[1:5] == pytest.approx(signal[1:5]), name  # nominal, min, max, start
     heavier, twin_heavier = (each.with_parameters(mass="1100 kg") for each in (model, twin))
     rates = [
         each.rates_at([50, 0.1, 0.2, 0.1, 900], [0.1, 800]) for each in (heavier, twin_heavier)

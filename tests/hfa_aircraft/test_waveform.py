@@ -13,7 +13,10 @@ TIMES = np.linspace(0.0, 5.0, 23)
 
 
 def commanded(**texts):
-    """Return the reference of a command to track, (x1, x2)."""
+    """Return the waveform (x1, x2) that texts describe, as the reference of a command to track.
+
+    The plant x' = -x + u can follow every signal, so its reference is the command itself.
+    """
     return hfa.track(PLANT, SOLUTION, texts).exact.reference
 
 

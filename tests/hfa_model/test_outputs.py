@@ -9,6 +9,7 @@ from hfa_model import STATES, Input, State
 
 
 def outputs(aircraft, x, u, updraft=0.0):
+    """Return the outputs at a state and an input, as numbers by name."""
     dynamics, p = hfa_model.variant_of(aircraft), hfa_model.parameters_of(aircraft)
     found = equations(State(*x), Input(*u), p, dynamics, wind_of(updraft=updraft))[1]
     return {name: float(value) for name, value in found.items()}

@@ -41,6 +41,10 @@ def test_each_parameter_has_its_standard_error(parameter_set):
     ],
 )
 def test_unusable_arguments_are_refused(parameter_set, change, count, seed, says):
+    """A missing covariance, a parameter 0, no samples and a negative seed are refused.
+
+    change: covariance or parameters that differ from the identified set
+    """
     covariance = change.get("covariance", parameter_set.covariance)
     values = {name: value for name, value in change.items() if name != "covariance"}
     parameters = replace(

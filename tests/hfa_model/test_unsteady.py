@@ -86,7 +86,7 @@ def response(kind, lag, k):
     The lift follows from the rows of the lag states in A and E.
 
     kind: "lag" for a change of alpha, else for a gust
-    lag: shares of the two lag states in the lift
+    lag: the shares of the two lag states in the lift, and their rates, which are not used
     k: reduced frequencies
     """
     table, flow = half_chords()
@@ -146,7 +146,7 @@ def test_unsteady_trims_equal_quasi_steady_trims(degrees):
         strips[f"lag_{name}_1"] == pytest.approx(strips[f"lag_{name}_2"], abs=1e-12)
         for name in ("center", "outer", "tail_center", "tail_outer")
     )
-    assert strips["lag_tip_1"] == pytest.approx(0.0, abs=1e-12)
-    assert strips["gust_outer_1"] == pytest.approx(0.0)
+    assert strips["lag_tip_1"] == pytest.approx(0.0, abs=1e-12)  # the hinge rate is 0
+    assert strips["gust_outer_1"] == pytest.approx(0.0)  # still air
     infinite = trim(UNSTEADY.with_parameters(finite_span=0.0), condition)
     assert abs(infinite.inputs.elevator_center - whole.inputs.elevator_center) > 0.3 * DEGREES

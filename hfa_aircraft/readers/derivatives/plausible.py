@@ -53,7 +53,7 @@ def warnings_about(table: DerivativeTable, parameters: Mapping[str, float]) -> I
 
 def _unusual(table: DerivativeTable, entries: Values) -> Iterator[str]:
     """Yield a sentence for each figure outside those of published aircraft, with its entries."""
-    # Figures of entries that are named already, or that the table declares as checked, are left out,
+    # Left out are figures of entries that are named already or that the table declares as checked,
     # and figures that are 0: `warnings_about` names missing entries.
     named = {*table.checked}
     for figure, number in FIGURES.items():

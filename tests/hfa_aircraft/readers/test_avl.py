@@ -57,7 +57,11 @@ def test_modes_agree_with_those_of_avl():
 
 
 def coefficients(model, angles, over_speed):
-    """Return Cl, Cm, Cn about body axes, computed from angular accelerations, and CL and CD."""
+    """Return Cl, Cm, Cn about body axes, computed from angular accelerations, and CL and CD.
+
+    angles: alpha, beta, aileron, elevator, rudder, deg
+    over_speed: p, q, r over V, rad/m
+    """
     alpha, beta, aileron, elevator, rudder = (math.radians(each) for each in angles)
     speed = 35.28865  # m/s, of the file
     rates = speed * np.array(over_speed)

@@ -31,8 +31,12 @@ TABLE = UAV | {
 def assert_equal_rates(model, own):
     """Compare the rates of a spinning, banked, slipping aircraft with those of the own equations.
 
-    Without lift by the rate of alpha, its loads are compared, too.
+    Without lift by the rate of alpha, which `SixDof.loads` lacks, lift, drag, moment and load factor
+    are compared, too.
+
+    own: `SixDof` of the same table, about the center of gravity of the model
     """
+    # speed, alpha, beta, three rates, roll, pitch, yaw, altitude
     x = [38.0, 0.15, -0.6, 0.4, -0.3, 0.5, 0.7, -0.4, 0.3, 900.0]
     u = np.array([25.0, 0.2, -0.1, 0.15])
     speed, alpha, beta, *spin, roll, pitch, _, altitude = x
@@ -68,19 +72,27 @@ def assert_equal_rates(model, own):
     ("cg", "warmer", "lag"), [(0.2, 0.0, 0.0), (0.28, 15.0, 60.0), (0.35, 0.0, 0.0)]
 )
 def test_rates_at_another_center_equal_own_equations(cg, warmer, lag):
-    """Rates and loads at three places equal r x F, also in warm air and with lift by alphadot."""
+    """At three centers of gravity, rates and loads equal those of forces moved by r x F.
+
+    The second case is also in warm air and with a large lift by the rate of alpha.
+    """
     table = TABLE | {"CL_alphadot": lag}
     model = from_derivatives(table).with_parameters(cg=cg, isa=warmer)
     assert_equal_rates(model, SixDof(table, cg, warmer))
 
 
 def test_a_tail_arm_scales_the_damping():
-    """With lift by rates at a tail, C_mq = -C_Lq l/c, the rates are those of the moved tail."""
+    """A center of gravity 0.1 chord behind that of the table shortens the tail arm l = 0.9 m.
+
+    All lift by rates acts at the tail, C_mq = -C_Lq l/c. The shorter arm l - Δ reduces the speed of
+    the tail at the same pitch rate, and thus the lift C_Lq, by the factor 1 - Δ/l. `SixDof` moves
+    this lift to the new center, where its moment has the factor once more.
+    """
     arm, chord = 0.9, 0.18994
     moved = (0.3 - 0.2) * chord
     tail = {"CL_q": 5.0, "CL_alphadot": 1.5, "Cm_alphadot": -1.5 * arm / chord, "cg": 0.2}
     table = UAV | tail | {"longitudinal": {**UAV["longitudinal"], "Cm_q": -5.0 * arm / chord}}
-    share = 1.0 - moved / arm  # of the speed of the tail at the same pitch rate
+    share = 1.0 - moved / arm
     own = SixDof(table, 0.3)
     own.of |= {"CL_q": share * 5.0, "Cm_q": -share * 5.0 * arm / chord}
     model = from_derivatives(table | {"tail_arm": arm}).with_parameters(cg=0.3)

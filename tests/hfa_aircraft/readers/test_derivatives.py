@@ -52,6 +52,7 @@ NAVION = {
     "aileron": ["-23 deg", "23 deg"],
     "rudder": ["-23 deg", "23 deg"],
 }  # fmt: skip
+#: B. Etkin, L. D. Reid, Dynamics of Flight, 3rd ed., 1996: Boeing 747 at 774 ft/s.
 _ALTITUDE = 39871.6
 _MACH = 774.0 / 968.07
 _DRAG = 0.043
@@ -72,7 +73,7 @@ B747 = {
     "thrust": [0.0, 200000.0],
     **SURFACES,
 }  # fmt: skip
-#: Printed in Sections 6.2 and 6.7.
+#: Eigenvalues printed there in Sections 6.2 and 6.7.
 PRINTED_747 = {
     "phugoid": -0.003289 + 0.06723j,
     "short period": -0.3719 + 0.8875j,
@@ -128,6 +129,7 @@ class Published(NamedTuple):
     printed: each mode as an eigenvalue, as (decay rate,), or as (damping, natural frequency)
     mistake: entries that are wrong
     wrong: the modes that then differ by more than the largest error
+    held: parameters that differ from those of the table
     """
 
     table: Any
@@ -168,16 +170,16 @@ def root_of(printed):
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_modes_agree_with_published_modes(name):
-    """Each mode has the printed eigenvalue; a planted error changes the modes `of.wrong`, no others."""
-    of = PUBLISHED[name]
-    table = {key: value for key, value in of.table.items() if key != "longitudinal"}
-    table |= of.table.get("longitudinal", {})
+    """Each mode has the printed eigenvalue; a planted error changes the modes `wrong`, no others."""
+    case = PUBLISHED[name]
+    table = {key: value for key, value in case.table.items() if key != "longitudinal"}
+    table |= case.table.get("longitudinal", {})
     # Without a mistake no mode is off.
-    for given, wrong in ((table, set()), ({**table, **of.mistake}, of.wrong)):
-        values = np.linalg.eigvals(linear_model(given, **(of.held or {})).A)
-        roots = {mode: root_of(printed) for mode, printed in of.printed.items()}
-        far = {mode for mode, root in roots.items() if np.abs(values / root - 1.0).min() > of.error}
-        assert far == wrong
+    for given, wrong in ((table, set()), ({**table, **case.mistake}, case.wrong)):
+        values = np.linalg.eigvals(linear_model(given, **(case.held or {})).A)
+        roots = {mode: root_of(printed) for mode, printed in case.printed.items()}
+        errors = {mode: np.abs(values / root - 1.0).min() for mode, root in roots.items()}
+        assert {mode for mode, error in errors.items() if error > case.error} == wrong
 
 
 def test_slope_and_coefficient_of_the_thrust_are_equivalent():
@@ -194,7 +196,10 @@ def test_slope_and_coefficient_of_the_thrust_are_equivalent():
 
 
 def test_the_thrust_is_proportional_to_its_input_at_every_speed():
-    """With CT_u = -3 CT_0 the power is constant, and tan(-gamma) of a glide is drag / lift."""
+    """With CT_u = -3 CT_0, as in cessna182.toml, thrust times speed does not depend on the speed.
+
+    At the table's 220.1 ft/s, the thrust is the input. Without thrust, tan(-gamma) is drag / lift.
+    """
     plane = hfa.load_model("examples/cessna182.toml")
     for speed in (100.0, 120.0, 160.0, 220.1, 280.0):
         known = {"speed": speed, "altitude": 5000.0}

@@ -54,7 +54,7 @@ def test_the_other_aircraft_is_found_beside_the_file(folders):
 
 
 def test_a_changed_aircraft_is_refused(folders):
-    """The SHA-256 of the aircraft is compared; the aircraft that belongs to it is accepted."""
+    """A file that states the SHA-256 of an aircraft is refused beside another one of this name."""
     digest = tool.load_model(str(folders / "uav.toml")).source.digest
     text = f'aircraft = "uav.toml"\nsha256 = "{digest}"\n[parameters]\nCL_alpha = 4.0\n'
     (folders / "found.toml").write_text(text)
@@ -114,6 +114,7 @@ def names_python(request, folders, monkeypatch):
 
 
 def test_a_data_file_executes_no_python(names_python):
+    """A TOML that names Python code is refused, and the code is not executed."""
     parameters, trace = names_python
     result = hfa("trim", "--aircraft", str(parameters))
     assert_refused(result, 2, "--parameters", str(parameters))

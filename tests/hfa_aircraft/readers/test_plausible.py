@@ -10,7 +10,7 @@ from hfa import BadInputError
 
 
 def changed(**values):
-    """Return the table of the small aircraft with other values."""
+    """Return the table of examples/uav.toml with other values; None removes an entry."""
     table = tomllib.loads((ROOT / "examples/uav.toml").read_text("utf-8"))
     flat = {}
     for name, value in table.items():
@@ -73,7 +73,7 @@ MISTAKES = {
     "Iyy and Izz exchanged": ({"Iyy": 1.759, "Izz": 1.135}, "(Izz - Iyy) / Ixx"),
     "density of another altitude": ({"altitude": 9000.0, "alpha": "2 deg"}, "altitude"),
 }  # fmt: skip
-#: The mistakes of which `--hold` can make the same.
+#: Entries that are parameters of the model: `--hold` can make the same mistake.
 HELD = ("Cm_alpha", "Cm_q", "Cl_p", "Cn_r", "CY_beta", "Ixx", "Iyy", "Izz", "Ixz", "mass")
 
 
@@ -94,12 +94,12 @@ def test_a_planted_mistake_has_a_warning(mistake):
 
 @pytest.mark.parametrize("name", ["uav.toml", "cessna182.toml", "glider.toml"])
 def test_right_tables_have_no_warning(name):
-    """Neither own tables of the examples nor one with a file of AVL have one."""
+    """The tables of the examples, one of them with a file of AVL, have no warning."""
     assert hfa.load_model(f"{ROOT}/examples/{name}").warnings == ()
 
 
-def test_only_an_entry_is_checked():
-    """A name that the table does not have is refused."""
+def test_a_checked_name_that_is_no_entry_is_refused():
+    """The entry `checked` may name only entries of the table."""
     with pytest.raises(BadInputError, match="checked names 'Cl_x', which is no entry"):
         hfa.from_derivatives(changed(checked="CL_elevator, Cl_x"))
 

@@ -15,6 +15,7 @@ import hfa as tool
 from hfa import TrimCondition, trim
 
 UAV = f"{ROOT}/examples/uav.toml"
+#: Airspeed -> its formula of `six_dof.py`: (true airspeed in m/s, air) -> airspeed in kt, or Mach.
 OWN = {
     "kcas": calibrated,
     "keas": equivalent,
@@ -33,7 +34,7 @@ def uav():
 def test_an_imposed_airspeed_is_that_of_the_flight(name, altitude, warmer, uav):
     """The speed, dynamic pressure and Mach number of a trim belong to the imposed airspeed.
 
-    The formulas are those of the tests.
+    The airspeed of a flight at 33 m/s is imposed, by the formula of `OWN`.
     """
     there = air(altitude, warmer)
     value = OWN[name](33.0, there)
@@ -115,7 +116,7 @@ def test_texts_with_units_are_read_alike_everywhere(uav):
     ],
 )
 def test_wrong_airspeeds_are_refused(held, words, uav):
-    """Speeds that contradict or are none, and units of other quantities, are refused in one line."""
+    """Two speeds at one altitude, speeds that are not positive, and wrong units are refused."""
     assert words in refused(trim, uav, hold=held)
 
 
@@ -128,7 +129,7 @@ def test_wrong_airspeeds_are_refused(held, words, uav):
     ],
 )
 def test_wrong_options_are_refused(words, message):
-    """The command refuses what contradicts or is not finite."""
+    """A temperature deviation given twice, in words or beyond its limit is refused."""
     assert_refused(hfa("trim", "--aircraft", UAV, *words.split()), 2, message)
 
 
