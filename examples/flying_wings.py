@@ -48,7 +48,12 @@ def wing(numbers: Mapping[str, float], x: Any, u: Any, p: Any, w: Any) -> Any:
 
 
 def _model(name: str, speed: float, thrust: float, numbers: Mapping[str, float]) -> hfa.Model:
-    """Return a flying wing that flies level at a speed, m/s."""
+    """Return a flying wing that flies level at a speed, m/s.
+
+    thrust: largest thrust, N
+    numbers: as in `wing`
+    """
+    # Unit, nominal value, least and largest value of each signal.
     states = {
         "speed": hfa.Signal("m/s", 0.1 * speed, 0.7 * speed, 1.5 * speed),
         "alpha": hfa.Signal("rad", 0.1, -0.15, 0.25),

@@ -48,9 +48,9 @@ def test_newton_fails_the_released_eigenvalues(parameters):
     model.
     """
     validation = validate(hfa.aircraft("newton", parameters))
-    failed = {check.name: check.reason for check in validation.checks if not check.ok}
-    assert "eigenvalue_30_ft_s" in failed
-    assert "A(dihedral_rate, dihedral_rate)" in failed["third_printed_model_half_units"]
+    reasons = {check.name: check.reason for check in validation.checks if not check.ok}
+    assert "eigenvalue_30_ft_s" in reasons
+    assert "A(dihedral_rate, dihedral_rate)" in reasons["third_printed_model_half_units"]
 
 
 @pytest.mark.parametrize(
@@ -68,9 +68,9 @@ def test_a_wrong_parameter_fails_its_check(parameters, name, factor, check):
     reason.
     """
     wrong = parameters._replace(**{name: getattr(parameters, name) * factor})
-    failed = [check for check in validate(hfa.aircraft(parameters=wrong)).checks if not check.ok]
-    assert check in {check.name for check in failed}
-    assert all(check.reason for check in failed)
+    failing = [check for check in validate(hfa.aircraft(parameters=wrong)).checks if not check.ok]
+    assert check in {check.name for check in failing}
+    assert all(check.reason for check in failing)
 
 
 def test_a_wrong_eigenvalue_fails_its_check(published_aircraft, monkeypatch):
@@ -79,9 +79,9 @@ def test_a_wrong_eigenvalue_fails_its_check(published_aircraft, monkeypatch):
     moved = first._replace(eigenvalues=(first.eigenvalues[0] + 2e-4, *first.eigenvalues[1:]))
     # The planted fault: a wrong number of the released simulation.
     monkeypatch.setattr(outside, "released_trims", lambda: (moved, *rest))
-    failed = [check for check in validate(published_aircraft).checks if not check.ok]
-    assert [check.name for check in failed] == ["eigenvalue_68_ft_s"]
-    assert failed[0].reason.endswith("1/s at 0 deg")
+    failing = [check for check in validate(published_aircraft).checks if not check.ok]
+    assert [check.name for check in failing] == ["eigenvalue_68_ft_s"]
+    assert failing[0].reason.endswith("1/s at 0 deg")
 
 
 def test_the_tolerance_is_half_a_unit(published_aircraft):

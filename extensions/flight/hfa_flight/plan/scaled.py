@@ -371,6 +371,7 @@ def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> G
     wanted = min(most, _LONG / slowest if horizon is None else horizon)
     count = HOLDS * (2 if dt >= _SLOW else 1)
     longest = _longest_hold(scaled, dt)
+    # The coarsest grid comes first; all holds of the last one are samples.
     grids = [Grid(scaled, dt, fine, count, longest) for fine in (*_FINE, count)]
     if horizon is not None:
         # The finest grid that lasts long enough, or else the longest.

@@ -246,6 +246,7 @@ class FlightLoop:
             noise=0 if scenario.samples is None else len(model.linear),
             gust=0 if scenario.gust is None else scenario.gust.held_inputs(0).size,
             begin=1 if self.breaks.size else 0,
+            # Two times, and the commands of all inputs at both.
             delay=2 + 2 * len(model.inputs) if scenario.delayed_ticks else 0,
         )
 

@@ -78,7 +78,8 @@ def duration_for(growing: np.ndarray) -> float:
     if not growing.size:
         return 0.0
     grown = 2.0 * _FULLY_GROWN / growing.real
-    # In this time half the frequency is recognized: a large oscillation may be slower.
+    # In this time, T = 2 slowest_recognized(1) / frequency, half the frequency of the mode is
+    # recognized: a large oscillation may be slower.
     recognized = 2.0 * slowest_recognized(1.0) / np.maximum(np.abs(growing.imag), 1.0 / _LONGEST)
     oscillates = growing.imag != 0.0
     longest = np.where(oscillates, np.maximum(grown, recognized), grown).max()
