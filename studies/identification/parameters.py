@@ -457,5 +457,6 @@ def _rounding_covariance(relative: np.ndarray) -> np.ndarray:
     relative: derivatives of the entries, in half units, by relative parameters, (N, k)
     """
     distance = np.abs(relative[:, None, :] - relative[None, :, :]).max(axis=2)  # of two entries
+    # Structural zeros, with derivatives of 0, have no equal entries.
     same = distance < 1e-6 * np.abs(relative).max(axis=1)
     return np.where(same | np.eye(len(relative), dtype=bool), 1 / 3, 0.0)

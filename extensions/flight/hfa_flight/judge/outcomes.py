@@ -238,10 +238,13 @@ class CaseFlights:
         self.ends[(self.ends == FlightOutcome.UNDECIDED) & in_ball] = FlightOutcome.CONVERGED
 
     def _over(self, flown: History) -> np.ndarray:
-        """Return a mask (F, T + 1), True at the end of a window in which a flight ends."""
+        """Return a mask (F, T + 1), True at the end of a window in which a flight ends.
+
+        flown: F flights in a window of T samples
+        """
         flying = flown.flights
-        window = flown.first // (flown.states.shape[1] - 1)  # T samples in a window
-        if window == self._windows - _GROWTH:
+        window = flown.first // (flown.states.shape[1] - 1)
+        if window == self._windows - _GROWTH:  # for the growth of the distance up to the end
             self._earlier[flying] = self.nearest[flying]
         self.nearest[flying] = self.distance(flown)
         left = self._mark_departures(flown)

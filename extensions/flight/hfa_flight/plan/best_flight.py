@@ -38,6 +38,7 @@ def line_with_ratios(begin: str, outcomes: Sequence[tuple[str, float | None, str
     'Best flight; exact 1.03x, gain 1.2x (leaves)'
     """
     said = [(name, _ratio_text(ratio, loss)) for name, ratio, loss in reversed(outcomes)]
+    # Of a name only its begin, as "gain" of "gain of K.csv".
     texts = [
         f"{name.partition(' of ')[0].removesuffix(', saturated')} {says}"
         for name, says in said

@@ -278,7 +278,12 @@ class Planner:
         return self.flown(plan.z[0], v, plan.room, plan.age)
 
     def _proposed(self, plan: Plan, slopes: AlongHolds, correction: AlongHolds) -> ProgramSolution:
-        """Return the result of the quadratic program: changes of inputs, states and cost."""
+        """Return the result of the quadratic program: changes of inputs, states and cost.
+
+        slopes: derivatives of the states, as `_slopes_along` returns them
+        correction: what is added to the states of the plan before their limits are applied
+        """
+        # Places in `soft` of the states with limits in the program, and of the fast ones of these.
         limited, program = self._program_for(plan)
         fast = limited[program.fast]
         states, fast_states = self.soft[limited], self.soft[fast]

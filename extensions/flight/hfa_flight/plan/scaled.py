@@ -389,8 +389,9 @@ def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> G
 def _longest_hold(scaled: ScaledProblem, dt: float) -> int:
     """Return the largest number of samples of a hold, a power of two."""
     time_constants = _LAST * (_LONGER if dt >= _SLOW else 1.0)
+    # At most _MOST_SAMPLES, also of an aircraft without a fastest pole.
     samples = int(time_constants / max(scaled.fastest * dt, time_constants / _MOST_SAMPLES))
-    return 1 << (max(1, samples).bit_length() - 1)
+    return 1 << (max(1, samples).bit_length() - 1)  # the largest power of two up to it
 
 
 def sample_time_of_plans(scaled: ScaledProblem, asked: float | None = None) -> float:

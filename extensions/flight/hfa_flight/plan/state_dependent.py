@@ -179,7 +179,7 @@ class RiccatiPolicy:
         return slopes[:, :k], slopes[:, n:]
 
     def _weights(self, z: np.ndarray) -> np.ndarray:
-        """Return Q(z), (k, k)."""
+        """Return Q(z), (k, k): Q with the additional weights of the kept rates."""
         Q = self._scaled.linear_states.Q.copy()
         lowest, highest = self._scaled.state_limits
         for place in self._kept:

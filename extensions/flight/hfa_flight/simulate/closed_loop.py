@@ -301,6 +301,7 @@ class FlightLoop:
         The result is empty for Python functions and with a delay in the scenario.
         """
         if self.policy.sampler() is not None or self.scenario.delayed_ticks:
+            # Some sampled policies know the modes of their sampled loop.
             sampled = self.policy.sampled_modes()
             modes = np.zeros(0) if sampled is None else sampled
         else:

@@ -260,6 +260,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
         Raises BadInputError if the name is unknown.
         """
+        # Outputs depend on the parameters of the simulated aircraft, which may have errors.
         flown = getattr(self.loop.plant, "model", self.model)
         return series(self.model, self.states, self.inputs, name, flown.p)
 

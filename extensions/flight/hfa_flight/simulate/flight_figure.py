@@ -63,6 +63,7 @@ def flight_figure(figure: Figure, envelope: Limits, curves: Sequence[Curve], tit
     """
     model = in_gusts(envelope.model)
     names = tuple(dict.fromkeys(name for curve in curves for name in curve.values))
+    # If no signal moves, all are drawn.
     moving = [
         name
         for name in names
