@@ -27,6 +27,9 @@ class DampedPolicyIteration:
     """Damped policy iteration, a learning law for `controller.run`.
 
     `controller.run` calls `start`, `advance` and `observe`.
+
+    game: the game
+    pool: random states z, (N, n), and their derivatives A z: `pool.states` and `pool.drifts`
     """
 
     ticks = 400
@@ -35,8 +38,8 @@ class DampedPolicyIteration:
         self.game = game
         self.pool = pool
         self.psi = controller.basis("quadratic", len(game.A))
-        self.slopes = self.psi.gradient(pool.states)  # (N, M, n)
-        self.size = np.linalg.norm(self.psi.psi(pool.states), axis=0)  # size of each column
+        self.slopes = self.psi.gradient(pool.states)  # dpsi/dz of the M functions, (N, M, n)
+        self.size = np.linalg.norm(self.psi.psi(pool.states), axis=0)  # of each function, (M,)
 
     def start(self):
         """Return the memory before the first tick: the weights W = 0."""
@@ -55,6 +58,7 @@ class DampedPolicyIteration:
         L = game.disturbance_gain(P)
         rate = self.pool.drifts - z @ K.T @ game.B.T + z @ L.T @ game.E.T
         cost = game.Q + K.T @ game.R @ K - game.delta**2 * L.T @ L
+        # The equation above at each sample, in unknowns that are scaled by `size`.
         rows = np.einsum("jmi,ji->jm", self.slopes, rate)
         right = -np.einsum("ji,ik,jk->j", z, cost, z)
         fitted = np.linalg.lstsq(rows / self.size, right, rcond=None)[0] / self.size

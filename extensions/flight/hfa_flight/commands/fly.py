@@ -96,9 +96,11 @@ def with_tracking_errors(
     plain: the flight without feedforward
     """
     names = tracking.game.names
-    late = [np.array([each.rms_error[state] for state in names.states]) for each in (flown, plain)]
+    late, plain_late = (
+        np.array([each.rms_error[state] for state in names.states]) for each in (flown, plain)
+    )
     rows = []
-    for state, unit, *values in zip(names.states, names.state_units, *late, strict=True):
+    for state, unit, *values in zip(names.states, names.state_units, late, plain_late, strict=True):
         shown = (shown_value(float(value), unit, ".3g") for value in values)
         rows.append((state, shown_unit(unit), *shown))
     header = ("rms error, 2nd half", "unit", "flight", "without feedforward")
@@ -106,9 +108,7 @@ def with_tracking_errors(
     for flight, which in ((flown, "With"), (plain, "Without")):
         if flight.departure is not None:
             parts.append(f"{which} feedforward, the flight {flight.departure.text()}")
-    errors = dict(
-        zip(("late_rms_errors", "late_rms_errors_without_feedforward"), late, strict=True)
-    )
+    errors = {"late_rms_errors": late, "late_rms_errors_without_feedforward": plain_late}
     return replace(report, parts=(*parts, *tracking.trim_parts())).with_data(
         errors, tracking=tracking
     )

@@ -271,6 +271,7 @@ class CaseFlights:
             # value of -inf is beyond a missing limit too.
             low, high = lows[row, step], highs[row, step]
             extreme = np.where((low < least[row, 0]) | np.isneginf(low), low, high)
+            # Within the limits, a state is not a number.
             self.left_with[flight] = states[row, step] if within[row, step] else extreme
         return left
 

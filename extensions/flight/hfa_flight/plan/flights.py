@@ -89,9 +89,11 @@ def tracking_rows(problem: FlightProblem, candidate: CandidateFlight, tick: floa
     ticks = step_count(seconds, tick)
     z, v = candidate.at(tick / STEPS * np.arange(ticks * STEPS + 1))
     both = np.hstack([z[:, : len(problem.states)], v])
+    # Numbers of the ends of the steps of each tick, of which the last is the first of the next one.
     knots = STEPS * np.arange(ticks)[:, None] + np.arange(STEPS + 1)
     begins = tick * np.arange(ticks)
     gains = tracking_gains(problem, candidate)
+    # The gain of the interval in which a tick begins, its columns one after the other.
     interval = np.searchsorted(candidate.ends[1:], begins, side="right")
     K = gains[np.minimum(interval, len(gains) - 1)].transpose(0, 2, 1).reshape(ticks, -1)
     rows = np.hstack([begins[:, None], both[knots].reshape(ticks, -1), K])

@@ -147,6 +147,7 @@ class PlanProgram:
         # Unit of the changes, in which the plan costs _COST.
         unit = np.sqrt(max(cost.value, np.finfo(float).tiny) / _COST)
         curvatures = cost.weights.ravel(), 0.5 * cost.slack_curvatures.ravel(), cost.P.ravel()
+        # All values of H and A, in the order of their numbers (`_numbers_of_values`).
         H = 2.0 * np.concatenate(curvatures)
         A = np.concatenate([[1.0, -1.0], slopes.ends.ravel(), slopes.middles.ravel()])
         limits = *_limits_of_rows(room, n), *_limits_of_unknowns(room, n)
@@ -155,6 +156,7 @@ class PlanProgram:
             H[self._numbers_of_H], A[self._numbers_of_A], _gradient(cost) / unit, *in_units
         )
         changes *= unit
+        # Of each hold the states, inputs and slacks, then the states at the end.
         of_holds = changes[:-n].reshape(count, -1)
         moved = np.vstack([of_holds[:, :n], changes[-n:]])
         is_solved = self._status() in (_SOLVED, None)

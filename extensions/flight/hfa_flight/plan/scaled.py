@@ -46,7 +46,7 @@ class Hold(NamedTuple):
     def infinite_horizon(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the gain K and the matrix P of the optimum over infinitely many equal holds.
 
-        P is the solution of the discrete Riccati equation, which a hold does not change.
+        P is the solution of the discrete Riccati equation: `back` returns the same P.
 
         Raises NoSolutionError if the held model cannot be stabilized.
         """

@@ -115,7 +115,7 @@ class NonlinearPlant(Plant):
         model = self.model if set(winds) <= set(self.model.disturbances) else in_gusts(self.model)
         outputs = [ANGLE_OF_ATTACK] if winds and has_angle_of_attack(model) else []
         X = ca.DM(self.point.x) + x
-        U = ca.SX.sym("U", len(model.inputs))
+        U = ca.SX.sym("U", len(model.inputs))  # symbols, on which the angle must not depend
         p = parameters if self.uncertain else model.p
         w = [winds.get(name, 0.0) for name in model.disturbances]
         rates, angles = model.layout.expressions((X, U, p), outputs, w)

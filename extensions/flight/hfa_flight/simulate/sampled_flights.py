@@ -349,6 +349,7 @@ def in_threads(work: Callable[[np.ndarray], None], count: int, stored: int) -> N
     """
     threads = max(1, min(os.cpu_count() or 1, count // 100))
     sets = max(threads, math.ceil(count * stored / _STORED))
+    # Each set has flights of all trims, so that the sets take about as long.
     dealt = [np.arange(first, count, sets) for first in range(min(sets, max(count, 1)))]
     with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(work, dealt))
+        list(pool.map(work, dealt))  # raises what a thread raises
