@@ -79,8 +79,8 @@ class Predictive(SampledPolicy):
 
     def _scaled(self, following: NextSample) -> NextSample:
         """Return what is known of the followed states in nominal values, (followed,) each."""
-        places, sizes = self.problem.followed_places, self.problem.nominal.states
-        return NextSample(*(values[places] / sizes for values in following))
+        places, nominal = self.problem.followed_places, self.problem.nominal.states
+        return NextSample(*(values[places] / nominal for values in following))
 
     @property
     def holds(self) -> np.ndarray:

@@ -197,9 +197,10 @@ class ScaledProblem:
         """
         k, n, _ = self.counts
         lowest, highest = self.input_limits
-        ranges = 0.5 * (highest - lowest)
-        ranges = np.where(np.isfinite(ranges), ranges, 1.0)  # an input without limits: nominal
-        moves = np.abs(hold_of(*self.linear_states, dt).B) @ ranges
+        half_ranges = 0.5 * (highest - lowest)
+        # An input without limits moves by its nominal value.
+        steps = np.where(np.isfinite(half_ranges), half_ranges, 1.0)
+        moves = np.abs(hold_of(*self.linear_states, dt).B) @ steps
         below, above = (limit[:k] for limit in self.state_limits)
         room = 0.5 * (above - below)
         return np.pad(np.isfinite(room) & (moves >= _REACHES * room), (0, n - k))

@@ -259,7 +259,10 @@ class CompiledLoop:
         self.is_driven = ca.depends_on(now.rate, t)
 
     def _function(self, name: str, expression: ca.SX) -> ca.Function:
-        """Return the function (t, y, held) -> expression, the same object for equal functions."""
+        """Return the function (t, y, held) -> expression, the same object for equal functions.
+
+        `step_function` and `_row_function` then compile it once.
+        """
         dense = [ca.densify(expression)]
         function = ca.Function(name, [*self._arguments], dense, {"cse": True})
         called = (call.class_name() for call in function.find_functions())
