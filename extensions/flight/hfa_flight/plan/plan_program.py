@@ -180,10 +180,10 @@ def _numbers_of_values(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return H and A of a program, with the number of a value in place of each entry."""
     # A program fills its values in by one indexing with these numbers, instead of building H and A
-    # anew. Numbers begin with 1; 0 is no entry. The values of H are W of each hold, the curvatures of the
-    # slacks, and P; those of A are 1, -1, and the derivatives of the states at the ends and at the
-    # middles of the holds. The rows of A of a hold are the n equations, then for the limits at its
-    # end and for those at its middle first the upper sides, x - slack, then the lower ones.
+    # anew. Numbers begin with 1; 0 is no entry. The values of H are W of each hold, the curvatures
+    # of the slacks, and P; those of A are 1, -1, and the derivatives of the states at the ends and
+    # at the middles of the holds. The rows of A of a hold are the n equations, then for the limits
+    # at its end and for those at its middle first the upper sides, x - slack, then the lower ones.
     both, slacks, middles = n + m, len(soft), len(fast)
     unknowns, rows_of_hold = both + slacks, n + 2 * (slacks + middles)
     H = np.zeros((count * unknowns + n, count * unknowns + n), dtype=int)
