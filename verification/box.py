@@ -52,9 +52,10 @@ class Box(NamedTuple):
 def ordinary_box(
     states: tuple[str, ...], inputs: tuple[str, ...], state_units: tuple[str, ...]
 ) -> Box | None:
-    """Return the box of typical deviations of the paper's aircraft, or None for another plant.
+    """Return the box of typical deviations of the paper's aircraft.
 
-    None also for units that are neither English nor SI. Units that are not given are English.
+    The result is None for another plant, and for units that are neither English nor SI. Units that
+    are not given ("") are English.
 
     states, inputs: names, which must be those of the aircraft, of some or all of its inputs
     state_units: units of the states
@@ -97,7 +98,7 @@ def balanced_units(game: Game) -> np.ndarray:
     (n,).
     """
     plain = game.without_cross_weights
-    root = math.sqrt(game.discount)
+    root = math.sqrt(game.discount)  # the game of √α A, √α B has the same value, undiscounted
     B = root * plain.B
     weight = game.R + B.T @ plain.Q @ B if game.is_discrete else game.R
     E = root * plain.E / game.delta
@@ -112,7 +113,7 @@ def starts_in(b: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
     b: (n,)
     """
     starts = np.random.default_rng(seed).uniform(-1.0, 1.0, (count, len(b)))
-    starts[::2] = np.sign(starts[::2])
+    starts[::2] = np.sign(starts[::2])  # corners
     return starts * b
 
 
@@ -145,12 +146,13 @@ def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
     trim = linear.point.inputs._asdict()
     limits = Limits.of(linear.point.model, linear.inputs)
     at_trim = np.array([trim[name] for name in linear.inputs], dtype=float)
+    # A trim beyond a limit, whose distance has the other sign, stays possible: 0 is included.
     lowest = np.minimum(limits.lowest - at_trim, 0.0)
     highest = np.maximum(limits.highest - at_trim, 0.0)
     return NonlinearPlant(rates_about_trim(linear), lowest, highest)
 
 
-#: Largest cost of a critic's flight above that of the exact policy, relative to it.
+#: Largest cost of a critic's flight above that of the exact policy, relative to the latter.
 SHARE = 0.05
 #: Relative excess of a cost that may be rounding: half an ulp in each of a million steps.
 _ROUNDING = 1e6 * ROUNDOFF
@@ -174,8 +176,8 @@ class BoxFlights(Result):
     diverged: number of flights of the critic that diverge
     undecided: number of its flights that are not decided at the end of the clock
     clock: largest duration of a flight, s
-    suboptimality: largest cost above the exact policy's from the same state, relative to it; inf if
-        a flight diverges, nan if one is not decided
+    suboptimality: largest cost above that of the exact policy from the same state, relative to the
+        latter; inf if a flight diverges, nan if one is not decided
     worst: initial state with it, (n,)
     integration: integration error of the costs
     resolved: whether the costs hardly change with half the step
@@ -249,7 +251,7 @@ def box_flights(
     exact = _Flights(expansion, exact_policy, plant, seconds)
     flown = _Flights(expansion, policy, plant, seconds)
     starts = starts_in(b, count)
-    part = 1.0
+    part = 1.0  # halved until all flights of the exact policy converge
     while part >= _SMALLEST and not np.isfinite(exact.costs(part * starts, step)).all():
         part /= 2.0
     if part < _SMALLEST:
@@ -260,6 +262,7 @@ def box_flights(
 
     costs, error = resolved(simulate, _figures, step)
     suboptimality = costs.judged / costs.exact - 1.0
+    # A flight that is not decided (nan) counts as the worst, as one that diverges does.
     worst = int(np.argmax(np.where(np.isnan(suboptimality), math.inf, suboptimality)))
     return BoxFlights(
         box=box.name,
@@ -296,7 +299,7 @@ class _Flights:
         z = ca.SX.sym("z", len(game.A))
         u = plant.saturated(policy(z))
         cost = Cost(game.Q, game.R, game.N).rate(z, u)
-        both = ca.densify(ca.vertcat(plant.rates(z, u), cost))
+        both = ca.densify(ca.vertcat(plant.rates(z, u), cost))  # rates of [z; cost]
         self._rates = row_code(ca.Function("rates", [z], [both], {"cse": True}))
         self._P = expansion.solution.P
         self.seconds = _CLOCK * seconds

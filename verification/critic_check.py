@@ -25,7 +25,7 @@ from hfa_support.errors import (
 from hfa_support.matrices import labels_of
 from hfa_support.progress import Progress
 from hfa_support.reporting.parts import Part
-from hfa_support.reporting.report import at_least
+from hfa_support.reporting.report import Check, at_least
 from trim.linear.linear_model import LinearModel
 from verification.box import Box, nonlinear_plant, usual_box
 from verification.critic_errors import LIMIT, critic_errors, is_gain_right
@@ -110,15 +110,15 @@ def verify(
     widths = in_box.half_widths
 
     nonlinear, nonlinear_part = None, None
-    is_asked = judged.has_weights if taylor is None else taylor  # about the nonlinear game
-    if linear is not None and not judged.is_quadratic and is_asked:
+    on_nonlinear_game = judged.has_weights if taylor is None else taylor  # a polynomial has weights
+    if linear is not None and not judged.is_quadratic and on_nonlinear_game:
         nonlinear, nonlinear_part = _on_nonlinear_game(
             judged, linear, exact, limit, in_box, flights, progress
         )
-    # The linear game judges the linear part of what the nonlinear one has judged.
+    # On the linear game, the linear part is judged of a critic that the nonlinear game judges.
     compared = judged if nonlinear is None else judged.linear_part
     errors = critic_errors(compared, exact, limit, widths)
-    loop = LinearLoop(exact, judged, widths, all(check.ok for check in errors))
+    loop = LinearLoop(exact, judged, widths, is_exact=all(check.ok for check in errors))
     findings = None
     if nonlinear is None and not judged.is_quadratic:
         from verification.network.search import findings_of
@@ -142,17 +142,12 @@ def verify(
         sections.append(_polynomial_section(judged))
     reason = ""
     if isinstance(critic, TrainingRun):
-        rank = critic.excitation
-        reason = (
-            f"the data have rank {rank.rank} of {rank.size} and do not determine the weights, "
-            "however small the residual is"
-        )
-        checks.append(at_least("data_rank", rank.rank, rank.size, reason, kind="data"))
-        reason = checks[-1].reason  # "" if it passes
+        checks.append(_rank_check(critic))
+        reason = checks[-1].reason  # "" if the check passes
     if not reason and any(check.kind == "error" and not check.ok for check in checks):
         reason = _reason(exact, compared, widths, limit)
-    above = 100.0 * loop.suboptimality.high
-    if findings is not None:
+    above = 100.0 * loop.suboptimality.high  # of a linear policy, proved
+    if findings is not None:  # of a network, simulated
         above = findings.flown.cost_above_optimum_flown_percent
     return Verdict(
         critic=judged,
@@ -168,6 +163,18 @@ def verify(
         nonlinear=nonlinear,
         suboptimality=loop.suboptimality if findings is None else None,
     )
+
+
+def _rank_check(run: TrainingRun) -> Check:
+    """Return the check that the data of a training run have full rank, and so determine its
+    weights.
+    """
+    rank, size = run.excitation.rank, run.excitation.size
+    reason = (
+        f"the data have rank {rank} of {size} and do not determine the weights, however small the "
+        "residual is"
+    )
+    return at_least("data_rank", rank, size, reason, kind="data")
 
 
 def _given_box(box: ArrayLike, game: Game) -> Box:
@@ -189,7 +196,9 @@ def _on_nonlinear_game(
     flights: int,
     progress: Progress | None,
 ) -> tuple[NonlinearComparison | None, Part]:
-    """Return the comparison with the nonlinear game, if there is one, and its part of a report."""
+    """Return the comparison with the nonlinear game, or None, and the part of a report on it, which
+    says why there is no comparison.
+    """
     from verification.nonlinear_game import compare_with_nonlinear
 
     if exact.game.is_discrete:
@@ -202,7 +211,10 @@ def _on_nonlinear_game(
 
 
 def _critic(game: Game, given: object, linear: LinearModel | None) -> Critic:
-    """Return the critic that is judged: itself, read from a file, or of an array or a result."""
+    """Return the critic that is judged: read from a file, made of an array or a result, or `given`.
+
+    Raises BadInputError for another object, and if the game is in the other kind of time.
+    """
     if isinstance(given, (str, Path)):
         return critic_in(given, game, Reading(linear=linear))
     if isinstance(given, (list, tuple)) or hasattr(given, "__array__"):
@@ -227,12 +239,15 @@ def _critic(game: Game, given: object, linear: LinearModel | None) -> Critic:
 
 
 def _reason(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> str:
-    """Return the mistake in a wrong critic, and what a network does in the box, or ""."""
+    """Return the mistake in a wrong critic, and what a network does in the box, or "".
+
+    box: half-widths, (n,)
+    """
     from verification.reasons import reason_for
 
     if not critic.is_finite:
         return ""
-    if not critic.network or critic.weights is not None:
+    if not critic.network or critic.weights is not None:  # matrices, or a polynomial
         return reason_for(exact, critic, limit)
     from verification.network.search import finding_of_policy
 
@@ -247,7 +262,7 @@ def _reason(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> s
             "the policy has a nonsmooth point at the trim, and K has the mean slopes of both sides"
         )
     if finding is not None and finding.other_error <= limit:
-        return finding.says  # it explains all errors of u
+        return finding.says  # the finding explains all errors of u
     is_right = is_gain_right(critic.K, exact, limit)
     mistake_in_K = "" if is_right else reason_for(exact, critic, limit)
     if finding is None:
@@ -257,7 +272,7 @@ def _reason(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> s
 
 
 def _polynomial_section(critic: Critic) -> Section:
-    """Return a section of the report on a network with one layer, whose value is a polynomial."""
+    """Return the section of a report on a network with one layer, whose value is a polynomial."""
     data = {
         "output": "V",
         "precision": critic.precision,

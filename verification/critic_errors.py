@@ -141,8 +141,11 @@ def is_gain_right(K: np.ndarray, exact: Solution, limit: float) -> bool:
 
 
 class Measure(NamedTuple):
-    """Measure of the errors of a matrix M: root M * scales in balanced units, and M * entry_scales
-    by entry.
+    """What the errors of a matrix M, P or K, are measured by.
+
+    exact: the exact matrix
+    root, scales: root M * scales is M in balanced units
+    entry_scales: M * entry_scales has entries that do not depend on units
     """
 
     exact: np.ndarray
@@ -161,14 +164,17 @@ class Measure(NamedTuple):
 
 
 def measure_of(name: str, solution: Solution) -> Measure:
-    """Return the measure of P, by U P U, or of K, by R^(1/2) K U and diag(R)^(1/2) K U."""
+    """Return the measure of P, by U P U, or of K, by R^(1/2) K U and diag(R)^(1/2) K U.
+
+    name: "P" or "K"
+    """
     units = balanced_units(solution.game)
     if name == "P":
         scales = np.outer(units, units)
         return Measure(solution.P, np.eye(len(units)), scales, scales)
-    weight = solution.suboptimality_weight
+    weight = solution.suboptimality_weight  # R, in discrete time R + α B'P B
     eigenvalues, vectors = np.linalg.eigh(weight)
-    root = np.sqrt(np.abs(eigenvalues))[:, None] * vectors.T
+    root = np.sqrt(np.abs(eigenvalues))[:, None] * vectors.T  # root' root is the weight
     scales = np.outer(np.ones(len(weight)), units)
     return Measure(solution.K, root, scales, np.sqrt(np.diag(weight))[:, None] * scales)
 
@@ -185,9 +191,9 @@ def box_errors(critic: Critic, exact: Solution, limit: float, box: np.ndarray) -
     higher = higher_terms(critic, box)
     with np.errstate(all="ignore"):  # a number that is not finite fails the check
         u_errors = np.abs(critic.K - exact.K) @ box
-        if critic.slope_gain is not None:
+        if critic.slope_gain is not None:  # u = -½ R⁻¹B' ∂V/∂z also has the higher terms of V
             u_errors += 0.5 * np.abs(critic.slope_gain) @ (higher.slopes / box)
-    u_scale = np.sqrt(np.diag(exact.suboptimality_weight))
+    u_scale = np.sqrt(np.diag(exact.suboptimality_weight))  # makes inputs comparable
     policy = entry_error(u_scale * u_errors, u_scale * (np.abs(exact.K) @ box))
     checks = [error_check("policy_rel_error", policy, limit, "the policy in the box")]
     if critic.P is None:
@@ -255,9 +261,10 @@ def action_value_error(H: np.ndarray, exact: np.ndarray) -> float:
 
 
 def exact_action_value(critic: Critic, exact: Solution) -> np.ndarray | None:
-    """Return the exact H for the signals of a critic's H, or None without one.
+    """Return the exact matrix H of the Q-function over the signals of a critic's H, or None if the
+    critic has no H.
 
-    An H over (x, u) is that for the worst w.
+    The signals are (x, u, w), or (x, u) for the worst w: the Schur complement of the block of w.
     """
     exact_H = exact.H
     if critic.H is None or exact_H is None:
@@ -291,9 +298,9 @@ def higher_terms(critic: Critic, box: np.ndarray) -> HigherTerms:
     psi = critic.basis
     if critic.weights is None or psi is None or psi.size == psi.quadratic_size:
         return HigherTerms(0.0, np.zeros(len(box)))
-    exponents = psi.exponents[psi.quadratic_size :]
+    exponents = psi.exponents[psi.quadratic_size :]  # of the terms that are not quadratic
     sizes = np.abs(critic.weights[psi.quadratic_size :])
     with np.errstate(all="ignore"):
-        reach = REACH ** np.abs(exponents.sum(axis=1) - 2)
+        reach = REACH ** np.abs(exponents.sum(axis=1) - 2)  # largest λ^(p-2)
         terms = sizes * np.prod(box**exponents, axis=1) * reach
     return HigherTerms(float(terms.sum()), terms @ exponents)

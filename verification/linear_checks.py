@@ -69,9 +69,10 @@ class LinearLoop:
         """
         game, loops, K = self.exact.game, self.exact.closed_loops, self.critic.K
         is_stable = self.suboptimality.is_stable  # proved
-        closed = loops.with_gain(ball_matrix(K))
+        stable_below = 1.0 if game.is_discrete else 0.0
+        closed = loops.with_gain(ball_matrix(K))  # A - B K
         pole = spectral_radius(closed) if game.is_discrete else spectral_abscissa(closed)
-        if (pole < float(game.is_discrete)) != is_stable:  # doubles contradict the proof
+        if (pole < stable_below) != is_stable:  # the double contradicts the proof
             poles = loops.poles(K)
             pole = poles.spectral_radius if game.is_discrete else poles.abscissa
         if game.is_discrete:
@@ -82,16 +83,14 @@ class LinearLoop:
             discounted = math.sqrt(game.discount) * pole
             infinite = f"sqrt(discount) (A - B K) has the spectral radius {discounted:.7g}"
             has_cost = self.suboptimality.is_summable
-            checks = [
-                _proved_check("control_loop_radius", pole, 1.0, is_stable, unstable, "stability"),
-                _proved_check(
-                    "discounted_loop_radius", discounted, 1.0, has_cost, infinite, "cost"
-                ),
-            ]
+            name = "control_loop_radius"
+            cost = ("discounted_loop_radius", discounted, 1.0, has_cost, infinite, "cost")
+            others = [_proved_check(*cost)]
         else:
             unstable = f"A - B K is not Hurwitz (abscissa {pole:+.3g} 1/s)"
-            name = "control_loop_abscissa"
-            checks = [_proved_check(name, pole, 0.0, is_stable, unstable, "stability")]
+            name, others = "control_loop_abscissa", []
+        stable = _proved_check(name, pole, stable_below, is_stable, unstable, "stability")
+        checks = [stable, *others]
         if math.isfinite(game.delta) and self.critic.is_finite:
             reason = f"the closed loop has an L2 gain of {self.gain:.4g}, not below delta"
             # The cost has a bound if and only if the gain is below delta.
@@ -118,7 +117,7 @@ class LinearLoop:
     def part(self) -> Part:
         """Table and lines of the report."""
         suboptimality, loops = self.suboptimality, self.robustness.values()
-        zeros = ["0"] * (len(loops) - 1)
+        zeros = ["0"] * (len(loops) - 1)  # of the exact solution, where it has a column
         rows: list[tuple[str, ...]] = []
         for which, ratio in (
             ("worst case", suboptimality.high),
@@ -171,12 +170,17 @@ class LinearLoop:
 
 
 def _proved_check(name: str, value: float, limit: float, ok: bool, reason: str, kind: str) -> Check:
-    """Return the check that a value is below a limit, decided by a proof: the value is rounded."""
+    """Return the check that a value is below a limit, decided by a proof (`ok`) and not by the
+    value, which is rounded.
+    """
     return Check(name, value, limit, ok, "" if ok else reason, "<", kind)
 
 
 def _has_worst(suboptimality: Suboptimality) -> bool:
-    """Return whether some initial state costs most; of an optimal policy, rounding decides it."""
+    """Return whether a policy costs most from some initial state, which is known.
+
+    That of an optimal policy would be rounding.
+    """
     return not suboptimality.is_optimal and bool(np.isfinite(suboptimality.worst).all())
 
 
@@ -201,10 +205,9 @@ def value_check(exact: Solution, P: np.ndarray, box: np.ndarray, limit: float) -
     limit: limit of the relative errors
     """
     scales = np.outer(box, box)
-    of_exact = np.linalg.eigvalsh(exact.P * scales)
-    size = float(np.abs(of_exact).max())
+    of_exact = np.linalg.eigvalsh(exact.P * scales)  # in ascending order
+    unit = float(np.abs(of_exact).max()) or 1.0  # of eigenvalues
     smallest = float(np.linalg.eigvalsh((P + P.T) / 2.0 * scales)[0])
-    unit = size or 1.0
     indefinite = f"P is indefinite (smallest eigenvalue {smallest / unit:.3g} of the exact P)"
     least = min(0.0, float(of_exact[0])) / unit - limit
     return at_least("P_smallest_eigenvalue", smallest / unit, least, indefinite, kind="cost")

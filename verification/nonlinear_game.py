@@ -196,6 +196,7 @@ def compare_with_nonlinear(
     report = progress or (lambda *_: None)
     report(0, 3, "power series")
     terms = _terms(critic, widths)
+    # A policy of degree d follows from a value of degree d + 1.
     order = max(degree + (of == "u") for of, degrees in terms.items() for degree in degrees)
     expansion = expand(linear, solution, min(max(order, LOWEST), HIGHEST))
     errors = [
@@ -215,7 +216,7 @@ def compare_with_nonlinear(
         flown = box_flights(critic.policy, exact, expansion, plant, box, flights)
     report(2, 3, "flights within the radius of the series")
     compared = NonlinearComparison(tuple(errors), limit, expansion, flown)
-    _ = compared.radius  # is computed once, by flights
+    _ = compared.radius  # computed here by flights, and then kept
     report(3, 3)
     return compared
 
@@ -228,7 +229,12 @@ def _is_policy_given(critic: Critic) -> bool:
 def _degree_error(
     of: str, degree: int, learned: np.ndarray, expansion: Expansion, widths: np.ndarray
 ) -> DegreeError:
-    """Return the largest relative error of a critic's weights (k, M) of one degree."""
+    """Return the largest relative error of a critic's weights of one degree.
+
+    of: "V", or "u" of a policy
+    learned: weights of all M monomials of the degree, (1, M) of V, (m, M) of u
+    widths: half-widths of the set V2 <= 1, (n,)
+    """
     names = expansion.game.names
     exponents = homogeneous(expansion.states, degree).exponents
     weights = expansion.weights[None] if of == "V" else expansion.policy_weights
@@ -239,7 +245,8 @@ def _degree_error(
         exact = np.zeros_like(learned)
     monomials = np.prod(widths**exponents, axis=1)  # at typical deviations
     input_weights = np.sqrt(np.diag(expansion.game.R))
-    terms = monomials if of == "V" else np.outer(input_weights, monomials)  # of weights of 1
+    # Sizes of the terms with the weight 1, which make inputs comparable.
+    terms = monomials if of == "V" else np.outer(input_weights, monomials)
     least = _SMALL * float(np.max(np.abs(exact) * terms)) / terms
     scale = np.maximum(np.abs(exact), least)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -259,7 +266,10 @@ def _degree_error(
 
 
 def _terms(critic: Critic, widths: np.ndarray) -> dict[str, dict[int, np.ndarray]]:
-    """Return the critic's weights, "V" or "u" -> degree -> those of all monomials, (k, M)."""
+    """Return "V" or "u" -> degree -> the critic's weights of all M monomials, (1, M) or (m, M).
+
+    widths: typical sizes of the states, (n,)
+    """
     terms = {}
     degree_of_value = ORDER
     if critic.weights is not None and critic.basis is not None:
@@ -290,7 +300,12 @@ def _terms_of_weights(critic: Critic) -> dict[int, np.ndarray]:
 def _terms_of_function(
     function: ca.Function, degrees: range, widths: np.ndarray
 ) -> dict[int, np.ndarray]:
-    """Return the Taylor coefficients at 0, degree d -> of d^d/dt^d function(t z) / d!, (k, M)."""
+    """Return the Taylor coefficients of a function at 0: degree -> those of M monomials, (k, M).
+
+    The terms of degree d are d^d/dt^d function(t z) / d! at t = 0.
+
+    widths: typical sizes of the states, (n,), by which the fit scales them
+    """
     if not function.is_a("SXFunction"):
         raise BadInputError("the network is too wide for its power series")
     n = function.numel_in(0)

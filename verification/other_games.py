@@ -45,14 +45,14 @@ class Family(NamedTuple):
 def other_games(
     exact: Solution, of: str, given: np.ndarray, sizes: np.ndarray
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield the games that differ by one number of which P or K is nearest to a given one.
+    """Yield games that differ by one number, whose exact P or K is nearest to that of a critic.
 
-    Of each, a sentence, after "K is", and its exact P or K.
+    Each is a sentence that follows "K is", and the exact P or K of the game.
 
     exact: solution of the game
     of: "P" or "K"
     given: P or K of the critic
-    sizes: of its entries, which change with the units as the entries do
+    sizes: sizes of the entries of `given`, which change with the units as the entries do
     """
     if len(given.T) > MOST_STATES or not given.any():
         return
@@ -131,13 +131,16 @@ def continuous(game: Game) -> Game | None:
 def _nearest(
     family: Family, of: str, given: np.ndarray, sizes: np.ndarray
 ) -> tuple[str, np.ndarray] | None:
-    """Return a sentence on the game of a family with the nearest P or K, and this, or None."""
+    """Return a sentence on the game of a family with the nearest P or K, and this matrix, or None.
+
+    The number is searched on a grid of factors, then by Gauss and Newton.
+    """
 
     def game_at(logarithm: float) -> Game:
         return family.game(family.middle * math.exp(logarithm))
 
     def errors_at(logarithm: float) -> np.ndarray:
-        """Return the errors of P or K of a game, or inf without a value."""
+        """Return the errors of the P or K of a game against the given one, or inf without value."""
         with suppress(FailedError, BadInputError), np.errstate(all="ignore"):
             return (_candidate(game_at(logarithm), of) - given) / sizes
         return np.full(given.shape, math.inf)

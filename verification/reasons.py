@@ -79,7 +79,12 @@ class Compared(NamedTuple):
     def of(
         cls, kind: str, given: np.ndarray, exact: Solution, sizes: Any, limit: float
     ) -> Compared:
-        """Return P or K compared with the exact one."""
+        """Return P or K compared with the exact one.
+
+        kind, given, sizes: as the fields
+        exact: solution of the game
+        limit: largest error of a right matrix
+        """
         measure = measure_of(kind, exact)
         return cls(kind, given, measure.exact, sizes, lambda M: max(measure.errors(M)) <= limit)
 
@@ -89,7 +94,7 @@ class Compared(NamedTuple):
         The matrix is right without the mistake, and the exact one would be wrong with it.
         """
         for mistake in mistakes:
-            with_mistake = self.exact + self.given - mistake.undone
+            with_mistake = self.exact + (self.given - mistake.undone)
             if self.is_right(mistake.undone) and not self.is_right(with_mistake):
                 return mistake.says
         return ""
@@ -175,7 +180,7 @@ def _of_other_games(exact: Solution, compared: Compared) -> Iterator[Mistake]:
     if np.count_nonzero(distinct) < 2:
         return  # a single number agrees with many games
     mistakes = [
-        Mistake(f"{kind} is {says}", given - matrix + right)
+        Mistake(f"{kind} is {says}", right + (given - matrix))  # matrix: exact for the other game
         for says, matrix in other_games(exact, kind, given, compared.sizes)
     ]
     yield from sorted(mistakes, key=lambda mistake: np.max(compared.errors(mistake.undone)))
@@ -184,14 +189,16 @@ def _of_other_games(exact: Solution, compared: Compared) -> Iterator[Mistake]:
 def _not_of_value(exact: Solution, critic: Critic, P: np.ndarray, limit: float) -> str:
     """Return a sentence on how much K differs from the gain that P implies, or ""."""
     implied = exact.game.gain((P + P.T) / 2.0)
-    difference = relative_error(exact.K + critic.K - implied, exact.K)
+    difference = relative_error(exact.K + (critic.K - implied), exact.K)  # in units of the exact K
     if difference <= limit:
         return ""
     return f"K differs by {percent(100.0 * difference)} from the gain that P implies on this plant"
 
 
 def _sizes_of_states(exact: Solution) -> np.ndarray:
-    """Return √P_ii of the exact P, (n,), at least `SMALL` times the largest in balanced units."""
+    """Return the sizes √P_ii of the states by the exact P, (n,), in balanced units at least `SMALL`
+    times the largest.
+    """
     units = balanced_units(exact.game)
     return floored(np.sqrt(np.abs(np.diag(exact.P))) * units) / units
 
@@ -200,7 +207,7 @@ def _gains(exact: Solution, K: np.ndarray, limit: float) -> Compared:
     """Return K compared with the exact one, in sizes r_i c_j that change with the units."""
     states = _sizes_of_states(exact)
     weights = np.diag(exact.suboptimality_weight)
-    inputs = np.sqrt(np.where(weights > 0.0, weights, 1.0))
+    inputs = np.sqrt(np.where(weights > 0.0, weights, 1.0))  # √R_ii
     in_units = exact.K * inputs[:, None] / states  # of √R_ii u_i and √P_jj z_j
     column_sizes = floored(np.linalg.norm(in_units, axis=0))
     row_sizes = floored(np.linalg.norm(in_units / column_sizes, axis=1))
@@ -246,7 +253,8 @@ def _order_of_states(P: np.ndarray, exact: np.ndarray) -> np.ndarray:
 
 def _factors_of_states(values: Compared) -> np.ndarray:
     """Return the factor on each state that the diagonal and the signs of P suggest, (n,)."""
-    # P tells only products of two signs, the largest best; most states have the right sign.
+    # P_ij has the sign s_i s_j times that of the exact entry: the largest products of both tell
+    # signs of states relative to one another, best ones first. Most states have the right sign.
     products = values.given * values.exact / values.sizes**2
     signs = np.zeros(len(products))
     while not signs.all():
@@ -260,7 +268,7 @@ def _factors_of_states(values: Compared) -> np.ndarray:
                 break
             block[linked] = True
             signs[linked] = math.copysign(signs[known], signs[known] * links[known, linked])
-        signs[block] *= math.copysign(1.0, signs[block].sum())
+        signs[block] *= math.copysign(1.0, signs[block].sum())  # the majority is right
     with np.errstate(all="ignore"):
         return signs * np.sqrt(np.abs(np.diag(values.given) / np.diag(values.exact)))
 
@@ -269,8 +277,8 @@ def _of_gain(game: Game, gains: Compared) -> Iterator[Mistake]:
     """Yield the mistakes of K: factors, shape, R⁻¹, order, units."""
     K, exact = gains.given, gains.exact
     if not game.is_discrete:
-        paid = "(B'P + N')" if game.N.any() else "B'P"
-        says = f"R⁻¹ is missing: this is {paid}, and K is R⁻¹{paid}"
+        without_R = "(B'P + N')" if game.N.any() else "B'P"
+        says = f"R⁻¹ is missing: this is {without_R}, and K is R⁻¹{without_R}"
         yield Mistake(says, np.linalg.solve(game.R, K))
     yield from _factors("gain", "the policy is u = -K z", gains)
     yield from _unmoved(game, gains)
@@ -300,7 +308,9 @@ def _unmoved(game: Game, gains: Compared) -> Iterator[Mistake]:
 
 
 def _multiples(game: Game, gains: Compared) -> Iterator[Mistake]:
-    """Yield that each row of K (unmapped actions) or column (a normalized state) is a multiple."""
+    """Yield that each row of K (actions that are not mapped to the inputs), or each column (a
+    normalized state), is a multiple of that of the exact K.
+    """
     K, exact = gains.given, gains.exact
     in_sizes, exact_in_sizes = K / gains.sizes, exact / gains.sizes
     columns, strengths, rows = np.linalg.svd(exact_in_sizes)
@@ -310,7 +320,7 @@ def _multiples(game: Game, gains: Compared) -> Iterator[Mistake]:
         (1, "row", "as of actions that are not mapped to the inputs", game.names.inputs),
         (0, "column", "as of a state that is normalized", game.names.states),
     ):
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"):  # factors of least squares
             factors = np.sum(in_sizes * exact_in_sizes, axis) / np.sum(exact_in_sizes**2, axis)
             undone = K / np.expand_dims(factors, axis)
         if not (np.isfinite(undone).all() and factors.all()):
@@ -324,7 +334,11 @@ def _multiples(game: Game, gains: Compared) -> Iterator[Mistake]:
 def _of_rows(
     noun: str, units: Mapping[str, float], given: np.ndarray, exact: np.ndarray
 ) -> Iterator[Mistake]:
-    """Yield that the rows of K are in another order, or that some have a wrong sign or unit."""
+    """Yield that the rows of K are in another order, or that some have a wrong sign or unit.
+
+    noun: what a row of the matrices is of, "input", or "state" if they are transposed
+    units: unit in words -> factor on a row
+    """
     column_sizes = floored(np.abs(exact).max(axis=0))
     rows, exact_rows = given / column_sizes, exact / column_sizes
     order = _assigned(np.sum((rows[:, None] - exact_rows) ** 2, axis=-1))
@@ -336,10 +350,15 @@ def _of_rows(
 
 
 def _factors(noun: str, meant: str, compared: Compared) -> Iterator[Mistake]:
-    """Yield that all entries have a wrong sign, half or twice the size, or another factor."""
+    """Yield that all entries have a wrong sign, half or twice the size, or another factor.
+
+    noun: what the matrix is, such as "gain"
+    meant: definition of a right matrix, for the sentences
+    """
     kind, given, exact, sizes, _ = compared
     for factor, wrong in FACTORS.items():
         yield Mistake(f"the {noun} {wrong}: {meant}", given / factor)
+    # The factor of least squares. Of a single entry, each value is a multiple.
     ratio = float(np.sum(given * exact / sizes**2) / (np.sum((exact / sizes) ** 2) or 1.0))
     if ratio and math.isfinite(ratio) and np.count_nonzero(exact) > 1:
         shown = f"{ratio:.4g}"
@@ -350,7 +369,11 @@ def _factors(noun: str, meant: str, compared: Compared) -> Iterator[Mistake]:
 def _wrong_units(
     noun: str, factors: np.ndarray, units: Mapping[str, float]
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield that some states or inputs have the wrong sign or unit, by the factors on them."""
+    """Yield that some states or inputs have the wrong sign or unit, and the factor of each, (k,).
+
+    factors: factors that the matrix suggests, (k,)
+    units: unit in words -> factor
+    """
     for wrong, factor in {"the wrong sign": -1.0, **units}.items():
         has_factor = np.abs(factors / factor - 1.0) < NEAR
         if has_factor.any() and not has_factor.all():  # a factor of all is a common one
@@ -378,7 +401,7 @@ def _order_text(noun: str, order: np.ndarray) -> str:
 
 
 def _one_entry(compared: Compared) -> Iterator[Mistake]:
-    """Yield that the entry with the largest error alone differs."""
+    """Yield that only one entry is wrong: the one with the largest error."""
     kind, given, exact, *_ = compared
     distinct = np.triu(exact) if kind == "P" else exact
     if np.count_nonzero(distinct) < 3:

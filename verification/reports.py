@@ -71,7 +71,7 @@ def verdict_report(
     heading += about or (weights_line(verdict.exact.game),)
     heading += verdict.critic.declared.notes
     wrong = {check.name for check in verdict.checks if check.kind == "error" and not check.ok}
-    if verdict.critic.network:  # its games are compared if it fails, and K is wrong
+    if verdict.critic.network:  # only a wrong K, of a critic that fails, may be of another game
         wrong = wrong & {*_OF_K} if verdict.grade == "fail" else set()
     if verdict.reason:
         where = "" if verdict.nonlinear is None else f", on the {words.game}"
@@ -141,6 +141,7 @@ def _facts(verdict: Verdict) -> list[str]:
     """Return at least two findings, the most important one first."""
     failed = [check for check in verdict.checks if not check.ok]
     exactness = _exactness(verdict, failed)
+    # What is found of a policy without slopes at the trim tells little of its other errors.
     is_nonsmooth = verdict.critic.is_nonsmooth and bool(failed)
     facts = [exactness] if is_nonsmooth else []
     if failed and not any(check.kind in _IN_THE_FACTS for check in failed):
@@ -180,7 +181,7 @@ def _nonlinear_lines(
 def _cost_text(verdict: Verdict) -> str:
     """Return the cost of the critic relative to the optimum, as far as it is known, as text."""
     enclosed, simulated = verdict.suboptimality, verdict.cost_above_optimum_percent
-    if enclosed is None:
+    if enclosed is None:  # of a network
         if math.isinf(simulated):
             return "cost without bound"
         if math.isnan(simulated):
@@ -195,7 +196,7 @@ def _cost_text(verdict: Verdict) -> str:
     least = percent(100.0 * enclosed.low)
     if enclosed.is_known and not math.isinf(enclosed.low):
         return f"{least} above the optimum"
-    if enclosed.matrix is None:
+    if enclosed.matrix is None:  # no quadratic form bounds the cost
         return "cost without bound"
     if math.isinf(enclosed.low):
         return f"costs {enclosed.from_free:.3g} where the optimum is 0"
@@ -241,19 +242,20 @@ def _exactness(verdict: Verdict, failed: Sequence[Check]) -> str:
 def _farthest_entries(
     verdict: Verdict, entries: Sequence[tuple[Any, ...]], states: tuple[str, ...]
 ) -> Part:
-    """Return a table of the entries of P and K with the largest errors."""
+    """Return a table of the entries of P and K with the largest errors, or () without errors.
+
+    entries: rows (matrix, row, column, learned, exact, unit)
+    """
     largest = {
         "P": float(np.abs(verdict.exact.P).max()) or 1.0,
         "K": float(np.abs(verdict.exact.K).max()) or 1.0,
     }
     candidates = [  # without the lower triangle of P
-        entry
-        for entry in entries
-        if entry[0] == "K" or states.index(entry[1]) <= states.index(entry[2])
+        (matrix, row, column, learned, exact)
+        for matrix, row, column, learned, exact, _unit in entries
+        if matrix == "K" or states.index(row) <= states.index(column)
     ]
-    errors = [
-        abs(learned - exact) / largest[matrix] for matrix, _, _, learned, exact, _ in candidates
-    ]
+    errors = [abs(learned - exact) / largest[matrix] for matrix, _, _, learned, exact in candidates]
     sizes = np.nan_to_num(np.array(errors), nan=np.inf)
     sizes[sizes < _SHOWN] = 0.0  # rounding would determine the largest
     if not sizes.any():
@@ -261,7 +263,7 @@ def _farthest_entries(
     most = _ENTRIES if verdict.ok else _ENTRIES_OF_A_FAILURE
     rows = []
     for index in sorted(np.argsort(-sizes, kind="stable")[:most]):
-        matrix, row, column, learned, exact, _ = candidates[index]
+        matrix, row, column, learned, exact = candidates[index]
         rows.append(
             (
                 f"{matrix}({row}, {column})",
@@ -283,6 +285,7 @@ def checks_part(checks: Sequence[Check]) -> Part:
     An error in balanced units or of an entry is left out if that of the whole matrix is named.
     """
 
+    # Errors come last; that of the whole P or K comes before its others.
     def order(check: Check) -> tuple[bool, bool]:
         return check.kind == "error", check.name not in ("P_rel_error", "K_rel_error")
 
@@ -390,7 +393,7 @@ def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = ne
     exact = getattr(verdict.exact, name)
     largest = float(np.abs(exact).max())
     with np.errstate(divide="ignore", invalid="ignore"):  # undefined if the exact entry is 0
-        relative = np.ma.masked_invalid((learned - exact) / np.abs(exact))
+        relative = np.ma.masked_invalid((learned - exact) / np.abs(exact))  # masked there
     relative[np.abs(relative) < _ROUNDED] = 0.0
     difference = float(np.ma.filled(np.abs(relative), 0.0).max())
     maps: list[tuple[str, np.ndarray, float | None]] = [

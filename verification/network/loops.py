@@ -124,7 +124,7 @@ class Rates:
         """Return the rows after a tick, and the number of LSODA's steps."""
         from scipy.integrate import odeint
 
-        shares = np.abs(rows / self._sizes).max(axis=1, keepdims=True)
+        shares = np.abs(rows / self._sizes).max(axis=1, keepdims=True)  # of each flight, of the box
         band = rows.shape[1] - 1  # of the Jacobian: no flight acts on another
         function, order = of_rows(self._closed, len(rows), len(rows) >= _MANY_ROWS)
         bound = BoundFunction(function)
@@ -136,7 +136,7 @@ class Rates:
         def rates(numbers: np.ndarray, _: float) -> np.ndarray:
             state[:] = numbers.reshape(rows.shape)
             bound.evaluate()
-            if not (bound.results[1] <= self._largest).all():
+            if not (bound.results[1] <= self._largest).all():  # V*, or nan
                 raise FloatingPointError
             return rate.ravel()
 
@@ -231,7 +231,7 @@ class Loop:
             flying = flying[~has_decayed(now, initial[flying], OF_VALUE)]
         z = rows[:, :-1] - self.equilibrium
         if self.exact_step is not None and flying.size:
-            # Where the exact loop is slow too, a loop that is about as fast converges.
+            # Where the exact loop is as slow, a flight counts as converged.
             exact_steps = np.linalg.matrix_power(self.exact_step, round(time))
             z_of_exact = (starts[flying] - self.equilibrium) @ exact_steps.T
             has_converged = has_decayed(self._value(z[flying]), self._value(z_of_exact), OF_EXACT)
@@ -281,7 +281,11 @@ def _linear_loop(
     b: np.ndarray,
     disturbance_gain: np.ndarray | None = None,
 ) -> Loop:
-    """Return the loop z' = A z + B u of a policy, with the cost J - V*, or 0 without a gain."""
+    """Return the loop z' = A z + B u of a policy, in discrete time z⁺, with the cost J - V*.
+
+    A: (n, n), with the worst disturbance or without one
+    disturbance_gain: gain of the disturbance above the exact one, (k, n); None for the cost 0
+    """
     game, z = exact.game, critic.symbols
     u = critic.policy(z)
     change = ca.DM(A) @ z + ca.DM(game.B) @ u
@@ -290,7 +294,7 @@ def _linear_loop(
     if disturbance_gain is not None and equilibrium is not None:
         deviation, u_deviation = z - ca.DM(equilibrium), u - ca.DM(critic.u(equilibrium))
         cost = running_suboptimality(exact, disturbance_gain, deviation, u_deviation)
-    is_slow = not isinstance(z, ca.SX)
+    is_slow = not isinstance(z, ca.SX)  # a wide network is an MX function
     if game.is_discrete:
         step = ca.Function("step", [z], [ca.densify(change), ca.densify(cost)], {"cse": True})
         return Loop(
@@ -300,6 +304,7 @@ def _linear_loop(
             largest=_far(exact, b),
             exact_step=A - game.B @ exact.K,
         )
+    # The slower of the loops without and with the disturbance counts.
     tick = _tick(exact, *(open_loop - game.B @ critic.K for open_loop in (game.A, A)))
     rates, most_steps = ca.vertcat(change, cost), FEW_STEPS if is_slow else STEPS
     return _flow_loop(exact, z, rates, equilibrium, tick, b, most_steps)
@@ -330,7 +335,10 @@ def _far(exact: Solution, b: np.ndarray) -> float:
 
 
 def _tick(exact: Solution, *loops: np.ndarray) -> float:
-    """Return the time, s, in which the exact loop and other linear loops (n, n) decay."""
+    """Return the time, s, in which the exact loop and other linear loops decay to exp(-`DECAY`).
+
+    loops: matrices (n, n); one that is more than `SLOWEST` times slower counts as that slow
+    """
     game = exact.game
     of_exact, *rates = (
         abs(spectral_abscissa(loop)) for loop in (game.A - game.B @ exact.K, *loops)
@@ -481,10 +489,10 @@ def fly(
         z_and_u = np.append(loop.equilibrium, critic.u(loop.equilibrium))
         equilibrium_cost = float(z_and_u @ game.weights @ z_and_u)
     few = min(FEW, flights)
-    of_plant: list[float | None] = [None, None]
+    on_plant: list[float | None] = [None, None]  # reach of the critic, and of the exact policy
     if plant is not None:
-        loops = [plant_loop(exact, plant, policy, b) for policy in (critic, None)]
-        of_plant = [_reach(each, b, few) for each in loops]
+        policies = (critic, None)
+        on_plant = [_reach(plant_loop(exact, plant, each, b), b, few) for each in policies]
     return FlightResults(
         flights=flights,
         cost_above_optimum_flown_percent=float(above.max()),
@@ -493,8 +501,8 @@ def fly(
         rest_point=loop.equilibrium,
         equilibrium_cost=equilibrium_cost,
         reach=_reach(loop, b, few),
-        reach_nonlinear=of_plant[0],
-        reach_nonlinear_exact=of_plant[1],
+        reach_nonlinear=on_plant[0],
+        reach_nonlinear_exact=on_plant[1],
     )
 
 
@@ -513,6 +521,7 @@ def costs_above_optimum(
     if remaining is None:
         return np.full(flights, math.inf), None
     loop = worst_loop(exact, critic, suboptimality, b)
+    # The worst state is nan or 0 if all cost the same; a corner of the box then stands for it.
     worst = suboptimality.worst if np.any(np.nan_to_num(suboptimality.worst)) else b
     starts = np.vstack([worst, starts_in(b, flights - 1)])
     end = loop.simulate(starts)
@@ -534,7 +543,7 @@ def _reach(loop: Loop, b: np.ndarray, few: int) -> float:
     def converges(size: float) -> bool:
         """Return whether all flights from a multiple of the box converge."""
         starts = size * starts_in(b, few)
-        first, others = starts[:1], starts[1:]  # the corner may fail before all fly
+        first, others = starts[:1], starts[1:]  # if the first, a corner, fails, no others fly
         return all(
             loop.simulate(flown).outcome is FlightOutcome.CONVERGED
             for flown in (first, others)

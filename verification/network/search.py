@@ -54,8 +54,8 @@ class Finding(NamedTuple):
 def finding_of_policy(
     critic: Critic, exact: Solution, box: np.ndarray, limit: float
 ) -> Finding | None:
-    """Return what is found of a policy: a constant, clipped actions, or inputs that never move; or
-    that it is squashed. None if nothing is found.
+    """Return what is found of a policy: a bias, clipped inputs, inputs that never move, or that the
+    policy is squashed. None if nothing is found.
 
     box: half-widths of the box of states, (n,)
     limit: largest error that passes
@@ -72,15 +72,16 @@ def finding_of_policy(
     if np.all(u == u[0]):
         return Finding("the policy never moves an input: u is the same in the whole box")
     other_error = 0.0
-    clips, unmoved = [], []
+    clips, unmoved = [], []  # sentences on clipped inputs, names of constant ones
     for name, unit, values, error in zip(
         exact.names.inputs, exact.names.input_units, u.T, errors.T, strict=True
     ):
         inside = values[not_corners]
-        extremes = (inside.min() + 0.0, inside.max() + 0.0)  # no -0
+        extremes = (inside.min() + 0.0, inside.max() + 0.0)  # + 0.0 turns -0 into 0
         if extremes[0] == extremes[1]:
             unmoved.append(name)
             continue
+        # An extreme value that several random states share is a limit.
         levels = [level for level in extremes if np.sum(inside == level) >= CLIPPED]
         is_clipped = np.isin(values, levels)
         other_error = max(other_error, float(error[~is_clipped].max(initial=0.0)))
@@ -102,7 +103,9 @@ def finding_of_policy(
 
 
 def _squashed(critic: Critic, exact: Solution, box: np.ndarray, limit: float) -> Finding | None:
-    """Return that inputs with right slopes stay below the exact ones where these are largest."""
+    """Return the finding that inputs stay below the exact ones where these are largest, with right
+    slopes at the origin; or None.
+    """
     if not is_gain_right(critic.K, exact, limit):
         return None
     corners = -box * np.where(exact.K < 0.0, -1.0, 1.0)  # row i has the largest exact u_i
@@ -275,8 +278,9 @@ def search(
     climbs = 0 if critic.is_wide else CLIMBS
     # Each corner of the unit box is followed by a state inside.
     starts = starts_in(np.ones(len(box)), starts_of(critic), seed=0)
-    reached = []
+    reached = []  # states of the unit box, at which the errors are compared at the end
     sampled = np.array(errors_at((box * starts).T))
+    # `selects` is the unit vector of an error among all errors.
     for error, sizes, selects in zip(sampled, _sizes(sampled), np.eye(len(kinds)), strict=True):
         ranking = np.argsort(-sizes, kind="stable")
         worst = ranking[0]
@@ -285,7 +289,7 @@ def search(
             continue
         corners = ranking[ranking % 2 == 0][:climbs]
         inside = ranking[ranking % 2 == 1][:climbs]
-        for start in (worst, *corners, *inside):
+        for start in (worst, *corners, *inside):  # a negative error is minimized
             reached.append(climb(np.copysign(selects, error[start]), starts[start]))
     states = box * np.array(reached)
     largest: dict[str, LargestError] = {}
