@@ -67,7 +67,7 @@ def linearize(
     if outputs:
         positions("output", shown, (*every_state, *model.outputs))
     if disturbances is None:
-        disturbances = tuple(model.disturbances)[: 0 if outputs is None else 1]
+        disturbances = () if outputs is None else tuple(model.disturbances)[:1]
     else:
         positions("disturbance", disturbances, tuple(model.disturbances))
     slopes, nonsmooth_points = linearization_at(

@@ -118,7 +118,7 @@ class TrimProblem:
         self.idle = self.system.equations.idle
         self.count = self.system.affected_count, len(self.free)
         self.c = self.system.constants()
-        self._last: dict[bytes, Evaluation] = {}
+        self._last: dict[bytes, Evaluation] = {}  # of the last unknowns, by their bytes
         if not self.free and self.idle:
             idle = " and ".join(self.idle)
             raise BadInputError(f"the equations do not depend on {idle}; free another variable")

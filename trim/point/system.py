@@ -185,16 +185,19 @@ def structure_of(
     """
     held = {*dict(imposed), *varied}
     is_nonzero_rate = dict(rates)
+    # outputs, and states in whose place an output is a variable
     dependent = [name for name in (*model.states, *model.outputs) if name not in model.variables]
     rows = []
     for name in model.states:
         rate = f"{name}_dot"
         if name in is_nonzero_rate or rate in varied:
             has_value = rate in varied or is_nonzero_rate[name]
-            rows.append(TrimEquation(name, True, rate if has_value else "", model.rate_scale(name)))
+            scale = model.rate_scale(name)
+            rows.append(TrimEquation(name, True, imposed=rate if has_value else "", scale=scale))
     for name in dependent:
         if name in held:
-            rows.append(TrimEquation(name, False, name, model.signals[name].nominal))
+            scale = model.signals[name].nominal
+            rows.append(TrimEquation(name, False, imposed=name, scale=scale))
     given = {*varied, *(row.imposed for row in rows)}
     given.update(name for name, is_nonzero in imposed if is_nonzero or name in model.outputs)
     free = [name for name in model.variables if name not in held]

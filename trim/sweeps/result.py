@@ -469,7 +469,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             reached = "" if reason else ", ".join(self._limits_reached(i))
             matrices = (self.eigenvalues[i].view(float), self.A[i].ravel(), self.B[i].ravel())
             return (
-                *self.plan.names[i : i + 1],
+                *self.plan.names[i : i + 1],  # none of a grid
                 *map(exact_cell, self.values[i].tolist(), self.plan.units),
                 *stated.values(),
                 str(result),
