@@ -201,7 +201,7 @@ class Conditions(StatesAndInputs, Result, Reported):
     @cached_property
     def _vectors(self) -> dict[str, np.ndarray]:
         """Offsets and trims of all conditions, by the names of `_VECTORS`."""
-        return _stacked(self.linear, _VECTORS, self._axes)
+        return stacked(self.linear, _VECTORS, self._axes)
 
     def _named_signals(self) -> dict[str, Any]:
         """Return the entries of files with the names and units of the signals."""
@@ -384,7 +384,7 @@ class Conditions(StatesAndInputs, Result, Reported):
         return (head if linear is None else storable(linear)) | storable(self._row_entries(row))
 
 
-def _stacked(
+def stacked(
     models: Sequence[LinearModel | None],
     table: Mapping[str, tuple[tuple[str, ...], str]],
     names: Mapping[str, tuple[str, ...]],
@@ -458,7 +458,7 @@ def linear_models(
     signals = Signals(kept, tuple(inputs or model.inputs), tuple(outputs or kept), disturbances)
     chosen = {"states": states, "inputs": inputs, "outputs": outputs, "disturbances": disturbances}
     linear = tuple(None if point is None else point.linearize(**chosen) for point in points)
-    matrices = _stacked(linear, MATRICES, signals.axes(model))
+    matrices = stacked(linear, MATRICES, signals.axes(model))
     return Conditions(
         model, tuple(asked), signals, tuple(points), linear, tuple(reasons), **matrices
     )

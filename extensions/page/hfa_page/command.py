@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, replace
+from contextlib import nullcontext
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,8 @@ from hfa.options.trims import (
     at_name,
     trim_input,
 )
+from hfa_model import choice
+from hfa_model.variants import variant_named
 from hfa_page.flights import load_flights
 from hfa_page.job_report import critic_picture, main_report, page, plotly_script, sections_of
 from hfa_page.main_job import (
@@ -38,17 +41,17 @@ from hfa_page.main_job import (
     SWEEP,
     MainJob,
     games_over,
-    main_job,
     slider_over,
     values_about,
     without_trim,
 )
 from hfa_support.errors import BadInputError, NoSolutionError, printable
-from hfa_support.files import write_text, written_whole
+from hfa_support.files import folder_written_whole, write_text, written_whole
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import jsonable
 from trim.hfa.reports import trim_report
 from trim.reports.book import Condition
+from verification.regeneration import regenerate_all
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -154,24 +157,37 @@ def report(request: ReportRequest) -> Outcome:
 
 
 def _paper_job(request: ReportRequest, asked: TrimInput, swept: np.ndarray | None) -> MainJob:
-    """Return the results for the paper's aircraft."""
+    """Return the results for the paper's aircraft: both printed pairs (A, B), regenerated at the
+    paper's condition, and trims, games and critics at that of the options.
+    """
     parameters = loaded_aircraft(request).parameters
     assert parameters is not None  # of the paper's aircraft
-    job = main_job(
-        parameters,
-        request.dynamics or "published",
-        asked=np.unique(array_of("--dihedral", asked.at or ASKED, MOST_ASKED)).tolist(),
-        swept=SWEEP if swept is None else swept,
-        outputs=request.outputs,
-        flight=asked.common_condition(asked.held()),
-        start=asked.start,
-        progress=ProgressLine("report"),
+    aircraft = choice.aircraft(variant_named(request.dynamics or "published"), parameters.values)
+    progress = ProgressLine("report")
+    progress(0.0, 1.0, "printed pairs")
+    regeneration = regenerate_all(aircraft)
+    progress(0.05, 1.0, "sweep")
+    at = np.unique(array_of("--dihedral", asked.at or ASKED, MOST_ASKED)).tolist()
+    slider = slider_over(
+        aircraft,
+        np.union1d(SWEEP if swept is None else swept, at),
+        at[0],
+        request.outputs,
+        asked.common_condition(asked.held()),
+        asked.start,
     )
-    return replace(job, flights=request.flights)
+    games = games_over(slider, at, progress)
+    return MainJob(
+        slider,
+        games,
+        parameters=parameters,
+        regeneration=regeneration,
+        flights=request.flights,
+    )
 
 
 def _own_job(request: ReportRequest, asked: TrimInput, swept: np.ndarray | None) -> MainJob:
-    """Return the results for another aircraft: those of --sweep, or about its trim."""
+    """Return the results for another aircraft at the values of --sweep, or about its trim."""
     refuse(request, ["flights"], "has flights of the paper's aircraft; remove it or --aircraft")
     model, hold = asked.model, asked.held()
     at = None if asked.at is None else np.unique(array_of("--at", asked.at, MOST_ASKED))
@@ -210,19 +226,24 @@ def _written(html: str, report: Report, place: Path) -> str:
     names = [picture.name for picture in pictures]
     earlier_names = _pictures_of_angles(place / "numbers.json")
     numbers = json.dumps(jsonable(report.data), allow_nan=False) + "\n"
-    place.mkdir(exist_ok=True)
-    for picture in pictures:
-        with written_whole(place / picture.name) as stream:
-            stream.write(picture.png)
-    write_text(place / "numbers.json", numbers)
-    write_text(place / "report.html", html)
+    # A new folder is written whole; in one with files, which may be the user's, each file is.
+    has_files = place.exists() and any(place.iterdir())
+    with nullcontext(place) if has_files else folder_written_whole(place) as folder:
+        for picture in pictures:
+            with written_whole(folder / picture.name) as stream:
+                stream.write(picture.png)
+        write_text(folder / "numbers.json", numbers)
+        write_text(folder / "report.html", html)
     for name in earlier_names - {*names}:
         (place / name).unlink(missing_ok=True)
     return f"wrote {printable(place / 'report.html')}, numbers.json, {', '.join(names)}"
 
 
 def _pictures_of_angles(numbers: Path) -> set[str]:
-    """Return the names of the pictures at the angles of an earlier report, or none."""
+    """Return the names of the pictures at the angles of an earlier report, or none.
+
+    numbers: its file of numbers, which may not exist
+    """
     try:
         data = json.loads(numbers.read_text("utf-8"))
         return {critic_picture(angle["dihedral_deg"]) for angle in data["angles"]}

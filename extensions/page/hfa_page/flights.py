@@ -94,22 +94,20 @@ def load_flights(path: str) -> StoredFlights:
 
 def _flights(data: dict[str, Any]) -> StoredFlights:
     """Return the flights in the data of a file."""
-    table = flights_table(data["flights"])
-    return StoredFlights(data, table, limits_in_words(data["limits"]), _models_in(data["models"]))
-
-
-def _models_in(stored: Sequence[Mapping[str, Any]]) -> Models:
-    """Return the linear models that a file contains."""
-    return [
+    models = [
         (float(model["dihedral_deg"]), np.array(model["A"]), np.array(model["B"]))
-        for model in stored
+        for model in data["models"]
     ]
+    limits = limits_in_words(data["limits"])
+    return StoredFlights(data, flights_table(data["flights"]), limits, models)
 
 
 def _are_same_models(
     models: Models, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]
 ) -> bool:
-    """Return whether models equal (A, B) at all common angles, at least one."""
+    """Return whether linear models equal (A, B) at all angles that both have, of which there must
+    be one.
+    """
     shared = [model for model in models if model[0] in A_and_B]
     return bool(shared) and all(
         stored.shape == other.shape and np.allclose(stored, other, rtol=_SAME, atol=_SAME)
@@ -137,15 +135,17 @@ def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def _cost_cell(flight: Mapping[str, Any]) -> Cell:
-    """Return the cost of a policy's flight, its ratio to the best one, and when it leaves."""
-    if flight["cost"] is None:
+    """Return the cost of a policy's flight, its ratio to that of the best flight, and when the
+    flight leaves the limits.
+    """
+    if flight["cost"] is None:  # the flight has not ended at the trim
         return Cell("not at the trim" if flight["departure"] is None else _left(flight))
     cost = f"{flight['cost']:,.0f} ({flight['over_best']:.3g}x)"
     return Cell(cost if flight["departure"] is None else f"{cost}, {_left(flight)}")
 
 
 def _left(flight: Mapping[str, Any]) -> str:
-    """Return when a flight leaves the limits, in words."""
+    """Return the time at which a flight leaves the limits, in words."""
     return f"left, {flight['departure']['time']:.2g} s"
 
 

@@ -63,7 +63,7 @@ def _toned(entry: EntryRow) -> str:
     shown = four_decimals(entry.computed)
     if entry.is_zero:
         return shown
-    tones = zip(TONES, (*_MOST_HALF_UNITS, math.inf), strict=True)
+    tones = zip(TONES, (*_MOST_HALF_UNITS, math.inf), strict=True)  # from the best to the worst
     return Cell(shown, next(tone for tone, most in tones if abs(entry.half_units) <= most))
 
 
@@ -88,10 +88,10 @@ class Sections(NamedTuple):
     """Sections of the page.
 
     of_slider: pictures that follow the slider
-    in_air: the flight of the paper's aircraft in turbulence at the first requested angle
+    in_air: the flight of the paper's aircraft in turbulence at the first requested angle, or ()
     angles: model, game and critic at each requested value
     others: modes; of the paper's aircraft the comparison with the print, the meanings of the checks
-        and the parameters, of another one the book and the warnings
+        and the parameters; of another one the book and the warnings, whose data the page has
     """
 
     of_slider: Report
@@ -101,7 +101,9 @@ class Sections(NamedTuple):
 
 
 def sections_of(job: MainJob) -> Sections:
-    """Return the sections of the page, with a flight that is simulated for the paper's aircraft."""
+    """Return the sections of the page. A flight of the paper's aircraft is simulated for one of
+    them.
+    """
     swept = job.slider.sweep.report()
     tables = [part for part in swept.parts if not isinstance(part, Picture)]
     modes = Report(f"Modes over {job.slider.sweep.variables[-1]}", (replace(swept, parts=tables),))
@@ -109,9 +111,8 @@ def sections_of(job: MainJob) -> Sections:
     angles = tuple(angle_report(angle) for angle in job.angles)
     if job.regeneration is None or job.parameters is None:
         conditions = job.book or [
-            Condition(position.label, position.report, model.point if model else None)
+            Condition(position.label, position.report, position.point)
             for position in job.slider.points
-            for model in [position.model]
         ]
         others = (_book(conditions, with_sheets=bool(job.book)), _warnings(conditions), modes)
         return Sections(of_slider, (), angles, others)
@@ -133,12 +134,11 @@ def _book(conditions: Sequence[Condition], *, with_sheets: bool) -> Report:
     """Return the section with the matrix of conditions, its figure, and sheets on no slider."""
     points = [condition.point for condition in conditions if condition.point is not None]
     if not points:
-        return Report("Book", ("No condition has a trim.",))
+        return Report("Book", ("No condition has a trim.",), data={"book": {}})
     whole = book_of(Report(""), conditions, points[0].model, {})
     parts = [part for part in whole.parts if with_sheets or not isinstance(part, Report)]
-    return Report(
-        "Book", parts, data={"sheets": [condition.report.data for condition in conditions]}
-    )
+    sheets = [condition.report.data for condition in conditions]
+    return Report("Book", parts, data={"book": {"sheets": sheets}})
 
 
 def _warnings(conditions: Sequence[Condition]) -> Report:
@@ -155,33 +155,26 @@ def _warnings(conditions: Sequence[Condition]) -> Report:
 
 def main_report(job: MainJob, sections: Sections) -> Report:
     """Return the report of all results on the page. The data of the report contain every number."""
-    of_slider, in_air, angles, others = sections
-    parts = (of_slider, *in_air, *angles, *others)
     data: dict[str, Any] = {
         "schema": "hfa.report/1",
         "ok": job.ok,
         "sweep": job.slider.sweep.report().data,
-        "angles": [report.data for report in angles],
+        "angles": [report.data for report in sections.angles],
     }
     if job.regeneration is None:
-        book, warnings, _ = others
-        return Report("", parts, data=data | {"book": book.data, **warnings.data})
-    critics = [
-        {"dihedral_deg": report.data["dihedral_deg"], **report.data["critic"]}
-        for report in angles
-        if "critic" in report.data
-    ]
-    return Report(
-        title="",
-        parts=parts,
-        data=data
-        | {
-            "regeneration": job.regeneration.report().data,
-            "critics": critics,
-            "flights": None if job.flights is None else job.flights.data,
-            "in_turbulence": in_air[0].data if in_air else None,
-        },
-    )
+        for section in sections.others:
+            data |= section.data
+    else:
+        data["regeneration"] = job.regeneration.report().data
+        data["critics"] = [
+            {"dihedral_deg": report.data["dihedral_deg"], **report.data["critic"]}
+            for report in sections.angles
+            if "critic" in report.data
+        ]
+        data["flights"] = None if job.flights is None else job.flights.data
+        data["in_turbulence"] = sections.in_air[0].data if sections.in_air else None
+    parts = (sections.of_slider, *sections.in_air, *sections.angles, *sections.others)
+    return Report("", parts, data=data)
 
 
 def verdicts(job: MainJob) -> Table:
@@ -192,26 +185,26 @@ def verdicts(job: MainJob) -> Table:
         for pair in sorted(pairs, key=lambda pair: pair.published.dihedral_deg)
     ]
     for angle in job.angles:
-        if pairs or angle.solution is not None or angle.reason:
+        if pairs or angle.solution is not None or angle.reason:  # a game was asked for
             solved = verdict_text(angle.solution is not None)
             rows.append((f"game at {angle.label} certified", solved))
         if pairs:
             rows.append((f"learned critic at {angle.label} exact", verdict_text(angle.ok)))
-    values = "angles" if pairs else f"values of {job.slider.sweep.variables[-1]}"
+    values = "angles" if pairs else f"values of {job.slider.sweep.model.schedule}"
     rows.append((f"trimmed of {len(job.slider.points)} {values}", Cell(str(job.slider.trimmed))))
     return Table(("check", "verdict"), rows)
 
 
-def stored_flights_section(job: MainJob) -> Report | None:
-    """Return the section on stored flights from the paper's x(0), or None if none are stored."""
+def stored_flights_sections(job: MainJob) -> Sequence[Report]:
+    """Return the section on stored flights from the paper's x(0), or none without --flights."""
     if job.flights is None:
-        return None
+        return ()
     linear = {
         point.dihedral_deg: (point.model.A, point.model.B)
         for point in job.slider.points
         if point.model is not None
     }
-    return flights_section(job.flights, linear)
+    return (flights_section(job.flights, linear),)
 
 
 def critic_picture(degrees: float) -> str:
@@ -231,7 +224,7 @@ def angle_report(angle: Position) -> Report:
     aircraft = angle.condition.model
     what = "model, game, critic"
     data: dict[str, Any] = {"dihedral_deg": angle.dihedral_deg}
-    if not aircraft.about.names_schedule:
+    if not aircraft.about.names_schedule:  # another aircraft than the paper's
         data = {"scheduled": {aircraft.schedule: angle.value}}
         what = "model" if angle.solution is None else "model, game"
     data["reason"] = angle.reason
@@ -294,6 +287,7 @@ def _model_report(model: LinearModel) -> Report:
     printed = printed_at(model.point)
     if printed is None or model.point.model.source.native:  # printed values are in feet
         return report
+    # In place of A and B, with which the report begins.
     beside: tuple[Part, ...] = printed_comparison_tables(model, printed)
     return replace(report, parts=(*beside, _COLORS, *report.parts[len(beside) :]))
 
@@ -323,14 +317,16 @@ def page(job: MainJob, sections: Sections, whole: Report, origin: Provenance) ->
 
 def _article(job: MainJob, sections: Sections, provenance: Report) -> str:
     """Return the page below its heading as HTML: verdict, slider, flights, folded sections."""
-    folded = {
+    folded = {  # name in links -> section that is folded until the user opens it
         f"part-{number}": section
         for number, section in enumerate((*sections.angles, *sections.others, provenance))
     }
-    links = "".join(_link(name, section.title) for name, section in folded.items())
+    links = "".join(
+        f'<li><a href="#{name}">{html.escape(section.title)}</a></li>'
+        for name, section in folded.items()
+    )
     checks = Report("Verdicts", (verdicts(job),)).html(3)
-    stored_flights = stored_flights_section(job)
-    flights = [*([] if stored_flights is None else [stored_flights]), *sections.in_air]
+    flights = (*stored_flights_sections(job), *sections.in_air)
     parts = [
         f'{verdict_sentence(job)}<nav aria-label="Contents"><ul>{links}</ul></nav>',
         slider_html(
@@ -338,62 +334,51 @@ def _article(job: MainJob, sections: Sections, provenance: Report) -> str:
         ),
         *(f"<section>{section.html(3)}</section>" for section in flights),
         *([] if job.regeneration is None else [f'<p class="paper">The paper: {_PAPER}.</p>']),
-        *(_folded(name, section) for name, section in folded.items()),
+        *(
+            f'<details id="{name}"><summary><h2>{html.escape(section.title)}</h2></summary>'
+            f"<section>{replace(section, title='').html(2)}</section></details>"
+            for name, section in folded.items()
+        ),
     ]
     return "\n".join(parts)
 
 
 def verdict_sentence(job: MainJob) -> str:
-    """Return the first paragraph of the paper's page as HTML: verdict and checks."""
+    """Return the first paragraph of the paper's page as HTML, verdict and checks; "" for another
+    aircraft.
+    """
     if job.regeneration is None:
         return ""
     regenerated = _toned_word(job.regeneration.ok, "regenerated", "NOT regenerated")
     agrees = _toned_word(job.learned, "agrees", "DOES NOT agree")
     asked = " and ".join(f"{angle.dihedral_deg:g}" for angle in job.angles)
-    sentences = [f"hfa: {_toned_word(job.ok, 'PASS', 'FAIL')}."]
-    sentences.append(
-        f"Both pairs of matrices (A, B) that the paper prints are {regenerated} from one set of "
-        f"parameters ({html.escape(job.slider.sweep.model.name)} dynamics)."
-    )
     at = f" at {asked} deg" if job.angles else ""
-    sentences.append(
-        f"The critic that hfa learns by its own law {agrees} with the exact solution of the "
-        f"game{at}."
-    )
-    return f"<p>{' '.join(sentences)}</p>"
-
-
-def _link(section: str, title: str) -> str:
-    """Return an entry of a list of contents, a link to a section."""
-    return f'<li><a href="#{section}">{html.escape(title)}</a></li>'
-
-
-def _folded(section: str, part: Report) -> str:
-    """Return a section of the page as HTML that is folded until the user opens it."""
     return (
-        f'<details id="{section}"><summary><h2>{html.escape(part.title)}</h2></summary>'
-        f"<section>{replace(part, title='').html(2)}</section></details>"
+        f"<p>hfa: {_toned_word(job.ok, 'PASS', 'FAIL')}. "
+        f"Both pairs of matrices (A, B) that the paper prints are {regenerated} from one set of "
+        f"parameters ({html.escape(job.slider.sweep.model.name)} dynamics). "
+        f"The critic that hfa learns by its own law {agrees} with the exact solution of the "
+        f"game{at}.</p>"
     )
 
 
 def slider_html(slider: Slider, drawn: Report, verdicts: str) -> str:
-    """Return the part of the page that follows a slider, as HTML: the aircraft beside its modes, the
-    root locus, the sheet and the linear model.
+    """Return the part of the page that follows a slider, as HTML: the aircraft beside its modes,
+    the root locus, the sheet and the linear model.
 
     drawn: the pictures that follow the slider
     verdicts: HTML below the modes
     """
     beside, below = [], []
-    for number, point in enumerate(slider.points):
+    for number, position in enumerate(slider.points):
         hidden = "" if number == slider.first else " hidden"
-        place = f'data-value="{point.label}"{hidden}'
-        shown = point_reports(point)
+        place = f'data-value="{position.label}"{hidden}'
+        shown = point_reports(position)
         beside.append(f'<section class="point" {place}>{shown.beside.html(3)}</section>')
         below.append(f'<section class="point below" {place}>{shown.sheet.html(3)}</section>')
         below.append(f'<section class="point" {place}>{shown.pair.html(3)}</section>')
     plots = [part.html() for part in drawn.parts if isinstance(part, InteractivePlot)]
-    aircraft = "".join(plots[:1])
-    locus = "".join(plots[1:])
+    aircraft, locus = "".join(plots[:1]), "".join(plots[1:])
     label = slider.points[slider.first].label
     name = html.escape(slider.sweep.variables[-1])
     return f"""<div><h2>{html.escape(drawn.title)}</h2>

@@ -19,10 +19,8 @@ from controller.learning.laws import learn
 from controller.riccati.gare import Solution, solve
 from hfa.options.games import weighted_game
 from hfa_aircraft.model import Model
-from hfa_model import choice
 from hfa_model.parameters import ParameterSet
 from hfa_model.published import published_models
-from hfa_model.variants import variant_named
 from hfa_page.flights import StoredFlights
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
@@ -37,10 +35,11 @@ from trim.point.condition import TrimCondition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 from trim.reports.book import Condition
+from trim.reports.models import stacked
 from trim.sweeps.result import Sweep
-from trim.sweeps.sweep import sweep
+from trim.sweeps.sweep_plan import SweepPlan
 from verification.critic_check import verify
-from verification.regeneration import Regeneration, regenerate_all
+from verification.regeneration import Regeneration
 from verification.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -70,7 +69,7 @@ class Position:
     model: linear model, or None without a trim
     solution: exact solution of the game, or None if not computed
     check: verdict on the learned critic, or None if not computed
-    reason: why model, solution or check could not be computed, or ""
+    reason: why the first of model, solution and check could not be computed, or ""
     """
 
     value: float
@@ -83,7 +82,12 @@ class Position:
     @cached_property
     def report(self) -> Report:
         """The sheet of the trim, or the reason why there is none."""
-        return without_trim(self.reason) if self.model is None else trim_report(self.model.point)
+        return without_trim(self.reason) if self.point is None else trim_report(self.point)
+
+    @property
+    def point(self) -> OperatingPoint | None:
+        """The trim, or None."""
+        return None if self.model is None else self.model.point
 
     @property
     def label(self) -> str:
@@ -113,8 +117,8 @@ def without_trim(reason: str) -> Report:
 class Slider:
     """Trims and linear models of an aircraft over its scheduling variable.
 
-    sweep: sweep of the variable
-    points: trim and linear model at each of its values
+    sweep: the trims and linear models of `points`, as a sweep of the variable
+    points: trim and linear model at each value of the variable
     first: number of the point that is shown first
     """
 
@@ -126,6 +130,15 @@ class Slider:
     def trimmed(self) -> int:
         """Number of points with a trim."""
         return sum(point.model is not None for point in self.points)
+
+
+#: Array of a sweep -> axes, and attribute of a linear model.
+_OF_SWEEP = {
+    "states": (("all states",), "point.x"),
+    "inputs": (("input",), "point.u"),
+    "A": (("state", "state"), "A"),
+    "B": (("state", "input"), "B"),
+}
 
 
 def slider_over(
@@ -144,44 +157,52 @@ def slider_over(
     condition: that of the trims, apart from the variable
     start: initial point of the search for these trims, or None
     """
-
-    def position(value: float) -> Position:
-        # Not from the sweep: the page has the numbers of `hfa trim` to the bit.
+    plan = SweepPlan({model.schedule: values}, model, condition, start)
+    points = []
+    for value in values.tolist():
         at_value = condition.at(value, {model.schedule: value})
         try:
             point = trim(model, at_value, start)
         except NoSolutionError as error:
-            return Position(value, at_value, reason=str(error))
-        return Position(value, at_value, linearize(model, point, outputs=outputs))
-
-    swept = sweep(model, {model.schedule: values}, condition=condition, start=start)
-    listed = values.tolist()
-    return Slider(swept, tuple(map(position, listed)), listed.index(first))
+            points.append(Position(value, at_value, reason=str(error)))
+        else:
+            points.append(Position(value, at_value, linearize(model, point, outputs=outputs)))
+    names = {"all states": model.state_names, "state": model.linear, "input": model.input_names}
+    linear = [position.model for position in points]
+    arrays: dict[str, Any] = {**stacked(linear, _OF_SWEEP, names)}
+    reasons = tuple(position.reason for position in points)
+    notes = {
+        row: known.nonsmooth_points
+        for row, known in enumerate(linear)
+        if known is not None and known.nonsmooth_points
+    }
+    swept = Sweep(plan, values[:, None], reasons, nonsmooth_points=notes, **arrays)
+    return Slider(swept, tuple(points), values.tolist().index(first))
 
 
 def values_about(point: OperatingPoint) -> np.ndarray:
-    """Return the values of the slider of an aircraft about a trim.
+    """Return the values of the slider of an aircraft: 0.75 to 1.5 of the value at a trim, or all
+    between the limits if that is 0.
 
     Raises BadInputError for a variable that is 0 there and has no limits.
     """
     model = point.model
-    usual = point[model.schedule]
+    at_trim = point[model.schedule]
     limits = model.limits[model.schedule]
-    if not (usual or np.isfinite(limits).all()):
+    if not (at_trim or np.isfinite(limits).all()):
         raise BadInputError(
             f"{model.name}: {model.schedule} is 0 at its trim; declare its min and max, the ends "
             "of the page's slider, or give --sweep"
         )
-    values = np.clip(usual * _ABOUT, *limits) if usual else np.linspace(*limits, len(_ABOUT))
-    return np.union1d(values, usual)
+    values = np.clip(at_trim * _ABOUT, *limits) if at_trim else np.linspace(*limits, len(_ABOUT))
+    return np.union1d(values, at_trim)
 
 
 def with_game(angle: Position, weights: Mapping[str, Any] | None) -> Position:
-    """Return the results at a value, with the game's solution and, of the paper's game, the verdict
-    on a learned critic.
+    """Return the results at a value with the solution of the game and, of the paper's game, the
+    verdict on a learned critic; or with the reason why they do not exist.
 
-    Without a trim or a weight, the results are returned unchanged. If the game has no solution or
-    learning fails, the reason is stored.
+    Without a trim or a weight, the results are returned unchanged.
 
     weights: as for `weighted_game`, or None for those of the paper
     """
@@ -232,41 +253,6 @@ class MainJob:
         return self.regeneration.ok and self.learned
 
 
-def main_job(
-    parameters: ParameterSet,
-    dynamics: str,
-    *,
-    asked: Sequence[float],
-    swept: np.ndarray,
-    outputs: tuple[str, ...] | None,
-    flight: TrimCondition,
-    start: OperatingPoint | None,
-    progress: Progress,
-) -> MainJob:
-    """Return the results of `hfa report` for the paper's aircraft, without stored ones.
-
-    Both printed pairs (A, B) are regenerated at the paper's condition, and the dihedral angle is
-    swept. At each requested angle, the game is solved, and a critic is learned and compared with
-    the solution.
-
-    parameters: parameters of the aircraft
-    dynamics: name of the aircraft's dynamics
-    asked: requested angles, rad, which are added to the sweep
-    swept: angles of the sweep, rad
-    outputs: names of the outputs of the linear models, or None for all
-    flight: condition of the trims of the sweep
-    start: initial point of the search for these trims, or None
-    """
-    aircraft = choice.aircraft(variant_named(dynamics), parameters.values)
-    progress(0.0, 1.0, "printed pairs")
-    regeneration = regenerate_all(aircraft)
-    progress(0.05, 1.0, "sweep")
-    values = np.union1d(swept, asked)
-    slider = slider_over(aircraft, values, min(asked), outputs, flight, start)
-    games = games_over(slider, asked, progress)
-    return MainJob(slider, games, parameters=parameters, regeneration=regeneration)
-
-
 def games_over(
     slider: Slider,
     asked: Sequence[float],
@@ -277,14 +263,13 @@ def games_over(
 
     weights: as for `with_game`
     """
-    in_full = []
+    (variable,) = slider.sweep.variables
+    requested = []
     for count, position in enumerate(point for point in slider.points if point.value in asked):
-        progress(
-            0.1 + 0.9 * count / len(asked), 1.0, f"{slider.sweep.variables[-1]} {position.label}"
-        )
-        in_full.append(with_game(position, weights))
+        progress(0.1 + 0.9 * count / len(asked), 1.0, f"{variable} {position.label}")
+        requested.append(with_game(position, weights))
     progress(1.0, 1.0)
-    return tuple(in_full)
+    return tuple(requested)
 
 
 _TITLE = "A flight in turbulence"
@@ -301,8 +286,8 @@ _NOT_COVERED = (
 
 
 def flight_in_turbulence(angle: Position) -> Report:
-    """Return the section on a flight in moderate turbulence at the altitude of a trim, or why there
-    is none.
+    """Return the section on a flight in moderate turbulence at the altitude of a trim, or with the
+    reason why it is missing.
 
     angle: trim, linear model and solution of the game at a dihedral angle
     """
@@ -313,10 +298,11 @@ def flight_in_turbulence(angle: Position) -> Report:
     except (BadInputError, NoSolutionError) as error:
         return Report(_TITLE, (f"Not on this page: {error}",))
     limits, trim = flight.envelope, flight.point.x
-    away = flight.deviations.limited
+    away = flight.deviations.limited  # (N, n), from the trim
+    # Largest share of the way from the trim to a limit, of each state: one of the two is positive.
     used = np.maximum(away / (limits.highest - trim), away / (limits.lowest - trim)).max(axis=0)
     nearest = int(used.argmax())
-    at_limit = max(flight.share_at_limits.values())
+    at_limit = max(flight.share_at_limits.values())  # of the input that is at a limit longest
     figures = (
         f"{flight.title().splitlines()[0]}. Exact gain at {angle.label} behind its Kalman filter, "
         f"with sensor noise, in {_LEVEL} turbulence of MIL-F-8785C that begins in calm: "
@@ -330,7 +316,10 @@ def flight_in_turbulence(angle: Position) -> Report:
 
 
 def _flown(angle: Position) -> Flight:
-    """Return the flight. Raises NoSolutionError without a trim or a solution of the game."""
+    """Return the flight of the exact gain behind a Kalman filter in turbulence.
+
+    Raises NoSolutionError without a trim or a solution of the game.
+    """
     from hfa_flight.air.scenario import Scenario, Uncertainty
     from hfa_flight.air.turbulence import Turbulence
     from hfa_flight.policies.filter import filter

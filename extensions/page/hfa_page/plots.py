@@ -47,18 +47,15 @@ _ARROW = {"symbol": "arrow", "size": 13, "angleref": "previous"}
 #: Properties of the traces of `_drawing` that do not depend on the trim.
 _FIXED: tuple[dict[str, Any], ...] = (
     {"name": "panels", "mode": "lines", "line": {"color": PANEL_COLOR, "width": 7}},
-    {
-        "name": "lift",
-        "mode": "lines+markers",
-        "line": {"color": LIFT_COLOR, "width": 3},
-        "marker": _ARROW,
-    },
-    {
-        "name": "weight",
-        "mode": "lines+markers",
-        "line": {"color": WEIGHT_COLOR, "width": 3},
-        "marker": _ARROW,
-    },
+    *(
+        {
+            "name": name,
+            "mode": "lines+markers",
+            "line": {"color": color, "width": 3},
+            "marker": _ARROW,
+        }
+        for name, color in (("lift", LIFT_COLOR), ("weight", WEIGHT_COLOR))
+    ),
     {
         "name": "hinges (moment of loads and weight)",
         "mode": "markers",
@@ -107,7 +104,7 @@ def in_script(value: Any) -> str:
 
 
 def _axis(title: str, **more: Any) -> dict[str, Any]:
-    """Return an axis of Plotly. `more` are further properties."""
+    """Return an axis of Plotly with a title, and further properties."""
     grid = {"gridcolor": "rgba(128,128,128,0.3)", "zerolinecolor": "rgba(128,128,128,0.8)"}
     return {"title": {"text": title}, **grid, **more}
 
@@ -119,7 +116,11 @@ def _figure(
     y: dict[str, Any],
     legend: bool = True,
 ) -> PlotlyFigure:
-    """Return a Plotly figure with one frame for each position of the slider."""
+    """Return a Plotly figure with one frame for each position of the slider.
+
+    traces: traces in drawing order, of which the last ones change with the slider
+    at_positions: for each position, what it changes in these traces
+    """
     layout = {
         "xaxis": x,
         "yaxis": y,
@@ -149,8 +150,7 @@ def pictures_over(slider: Slider) -> list[InteractivePlot]:
     """Return the pictures of an aircraft that follow its slider: the aircraft from the front, or
     its variables between their limits, and the root locus; none without a trim.
     """
-    models = [position.model for position in slider.points]
-    trims = [None if model is None else model.point for model in models]
+    trims = [position.point for position in slider.points]
     if not any(trims):
         return []
     draw = _front_view if hfa_model.is_hfa(slider.sweep.model) else _limits_view
@@ -167,24 +167,21 @@ def _limits_view(name: str, trims: Sequence[OperatingPoint | None]) -> Interacti
 
     def shares(point: OperatingPoint | None) -> list[dict[str, Any]]:
         """Return the trace of one trim, which is empty without a trim."""
-        ranged = (
-            {} if point is None else {variable.name: variable for variable in with_range(point)}
-        )
-        drawn = [ranged[name] for name in names if name in ranged]
-        texts = [
-            beside_unit(shown_value(variable.value, variable.unit, ".4g"), variable.unit)
-            for variable in drawn
-        ]
+        ranged = [] if point is None else with_range(point)
+        drawn = [margin for margin in ranged if margin.name in names]
         return [
             {
                 "type": "scatter",
                 "hoverinfo": "skip",
                 "x": [
-                    100 * (variable.value - variable.lowest) / (variable.highest - variable.lowest)
-                    for variable in drawn
+                    100 * (margin.value - margin.lowest) / (margin.highest - margin.lowest)
+                    for margin in drawn
                 ],
-                "y": [variable.name for variable in drawn],
-                "text": texts,
+                "y": [margin.name for margin in drawn],
+                "text": [
+                    beside_unit(shown_value(margin.value, margin.unit, ".4g"), margin.unit)
+                    for margin in drawn
+                ],
             }
         ]
 
@@ -197,8 +194,9 @@ def _limits_view(name: str, trims: Sequence[OperatingPoint | None]) -> Interacti
 
 
 def _front_view(name: str, trims: Sequence[OperatingPoint | None]) -> InteractivePlot:
-    """Return the front view of the aircraft at all trims, of which there is one at least."""
-    # The picture has one frame for each point. The scale of the forces is equal in all frames.
+    """Return the front view of the aircraft at all trims, of which there is at least one, with the
+    same scale of the forces.
+    """
     trimmed = [point for point in trims if point is not None]
     aircraft = trimmed[0].model
     span = hfa_model.parameters_of(aircraft).panel_span
@@ -228,7 +226,10 @@ def _front_view(name: str, trims: Sequence[OperatingPoint | None]) -> Interactiv
 
 
 def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> list[dict[str, Any]]:
-    """Return the traces of a front view at a trim, or empty traces without a trim."""
+    """Return the traces of a front view at a trim (`_FIXED`), or empty traces without a trim.
+
+    scale: length of an arrow divided by its force
+    """
     if point is None:
         return [{"x": [], "y": []} for _ in _FIXED]
     panels = panels_from_the_front(point)
@@ -236,37 +237,28 @@ def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> lis
     hinges = np.array([[-half, 0.0], [half, 0.0]])
     moment = float(hfa_model.loads(aircraft, point.states, point.inputs).hinge_moment)
     moment_text = f"{round(moment, 1) + 0.0:.1f}<br>{unit_of(aircraft, 'ft lbf')}"
-    middles = [panel.middle for panel in panels]
-    lifts = [panel.lift for panel in panels]
-    weights = [panel.weight for panel in panels]
-    texts = []
-    positions = []
-    sides = []
-    for start, force in zip([*middles, *middles], [*lifts, *weights], strict=True):
-        texts.append(f"{np.linalg.norm(force):.1f} {unit_of(aircraft, 'lbf')}")
-        positions.append(start + scale * force)
-        sides.append("top center" if force[1] >= 0 else "bottom center")
+    arrows: dict[str, list[np.ndarray]] = {"lift": [], "weight": []}
+    labels = []  # position, text, and side of the position
+    for kind, lines in arrows.items():
+        for panel in panels:
+            force = getattr(panel, kind)
+            end = panel.middle + scale * force
+            lines.append(np.array([panel.middle, end]))
+            size = f"{np.linalg.norm(force):.1f} {unit_of(aircraft, 'lbf')}"
+            labels.append((end, size, "top center" if force[1] >= 0 else "bottom center"))
     for hinge in hinges:
-        texts.append(moment_text)
-        positions.append(hinge - [0.0, 0.1 * half])
-        sides.append("bottom center")
+        labels.append((hinge - [0.0, 0.1 * half], moment_text, "bottom center"))
+    positions, texts, sides = zip(*labels, strict=True)
     return [
         _separate_lines([panel.ends for panel in panels]),
-        _separate_lines(_arrows(middles, lifts, scale)),
-        _separate_lines(_arrows(middles, weights, scale)),
+        *map(_separate_lines, arrows.values()),
         _line(hinges),
         {**_line(positions), "text": texts, "textposition": sides},
     ]
 
 
-def _arrows(starts: list[np.ndarray], forces: list[np.ndarray], scale: float) -> list[np.ndarray]:
-    """Return the start and the end point of the arrow of each force, as arrays (2, 2)."""
-    pairs = zip(starts, forces, strict=True)
-    return [np.array([start, start + scale * force]) for start, force in pairs]
-
-
 def _separate_lines(lines: list[np.ndarray]) -> dict[str, Any]:
-    """Return one Plotly trace that draws several lines (k, 2), with a gap after each."""
+    """Return one Plotly trace that draws several lines, each (k, 2), with a gap after each."""
     gap = np.full((1, 2), np.nan)
     return _line(np.concatenate([part for line in lines for part in (line, gap)]))
 
@@ -278,8 +270,9 @@ def _line(positions: Any) -> dict[str, Any]:
 
 
 def _locus_plot(slider: Slider) -> InteractivePlot:
-    """Return the root locus of an aircraft over its scheduling variable."""
-    # If some modes are much slower than others, a second figure shows only the slow modes.
+    """Return the root locus of an aircraft over its scheduling variable. If some modes are much
+    slower than others, a second figure shows these alone.
+    """
     swept = slider.sweep
     slow = swept.slow
     figures = [_locus(swept, np.ones(len(swept.mode_names), dtype=bool))]
@@ -291,7 +284,10 @@ def _locus_plot(slider: Slider) -> InteractivePlot:
 
 
 def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
-    """Return a root locus, a line for each mode, with marks at the slider's value."""
+    """Return a root locus, a line for each mode, with marks at the slider's value.
+
+    shown: which of the modes are drawn
+    """
     unit = swept.plan.units[-1]
     values = shown_values(swept.values[:, -1], unit)
     words = f"{swept.variables[-1]} %{{customdata[0]:.4g}} {shown_unit(unit)}<br>{_HOVER}"
