@@ -35,13 +35,13 @@ _SPELLINGS: Mapping[str, str] = {
     "lbf_ft2": "lbf/ft^2",
     "slug_ft3": "slug/ft^3",
 }
-#: Units of the model.
+#: Units of the model, "" of numbers without unit.
 _UNITS = (
     *("", "%", "rad", "rad/s", "ft", "ft/s", "ft^2", "slug", "slug ft^2", "lbf", "ft lbf"),
     *("lbf/ft^2", "slug/ft^3"),
 )
 
-#: Inputs that follow from the motion and the air -> name of their value in `aircraft.py`.
+#: Inputs that follow from the motion and the air -> name of their value in `read._motion_values`.
 MOTION: Mapping[str, str] = {
     "trueAirspeed": "speed",
     "angleOfAttack": "alpha",

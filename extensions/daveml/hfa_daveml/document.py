@@ -367,7 +367,10 @@ class _Reader:
         )
 
     def _table_of(self, definition: ElementTree.Element) -> ElementTree.Element | None:
-        """Return the table element of a function, a child or one that it names by ID, or None."""
+        """Return the element of a function's table, or None.
+
+        It is a child of <functionDefn>, or a table elsewhere that a child names by its ID.
+        """
         for tag in ("griddedTableDef", "griddedTable"):  # in version 2 and in version 1
             child = definition.find(tag)
             if child is not None:
@@ -394,7 +397,10 @@ class _Reader:
     def _table_on_grid(
         self, breakpoints: Sequence[_Breakpoints], values: np.ndarray, place: str
     ) -> GriddedTable:
-        """Return a table of values (N,), of which the last argument varies fastest."""
+        """Return a table of values (N,), of which the last argument varies fastest.
+
+        Raises BadInputError if the breakpoints do not increase or do not fit the values.
+        """
         for key, points in breakpoints:
             if points.size < 2 or not (np.diff(points) > 0.0).all():
                 raise self._error(

@@ -90,10 +90,10 @@ def expression(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
 
 
 def _finite(element: ElementTree.Element, arguments: list[Any]) -> Any:
-    """Return the result of an operator, and refuse one of numbers that is not finite."""
+    """Return the result of an operator. Raises BadInputError if that of numbers is not finite."""
     try:
         result = _applied(element, arguments)
-        is_finite = not isinstance(result, complex)
+        is_finite = not isinstance(result, complex)  # as Python's (-8) ** 0.5
         if is_finite and all(isinstance(argument, int | float) for argument in arguments):
             is_finite = math.isfinite(result)
     except ArithmeticError:  # division by zero, or an overflow
@@ -155,6 +155,7 @@ def _piecewise(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
             "other cases"
         )
     value = expression(otherwise[0], value_of)
+    # From the last piece to the first, which is tested first of all.
     for piece in reversed(element.findall("piece")):
         if len(piece) != 2:
             raise BadInputError(
@@ -233,7 +234,7 @@ class Expressions:
                 return expression(variable.formula, self.__getitem__)
             except BadInputError as error:
                 if str(error).startswith(self._document.path):
-                    raise
+                    raise  # of another variable, which the message names
                 raise self._document.error(f"variable {variable.key}", str(error)) from error
         if variable.initial is None:
             raise self._document.error(

@@ -194,6 +194,7 @@ class _Files:
         self._refuse_not_positive(nominal_value)
         low, high = self._range("angleOfAttack", _WIDEST_ALPHA)
         sideslip = self._range("angleOfSideslip", _WIDEST_BETA)
+        # Limits that no table states are assumed.
         alpha = Signal("rad", 0.1, low, high, min(_ALPHA, high), assumed=high == _WIDEST_ALPHA)
         beta = Signal("rad", 0.1, *sideslip, assumed=sideslip[1] == _WIDEST_BETA)
         return rigid_aircraft(
@@ -234,7 +235,10 @@ class _Files:
         return (warning,) if warning else ()
 
     def _usual_speed(self, nominal_value: Callable[[str], Any]) -> float:
-        """Return the speed, ft/s, of level flight at sea level and alpha = `_ALPHA`."""
+        """Return the speed, ft/s, of level flight at sea level and alpha = `_ALPHA`.
+
+        nominal_value: name of an output -> its value at `_nominal_motion`
+        """
         upward = -_number(self._coefficients(nominal_value, _ALPHA)[2])
         if not upward > 0.0:
             files = "+".join(document.path for document in self._documents)
@@ -247,7 +251,10 @@ class _Files:
         return math.sqrt(2.0 * weight / (SEA_LEVEL.density * area * upward))
 
     def _range(self, name: str, widest: float) -> tuple[float, float]:
-        """Return the range, in the model's unit, within ± widest and all tables of a variable."""
+        """Return the range of a variable within ± `widest` and the ranges of all its tables.
+
+        name: standard name of the variable; the range is in the model's unit
+        """
         low = -widest
         high = widest
         for document in self._documents:
@@ -339,13 +346,18 @@ class _Files:
         return ca.vertcat(*(value(name) if name in self._outputs else 0.0 for name in outputs))
 
     def _values(self, motion: Mapping[str, Any], u: Any, p: Any) -> Callable[[str], Any]:
-        """Return a function from the name of an output to its value in the units of the model."""
+        """Return a function from the name of an output to its value in the units of the model.
+
+        motion: name in `names.MOTION` -> value
+        u, p: inputs and parameters, by attributes
+        """
         # A file is built when its first output is needed: its inputs may be outputs of other files,
         # which are then built first.
         table = Interpolator()
         built: dict[str, Expressions] = {}  # path of a file -> its variables
 
         def value(name: str) -> Any:
+            """Return the value of an output in the unit of the model."""
             output = self._outputs[name]
             path = output.document.path
             if path not in built:

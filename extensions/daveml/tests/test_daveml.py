@@ -28,6 +28,7 @@ CASE, OUTPUTS, GRID = (
 #: First value of the table, and first printed output of the check case.
 FIRST_VALUE = re.search(r"<dataTable>[-.\d]+", TEXT)[0]
 PRINTED = re.search(r"<signalValue>([^<]+)", OUTPUTS)[1]
+#: Message if a printed value of a check case is not that of the tables and formulas.
 FALSE = "differ from the tables"
 
 #: A file with one variable y of x, its elements and further elements.
@@ -101,13 +102,18 @@ def with_definitions(folder, name, renamed, text):
     return str(path)
 
 
-#: A state, ft and rad, and deflections, rad, and thrust, lbf, at which models are compared.
+#: A state in ft and rad (speed, alpha, beta, rates, roll, pitch, yaw, altitude), and elevator,
+#: aileron, rudder, rad, and thrust, lbf, at which models are compared.
 STATE = [120.0, 0.06, 0.05, 0.1, 0.2, -0.1, 0.3, 0.2, 0.1, 500.0]
 INPUTS = [0.02, -0.03, 0.01, 5.0]
 
 
 def test_a_center_of_gravity_and_a_thrust_have_their_moments(tmp_path):
-    """The air force has a moment about the center of gravity, -c × F; thrust moments are added."""
+    """A center of gravity c from the moment reference center has the moment -c × F of the air force
+    F, and moments of the thrust are added: the angular accelerations change by I⁻¹ of their sum.
+
+    F, inertias and coefficients are those of examples/uav.dml.
+    """
     offset = np.array([0.3, -0.2, 0.1])
     moment = np.array([1.0, 2.0, -3.0])
     defined = [
@@ -201,7 +207,9 @@ def test_a_moved_input_has_its_initial_value_and_a_constant_is_a_parameter(tmp_p
 
 
 def test_an_output_of_one_file_is_an_input_of_another(tmp_path):
-    """The mass computed from the wing area of the other file, in ft², gives the same trim."""
+    """A file without the mass, and one that computes it from the wing area of the first, give the
+    trim of the file with the mass.
+    """
     definition = re.search(r'  <variableDef name="totalMass".*?</variableDef>\n', TEXT, re.S)[0]
     slug_per_ft2 = 13.5 / 14.59390294 / (0.55 / _FOOT**2)
     (tmp_path / "aero.dml").write_text(TEXT.replace(definition, ""), encoding="utf-8")
@@ -332,7 +340,7 @@ def test_operators_have_the_values_of_numpy(operator, tmp_path):
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("<apply><ci>x</ci></apply>", 0.3),
+        ("<apply><ci>x</ci></apply>", 0.3),  # x = 0.3
         ("<apply><abs/><apply><minus/><ci>x</ci></apply></apply>", 0.3),
         ("<apply><floor/><apply><minus/><ci>x</ci></apply></apply>", -1.0),
         ("<apply><not/><apply><lt/><ci>x</ci><cn>0</cn></apply></apply>", 1.0),
@@ -463,7 +471,7 @@ def test_a_wrong_file_is_refused(old, new, message, tmp_path):
         hfa.load_model(path)
 
 
-def test_nested_formulas(tmp_path):
+def test_deeply_nested_formulas_are_evaluated_or_refused(tmp_path):
     """A formula of 100 nested elements is evaluated, and one of 30,000 is refused."""
 
     def nested(count):

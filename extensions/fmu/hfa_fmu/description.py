@@ -297,7 +297,7 @@ def _names_in_model(names: list[str], states: list[str]) -> dict[str, str]:
 def _variables(
     root: ElementTree.Element, version: int
 ) -> tuple[dict[str, Variable], dict[str, str]]:
-    """Return the variables by name, and derivative -> state."""
+    """Return name -> variable, and name of a derivative -> name of its state."""
     types = {definition.get("name"): definition for definition in root.findall("TypeDefinitions/*")}
     variables: dict[str, Variable] = {}
     key_of_state: dict[str, str] = {}  # derivative -> number or value reference of its state
@@ -320,7 +320,12 @@ def _variable(
     declared: ElementTree.Element | None,
     version: int,
 ) -> Variable:
-    """Return a variable."""
+    """Return a variable.
+
+    element: its element
+    typed: the element with its type and numbers, in FMI 3.0 `element` itself
+    declared: definition of the type that it names, with usual attributes, or None
+    """
     enumerated = [] if declared is None else declared.findall(".//Item")
     if declared is not None and version == 2:
         declared = next(iter(declared), None)

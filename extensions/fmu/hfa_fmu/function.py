@@ -52,11 +52,12 @@ class Evaluator:
         self.of_dynamics = len(nominals[0]) + len(nominals[1])
         self.gives_slopes = False
         self.fault = ""
+        # Bytes of v where the last call failed, and where the rates are known to be functions of v.
         self._fault_at = b""
         self._steady_at = b""
         self._nan = np.full(count, np.nan).tobytes()
         self._states, self.count = len(nominals[0]), count
-        self._whole = self.of_dynamics + np.flatnonzero(whole)
+        self._whole = self.of_dynamics + np.flatnonzero(whole)  # places in v
         self.instance = instance
 
     def values(self, v: np.ndarray, time: float = 0.0) -> np.ndarray:
@@ -120,7 +121,7 @@ class Evaluator:
             self._fail(error, v)
             result[:] = self._nan
         else:
-            if self.fault and self._fault_at != v:
+            if self.fault and self._fault_at != v:  # a failed derivative at v remains told
                 self.fault = ""
 
     def write_along(
@@ -150,7 +151,7 @@ class Evaluator:
         return (-step / length, step / length) if length else ()
 
     def _fail(self, error: FmuError, v: memoryview) -> None:
-        """Store why a call at v failed; searches also ask at arguments that are not finite."""
+        """Store why a call at v failed, if v is finite: searches also evaluate at NaN."""
         if np.isfinite(np.frombuffer(v)).all():
             self.fault, self._fault_at = str(error), v.tobytes()
 
@@ -178,7 +179,10 @@ class Evaluator:
 
 
 class _Callback(ca.Callback):
-    """CasADi function of a column v, and of further arguments for a derivative."""
+    """CasADi function of a column v, and of further arguments for a derivative.
+
+    CasADi calls the methods `get_...`, `has_...` and `eval_buffer`.
+    """
 
     def __init__(
         self,
@@ -187,7 +191,12 @@ class _Callback(ca.Callback):
         rows: list[int],
         forward: _Callback | None = None,
     ) -> None:
-        """Make a function."""
+        """Make a function.
+
+        compute: writes the result, (arguments, result) as memory
+        rows: numbers of entries of the arguments and of the result
+        forward: function of the derivative along a direction, or None for none
+        """
         ca.Callback.__init__(self)
         self._compute, self._rows, self._forward = compute, rows, forward
         self.construct(name, {})

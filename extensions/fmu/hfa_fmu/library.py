@@ -169,14 +169,20 @@ class Instance:
             return list(found)
 
     def _reals(self, references: list[int], memory: Any, first: int) -> tuple[Any, ...]:
-        """Return the arguments of a call that sets or gets variables in memory from `first` on."""
+        """Return the arguments of a call that sets or gets variables.
+
+        memory, first: array of doubles, and the place of the first variable in it
+        """
         count = c_size_t(len(references))
         place = ctypes.byref(memory, first * ctypes.sizeof(c_double))
         which = (c_uint * len(references))(*references)
         return (which, count, place, *([count] if self._interface.version == 3 else []))
 
     def _set(self, v: Any, time: float) -> None:
-        """Set time and all variables, with an event where an input changes at events only."""
+        """Set time and all variables, with an event where an input changes at events only.
+
+        Raises FmuError if v is not finite or a call fails.
+        """
         # Other parameters require another instance, because most are set only while it is made, and
         # so do other signs of the event indicators, because an instance may remember its events.
         self._v_bytes[:] = v
@@ -335,7 +341,10 @@ class Instance:
         return f" ({said[:_LONGEST]})" if said else ""
 
     def _made_callbacks(self) -> list[Any]:
-        """Return the argument of the constructor that has the callbacks, and what it refers to."""
+        """Return the argument of the constructor that has the callbacks, and what it refers to.
+
+        The list keeps both alive: ctypes does not.
+        """
 
         def say(message: bytes | None) -> None:
             """Keep a message, whose fields of printf, in FMI 2.0, are not filled in."""

@@ -193,12 +193,15 @@ def _model(
 
 
 def _beside_events(evaluator: Evaluator, start: np.ndarray, n: int) -> np.ndarray:
-    """Return start values (x, u, p) beside an event that hinders the search for a trim, if any."""
-    states = np.arange(start.size) < n
+    """Return start values (x, u, p), moved off an event at which no derivative exists.
+
+    n: number of states, which are moved
+    """
+    is_state = np.arange(start.size) < n
     for move in (0.0, _BESIDE, -_BESIDE):
-        begun = start + move * evaluator.nominals * states
+        begun = start + move * evaluator.nominals * is_state
         try:
-            for unit in np.diag(1.0 * states)[:n]:
+            for unit in np.eye(n, start.size):  # along each state
                 evaluator.refuse_events(begun, unit)
         except FmuError:
             continue
@@ -229,7 +232,10 @@ def _note_on_similar_names(names: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def _about(evaluator: Evaluator, description: Description, start: np.ndarray) -> About:
-    """Return what reports say about an FMU; its own derivatives are used if it gives them."""
+    """Return what reports say about an FMU, and let the evaluator use the derivatives it gives.
+
+    start: values (x, u, p) at which derivatives are compared
+    """
     warnings: tuple[str, ...] = ()
     why_none = _why_no_derivatives(evaluator, description, start)
     evaluator.gives_slopes = not why_none
@@ -318,7 +324,7 @@ def _fault_of_flight(evaluator: Evaluator) -> Callable[[Any, Any, Any], str]:
 
     def reason(x: np.ndarray, u: np.ndarray, p: np.ndarray) -> str:
         """Return why a flight through states (N, n), with inputs (N, m), is not one, or ""."""
-        if not np.isfinite(x).all():
+        if not np.isfinite(x).all():  # the results of a failed call are NaN
             return evaluator.fault
         rows = np.hstack([x, u, np.tile(p, (len(x), 1))])
         try:

@@ -25,6 +25,7 @@ pytestmark = [
     pytest.mark.skipif(not COMPILER, reason="there is no C compiler"),
     pytest.mark.usefixtures("folder"),
 ]
+#: angle' = rate, rate' = torque - (9.81 / length) sin(angle) - damping rate. Its head lists faults.
 SOURCE = Path(__file__).with_name("pendulum.c")
 #: Variables: name -> (value reference, attributes of FMI 2.0, start value, unit).
 VARIABLES = {
@@ -113,7 +114,10 @@ def fmu(
     name="pendulum.fmu",
     **of_variables,
 ):
-    """Write the FMU of the pendulum to a file of the working folder, and return its path."""
+    """Write the FMU of the pendulum, by default of length 2 and damping .5, and return its path.
+
+    fault: faults and variants of pendulum.c
+    """
     text = description(version, fault, has_derivatives, **of_variables)
     return packed(text, version, folder, name)
 
@@ -145,13 +149,14 @@ def by_turns(kinds):
 
 @pytest.mark.parametrize(("has_derivatives", "version"), by_turns([True, False]))
 def test_trim_and_linear_model_of_a_pendulum(has_derivatives, version):
-    """sin(angle) = torque length / gravity at the trim; A, B and C are those of the equations."""
+    """rate' = torque - 9.81 sin(angle) - .5 rate, of length 1: sin(angle) = 1.5 / 9.81 at the trim.
+
+    A, B and C of the height -cos(angle) follow, exact with derivatives of the FMU.
+    """
     written = fmu("", version, has_derivatives)
     model = hfa.load_model(written).with_parameters(length=1.0)
-    assert (model.states["body_angle"].unit, list(model.parameters)) == (
-        "rad",
-        ["length", "damping"],
-    )
+    assert model.states["body_angle"].unit == "rad"
+    assert list(model.parameters) == ["length", "damping"]
     point = hfa.trim(model, hold={"torque": 1.5})
     angle = math.asin(1.5 / 9.81)
     assert point["body_angle"] == pytest.approx(angle, abs=1e-9)
@@ -170,7 +175,10 @@ def test_trim_and_linear_model_of_a_pendulum(has_derivatives, version):
 
 
 def test_the_trim_of_least_effort_needs_no_second_derivatives():
-    """With torque and angle free, the trim is that of no torque."""
+    """With torque and angle free, of all equilibria the one without torque is found.
+
+    An FMU has no second derivatives, by which such trims of equations are found.
+    """
     model = hfa.load_model(fmu())
     point = hfa.trim(model, free=["torque", "body_angle"], start={"body_angle": 0.5, "torque": 2.0})
     assert point["torque"] == pytest.approx(0.0, abs=1e-6)
@@ -203,7 +211,7 @@ def test_the_part_of_all_states_is_left_out_of_their_names():
 
 
 def test_wrong_derivatives_of_an_fmu_have_a_warning():
-    """The report of a trim says that derivatives of the FMU are 10 % off its rates."""
+    """A derivative that the FMU gives 10 % too large ("scaled") has a warning in the report."""
     point = hfa.trim(hfa.load_model(fmu("scaled", has_derivatives=True)))
     assert "differ from differences of its rates by 0.1" in point.report().text()
 
@@ -241,20 +249,11 @@ def test_the_game_of_an_fmu_is_solved():
 
 @pytest.mark.slow
 def test_an_fmu_flies():
-    """A flight with the exact gain costs x'Px."""
+    """A flight with the exact gain from x = (.05 deg, 0) costs x'Px, with P of the exact solution."""
     given = ("--aircraft", fmu(), "--Q", "1,1", "--R", "1")
     assert run("solve", *given, "-o", "K.npz").code == 0
-    words = [
-        "--policy",
-        "exact",
-        "--initial",
-        "body_angle=0.05",
-        "--duration",
-        "40",
-        "--json",
-        "-q",
-    ]
-    flight = run("fly", *given, *words)
+    words = "--policy exact --initial body_angle=0.05 --duration 40 --json -q"
+    flight = run("fly", *given, *words.split())
     P = np.load("K.npz")["P"]
     expected = math.radians(0.05) ** 2 * P[0, 0]
     assert json.loads(flight.out)["cost"] == pytest.approx(expected, rel=1e-4)
@@ -297,7 +296,8 @@ def test_an_fmu_for_another_system_is_refused():
     )
 
 
-#: Fault of the library -> words of `hfa`, and the reason in its line.
+#: Fault of pendulum.c -> words of `hfa`, and the reason in its line. Calls fail at angles above 1
+#: rad, as 70 deg; an event is at .5 rad, as before 40 deg.
 FAILURES = {
     "error": ("trim --hold body_angle=70", "returns error"),
     "discard": ("linearize --hold body_angle=70", "returns discard"),
@@ -323,9 +323,7 @@ def test_a_failure_of_the_library_is_one_line(fault, version, monkeypatch):
 
 
 def test_a_sweep_has_no_trim_where_the_library_fails():
-    """The library returns an error beyond 1 rad: of the angles 50 and 60 deg, the first alone has a
-    trim.
-    """
+    """The library returns an error beyond 1 rad = 57 deg: of 50 and 60 deg, only 50 has a trim."""
     given = ("--aircraft", fmu("error"), "--free", "torque", "--hold", "body_angle=50:60:10")
     result = run("sweep", *given, "-o", "sweep.npz")
     assert "returns error" in result.out
@@ -338,10 +336,10 @@ def test_a_sweep_has_no_trim_where_the_library_fails():
     [("error", "returns error", 1.0, ("--units", "si")), ("event", "event", 0.5, ())],
 )
 def test_a_flight_into_a_failure_or_an_event_is_refused(fault, said, angle, units):
-    """From angle 0 with 3.5 rad/s, the refusal has the time at the angle of 1 rad or of the event.
-    A flight that stays below it passes.
+    """A flight from the angle 0 with 200 deg/s is refused at the time when it reaches 1 rad, where
+    calls fail, or .5 rad, where the event is. The time is somewhat more than angle / rate.
 
-    The FMU's height in ft makes `--units si` convert.
+    A flight that stays below passes. The FMU's height in ft makes `--units si` convert.
     """
     text = description(fault=fault).replace('unit="m"', 'unit="ft"')
     given = ("--aircraft", packed(text), *units, "--policy", "none", "--duration")
@@ -355,8 +353,8 @@ def test_a_flight_into_a_failure_or_an_event_is_refused(fault, said, angle, unit
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_the_equations_after_an_event_are_linearized(version):
-    """A has the damping before and after an event at an angle of .5, beyond which it is doubled; at
-    the event there is no linear model.
+    """A has the damping .5 before an event at an angle of .5, and 1 after it; at the event there is
+    no linear model.
     """
     model = hfa.load_model(fmu("event", version))
     for angle, damping in ((0.4, 0.5), (0.6, 1.0)):
@@ -378,8 +376,9 @@ def test_both_sides_of_a_kink_are_reported():
 
 
 def test_differences_replace_derivatives_that_fail():
-    """The note has the failed call, and A and B are those of the equations."""
-    # nodd: the directional derivatives of pendulum.c fail.
+    """If the FMU's derivatives fail ("nodd"), the note has the failed call, and A and B are those of
+    rate' = torque - (9.81 / 2) sin(angle) - .5 rate by differences.
+    """
     point = hfa.trim(hfa.load_model(fmu("nodd", has_derivatives=True)))
     linear = point.linearize()
     pull = -9.81 / 2.0 * math.cos(point["body_angle"])
@@ -422,18 +421,14 @@ def with_parameters(version, kind="", causality="parameter"):
 @pytest.mark.parametrize("causality", ["parameter", "input"])
 @pytest.mark.parametrize(("kind", "version"), by_turns(["", "Enumeration"]))
 def test_parameters_of_all_types_are_held(version, kind, causality):
-    """The damping is fixed; gravity is 9.81, or 1.62 on `the.moon`, divided by the links.
+    """A fixed damping, the truth value `the.moon` and the whole number `links` are held.
 
-    Inputs of truth values and whole numbers are held, too.
+    Gravity is 9.81, or 1.62 on the moon, divided by 4 links; the length is 2. Inputs of truth values
+    and whole numbers are held like parameters.
     """
     model = hfa.load_model(with_parameters(version, kind, causality))
-    assert [*model.inputs, *model.parameters] == [
-        "torque",
-        "length",
-        "damping",
-        "the_moon",
-        "links",
-    ]
+    names = ["torque", "length", "damping", "the_moon", "links"]
+    assert [*model.inputs, *model.parameters] == names
     for moon, gravity in ((1, 1.62), (0, 9.81)):
         changed = model.with_parameters(the_moon=moon, damping=0.7, links=4)
         A = hfa.trim(changed).linearize().A
@@ -494,7 +489,7 @@ def rates_of(model):
 
 
 def test_rates_beyond_an_event_are_those_there():
-    """rate' = - gravity / length sin(angle) - damping rate, with doubled damping beyond .5."""
+    """rate' = -(9.81 / 2) sin(angle) - damping rate, with doubled damping beyond an event at .5."""
     model = hfa.load_model(fmu("event"))
     rates = rates_of(model)
     for angle, damping in ((0.3, 0.5), (0.6, 1.0), (0.3, 0.5)):
@@ -513,9 +508,9 @@ def test_values_do_not_depend_on_what_was_evaluated_before():
 
 
 @pytest.mark.parametrize("version", [2, 3])
-def test_what_modelstructure_leaves_out_and_units_are_said(version):
-    """Notes name a variable that is no state, because ModelStructure does not list its derivative, and
-    one without a unit.
+def test_a_derivative_that_is_not_listed_and_a_missing_unit_are_noted(version):
+    """Notes name body.angle, no state because ModelStructure does not list its derivative, and rate,
+    which has no unit.
     """
     text = description(version).replace('unit="rad/s"', "")
     listed = {
@@ -542,10 +537,7 @@ def test_an_event_at_the_start_values_hinders_no_trim(version):
 
 def test_types_steps_and_capitals():
     """A type gives units and limits, an input may change in steps, and a file may be an .FMU."""
-    written = fmu(
-        name="PENDULUM.FMU",
-        torque='causality="input" variability="discrete"',
-    )
+    written = fmu(name="PENDULUM.FMU", torque='causality="input" variability="discrete"')
     model = hfa.load_model(written)
     # The type of the angle declares its unit and limits.
     assert model.states["body_angle"][:3] == ("rad", 1.0, -1.5)
@@ -558,7 +550,7 @@ def test_types_steps_and_capitals():
 
 @pytest.mark.slow
 def test_a_library_that_does_not_return_ends_with_sigterm():
-    """SIGTERM ends a command whose library does not return, at an angle of 70 deg, with one line."""
+    """SIGTERM ends a command whose library hangs at an angle above 1 rad (70 deg), with one line."""
     words = ["trim", "--hold", "body_angle=70", "--free", "torque", "--aircraft", fmu("hangs")]
     child = subprocess.Popen([SCRIPT, *words], stderr=subprocess.PIPE, text=True)
     with pytest.raises(subprocess.TimeoutExpired):
