@@ -1,5 +1,5 @@
-"""What the report of a linear model of the flexible aircraft has besides: error bands, other
-dynamics and the printed matrices.
+"""What the report of a linear model of the flexible aircraft shows beside the model: error bands,
+other dynamics and the printed matrices.
 """
 
 from __future__ import annotations
@@ -44,10 +44,11 @@ class ModeDifference(Result):
 
 
 def with_other_dynamics(point: OperatingPoint) -> LinearModel | None:
-    """Return the linear model of the other dynamics at the condition of a trim.
+    """Return the linear model of `newton` dynamics at the condition of a trim of `published`
+    dynamics, and the reverse.
 
-    The result is None for dynamics besides `published` and `newton`, in SI units, and if the other
-    dynamics have no trim there.
+    The result is None for further dynamics, in SI units, and if the other dynamics have no trim
+    there.
     """
     model = point.model
     if model.name not in VARIANTS or model.native is not model or point.found_by is None:
@@ -84,7 +85,9 @@ def differences_group(other: str, differences: Sequence[ModeDifference]) -> Grou
 
 
 def beside(model: LinearModel) -> Beside:
-    """Return what is known of a linear model of the flexible aircraft from elsewhere."""
+    """Return what the report of a linear model of the flexible aircraft shows beside the model: of
+    another selection of states and inputs than the printed one, only that nothing is known.
+    """
     aircraft = model.model
     has_printed_signals = model.states == LINEAR_STATES and model.inputs == INPUTS
     if aircraft.name not in VARIANTS or not has_printed_signals:
@@ -116,7 +119,11 @@ def beside(model: LinearModel) -> Beside:
 
 
 def _accuracy(bands: Bands | None, model: LinearModel, other: LinearModel | None) -> str:
-    """Return sentences on the largest error band and the largest difference from other dynamics."""
+    """Return sentences on the largest error band and the largest difference from other dynamics.
+
+    bands: error bands, or None if they are unknown
+    other: linear model of the other dynamics, or None
+    """
     sentences = []
     if bands is not None:
         largest = _largest(bands.A, bands.B)
@@ -129,19 +136,21 @@ def _accuracy(bands: Bands | None, model: LinearModel, other: LinearModel | None
         differences = np.abs(other.A - model.A), np.abs(other.B - model.B)
         all_differences = np.hstack(differences).ravel()
         place = int(all_differences.argmax())
-        size = float(np.abs(np.hstack([model.A, model.B])).ravel()[place])
+        entry = float(np.abs(np.hstack([model.A, model.B])).ravel()[place])
         sentence = (
             f"Largest difference of an entry to {other.point.dynamics} dynamics: "
             f"{_largest(*differences)}"
         )
-        if size:
-            sentence += f" ({100.0 * all_differences[place] / size:.3g} %)"
+        if entry:
+            sentence += f" ({100.0 * all_differences[place] / entry:.3g} %)"
         sentences.append(sentence)
     return "\n".join(sentences)
 
 
 def _largest(A: np.ndarray, B: np.ndarray) -> str:
-    """Return the largest entry of A and B with its name, as text: "0.1 in A(speed, alpha)"."""
+    """Return the largest entry of A and B, none of them below 0, with its name, as text: "0.1 in
+    A(speed, alpha)".
+    """
     name, columns, largest = ("A", LINEAR_STATES, A) if A.max() >= B.max() else ("B", INPUTS, B)
     row, column = np.unravel_index(largest.argmax(), largest.shape)
     return f"{largest[row, column]:.2g} in {name}({LINEAR_STATES[row]}, {columns[column]})"

@@ -30,7 +30,7 @@ _TITLE_AND_LEGEND, _AXES_WIDTH = 1.9, 9.2
 
 
 class Panel(NamedTuple):
-    """A panel seen from the front, as (horizontal, vertical) vectors in the units of the report.
+    """A panel seen from the front, as (horizontal, vertical) vectors in the units of the model.
 
     ends: (2, 2), end points of the span
     middle: (2,), point at which the forces act
@@ -65,7 +65,7 @@ def panels_from_the_front(point: OperatingPoint) -> tuple[Panel, Panel, Panel]:
     sine = np.sin(point.states.dihedral)
 
     def outer(side: int) -> Panel:
-        """Return an outer panel, on the left (-1) or the right (1) of the picture."""
+        """Return an outer panel, on the left (side -1) or the right (side 1) of the picture."""
         hinge = np.array([side * half, 0.0])
         along = np.array([side * cosine, sine])
         return Panel(
@@ -148,12 +148,14 @@ def _draw_force(axes: Axes, place: np.ndarray, arrow: np.ndarray, text: str, col
     end = place + arrow
     style = {"arrowstyle": "-|>", "color": color, "linewidth": 2.0, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", xy=tuple(end), xytext=tuple(place), arrowprops=style)
-    axes.plot(*end, alpha=0.0)  # includes the arrow in the limits of the axes
+    axes.plot(*end, alpha=0.0)  # annotations do not extend the limits of the axes
     _label(axes, end, text, color, above=bool(end[1] >= 0))
 
 
 def _draw_hinges(axes: Axes, point: OperatingPoint) -> None:
-    """Draw both hinges, and on their side without panels the hinge moment, the same at both."""
+    """Draw both hinges with the hinge moment, the same at both, on the side that the panels leave
+    free: below hinges whose outer panels are raised.
+    """
     aircraft = point.model
     span = hfa_model.parameters_of(aircraft).panel_span
     moment = hfa_model.loads(aircraft, point.states, point.inputs).hinge_moment

@@ -185,7 +185,7 @@ def entries_table(title: str, entries: Mapping[str, Iterable[EntryRow]]) -> Tabl
     entries: groups of entries; the key of a group is printed before the names of its entries
     """
     rows = []
-    for begin, group in entries.items():
+    for before_name, group in entries.items():
         for entry in group:
             if entry.is_zero:
                 continue
@@ -193,7 +193,7 @@ def entries_table(title: str, entries: Mapping[str, Iterable[EntryRow]]) -> Tabl
             computed = f"{entry.computed:.6f}"
             half_units = f"{entry.half_units:+.2f}"
             percent = f"{entry.percent:+.4f}" if entry.printed else "-"
-            rows.append((f"{begin}{entry.name}", printed, computed, half_units, percent))
+            rows.append((f"{before_name}{entry.name}", printed, computed, half_units, percent))
     return Table((title, "printed", "computed", "half units", "percent"), rows)
 
 
@@ -278,7 +278,7 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
             "error bands exist only for the identified parameters with their covariance; "
             "use the parameters.toml of `python -m studies.identification`, unchanged"
         )
-    native = model.model.native
+    native = model.model.native  # in the units of the parameters
     variant_named(native.name)  # refuses dynamics with more states
     variables = [model.point.values[name] for name in native.variables]
     v = model.model.native_values(native.variables, variables)
@@ -295,7 +295,7 @@ def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: Linea
 
 
 def _in_si(entries: np.ndarray, model: Model) -> np.ndarray:
-    """Return entries of [A B] in SI units, from the units of the model."""
+    """Return entries of [A B] of the paper's signals, in the units of a model, in SI units."""
     rows, columns = (
         np.array([si_factor(model.unit(name)) for name in names])
         for names in (LINEAR_STATES, (*LINEAR_STATES, *INPUTS))
@@ -307,7 +307,8 @@ class EntriesAlongTrim(NamedTuple):
     """Entries of A and B of the paper's six states, and their derivatives along the trim.
 
     entries: e = vec(A, B), (66,), in column-major order
-    by_parameters: de/dp, (66, P), while the free variables change so that the trim remains one
+    by_parameters: de/dp, (66, P), where the free variables follow the parameters so that the rates
+        remain 0
     """
 
     entries: np.ndarray
@@ -325,7 +326,7 @@ def entries_at(
     free: indices of the free variables in v
     balanced: indices of the states whose rates remain 0
     """
-    # Imposed values 0 enter the expressions as constants.
+    # Imposed values 0 enter the expressions as constants, which makes these shorter.
     zero = tuple(i for i in np.flatnonzero(v == 0.0).tolist() if i not in free)
     results = _derivatives(layout, tuple(free), zero)(v[None], p[None])
     entries, by_free, by_p, rates_by_free, rates_by_p = (result[0] for result in results)
@@ -343,9 +344,13 @@ def entries_at(
 
 @lru_cache(maxsize=16)
 def _derivatives(layout: Layout, free: tuple[int, ...], zero: tuple[int, ...]) -> RowFunction:
-    """Return the Function (v, p) -> e = vec(A, B) of the six states, ∂e/∂v, ∂e/∂p, ∂f/∂v, ∂f/∂p."""
-    # v are the variables of a trim, from which states and inputs follow, and f the rates of all
-    # states. The derivatives are those by the free variables. Those of `zero` are 0.
+    """Return the Function (v, p) -> e = vec(A, B) of the six states, ∂e/∂v, ∂e/∂p, ∂f/∂v, ∂f/∂p.
+
+    v are the variables of a trim, from which states and inputs follow, f are the rates of all
+    states, and ∂v is by the free variables alone.
+
+    free, zero: indices in v of the free variables, and of those that are 0
+    """
     x, u, p = layout.symbols("x", "u", "p")
     f, _ = layout.expressions((x, u, p), ())
     A = ca.densify(ca.jacobian(f, x)[LINEAR_ROWS, LINEAR_ROWS])

@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 
 def _is_flexible(model: Model) -> bool:
     """Return whether a model is the flexible aircraft with the equations of a `Variant`."""
-    if not model.about.names_schedule:  # then the package of that aircraft is not loaded
+    # Only that aircraft names its scheduling variable in options (--dihedral). Its package is not
+    # imported for another one.
+    if not model.about.names_schedule:
         return False
     from hfa_model.declaration import is_hfa
 
