@@ -437,7 +437,7 @@ _WITHOUT_BOX = 1e-200
 def _gain_at_0(game: Game, u: ca.SX, z: ca.SX) -> tuple[np.ndarray, bool]:
     """Return K = -∂u/∂z at z = 0, or the mean of both sides, and whether u is nonsmooth there."""
     sizes = game.half_widths
-    if sizes is None:  # in the ratios of the states that cost 1
+    if sizes is None:  # tiny, in the ratios of the states that cost 1
         costs = np.diag(game.Q)
         sizes = _WITHOUT_BOX * np.where(costs > 0.0, costs, 1.0) ** -0.5
     without_units = sizes * np.sqrt(np.diag(game.R))[:, None]  # divides u by inputs that cost 1

@@ -86,6 +86,7 @@ def critic_file(path: str | Path) -> CriticFile:
         )
     if suffix not in OWN_FILES:
         with prefix_errors(path), file_faults(path):
+            # The reader of an installed package.
             read: CriticFile = loaded(offered(CRITICS, OWN_FILES)[suffix])(path)
             return read
     if is_network(file):
@@ -391,7 +392,7 @@ def part_by_shape(
     n, m = game.B.shape
     shapes = {"P": (n, n), "K": (m, n)}
     fitting = [name for name, shape in shapes.items() if array.shape == shape]
-    if m == 1 and array.shape == (n,) != (n * (n + 1) // 2,):
+    if m == 1 and array.shape == (n,) != (n * (n + 1) // 2,):  # not as many as weights
         fitting = ["K"]
     if not fitting and max(array.shape, default=1) == math.prod(array.shape):
         fitting = ["W"]

@@ -142,6 +142,7 @@ class TrainingRun(Result, Reported):
             return []
         units = np.array([f"({unit})" for unit in state_units], dtype=object)
         exponents = basis(self.basis, self.K.shape[1]).exponents
+        # The unit of a state is repeated by its power in the monomial.
         return [f"1/({' '.join(np.repeat(units, row))})" for row in exponents]
 
     @property

@@ -132,7 +132,8 @@ def _refuse_other_plant(rates: ca.Function, game: Game, title: str) -> None:
 def _are_same(given: np.ndarray, exact: np.ndarray) -> bool:
     """Return whether two matrices agree up to `SAME`, whatever the units of states and inputs.
 
-    The difference of an entry is relative to the largest entry of its row and of its column.
+    The difference of an entry is relative to the largest entry of its row, or of its column if this
+    is smaller. Units scale rows and columns.
     """
     sizes = np.abs(exact)
     scales = np.minimum(sizes.max(axis=1)[:, None], sizes.max(axis=0)[None, :])

@@ -213,7 +213,7 @@ class _Search:
         drawn = directions(n, _DRAWN, _SEED)
         flown = [drawn[:_RANDOM]]
         self._largest_terms: dict[int, float] = {}  # degree -> largest |V_d| on z'Pz = 1
-        for degree, term in enumerate(expansion.value_terms[1:], _QUADRATIC + 1):
+        for degree, term in enumerate(expansion.value_terms[1:], _QUADRATIC + 1):  # V3, V4, ...
             values = np.abs(homogeneous(n, degree).psi(drawn) @ (monomial_scales(n, degree) * term))
             self._largest_terms[degree] = float(values.max())
             flown.append(drawn[np.argsort(values)[-_LARGEST:]])

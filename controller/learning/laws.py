@@ -102,6 +102,7 @@ def _learned(fit: PlantFit, law: str, seed: int, progress: Progress | None) -> T
     psi = basis("paper" if law == "published" and n == 6 else "quadratic", n)  # "paper": 6 states
     of_samples = excitation(psi.psi(states / root_mean_square(states)))
     refuse_poor(of_samples)
+    # In the input u + F z, the game has the same value, and no cross weights.
     samples = Samples(game.without_cross_weights, psi, states)
     weights, diagnostics = LAWS[law](samples, progress)
     residual = samples.residual(weights)

@@ -1,10 +1,7 @@
 """Least-squares fit of [A B E] to transitions: what the data can tell, before anything is learned.
 
 The laws learn from the recorded states and inputs with the ends of the fit. The 95 % bands of P and
-K follow from the covariance of the fit, to first order: with the policies (x, u, d) = V x of P,
-
-    continuous: Ac' dP + dP Ac + V'(J'P dM + dM'P J)V = 0,   J = [1 0 0]
-    discrete:   α Ac' dP Ac - dP + α V'(M'P dM + dM'P M)V = 0
+K follow from the covariance of the fit, to first order.
 """
 
 from __future__ import annotations
@@ -188,9 +185,12 @@ class PlantFit:
         return Bands(*(self._quantile() * deviation for deviation in deviations))
 
     def _changes(self, P: np.ndarray, change: np.ndarray) -> Bands:
-        """Return the changes of P and K for a change (n, s) of the fit, by the equations above.
+        """Return the changes of P and K, to first order, for a change (n, s) of the fit.
 
-        They are the first equation with J = [1 0 0], or the second, where J is M, in discrete time.
+        With the policies (x, u, d) = V x of P and their loop Ac = M V,
+
+            continuous: Ac' dP + dP Ac + V'dH V = 0,     dH = J'P dM + dM'P J,  J = [1 0 0]
+            discrete:   α Ac' dP Ac - dP + V'dH V = 0,   dH = α (M'P dM + dM'P M)
         """
         from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 

@@ -85,6 +85,7 @@ class Iteration(Samples):
             P = after
             if not np.isfinite(step):
                 return None
+            # Relative to P, the step is small, or no longer halves because of rounding.
             if step < CONVERGED or (last < SMALL and step > 0.5 * last):
                 return P
         return P if step < SMALL else None

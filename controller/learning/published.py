@@ -155,11 +155,9 @@ class PublishedLaw(Samples):
         regressors, constants = self.linear_residuals
         residuals = regressors @ weights + constants
         sizes = np.abs(residuals)
-        gains = self.gains
-        magnitudes = (gains.alpha1 + 1.0) * sizes ** (1.0 - ETA) + (gains.alpha2 + 1.0) * sizes ** (
-            1.0 + ETA
-        )
-        return np.asarray(-GAMMA * (np.copysign(magnitudes, residuals) @ regressors))
+        below_1 = (self.gains.alpha1 + 1.0) * sizes ** (1.0 - ETA)
+        above_1 = (self.gains.alpha2 + 1.0) * sizes ** (1.0 + ETA)
+        return np.asarray(-GAMMA * (np.copysign(below_1 + above_1, residuals) @ regressors))
 
     # The members that `controller.run` uses.
 

@@ -317,7 +317,7 @@ def _of_columns(entries: Mapping[str, Any], names: PlantNames) -> dict[str, Any]
     columns: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     for text, values in entries.items():
-        if not words(entries, text):
+        if not words(entries, text):  # is a column of numbers
             name, unit = Label.of(text)
             columns[name], units[name] = np.ravel(numbers_in(name, values)), unit
     if len(set(map(len, columns.values()))) > 1:
@@ -387,8 +387,8 @@ def transitions_in(data: Any, game: Game) -> Transitions:
     # The fields of all parts, in their order in `Transitions`.
     *arrays, rounding, holds, notes = zip(*parts, strict=True)
     begins, ends, follows = map(np.concatenate, arrays)
-    once = tuple(dict.fromkeys(chain.from_iterable(notes)))
-    return Transitions(begins, ends, follows, np.min(rounding, axis=0), holds[0], once)
+    once = dict.fromkeys(chain.from_iterable(notes))
+    return Transitions(begins, ends, follows, np.min(rounding, axis=0), holds[0], tuple(once))
 
 
 def game_of_data(

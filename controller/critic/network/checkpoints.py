@@ -326,6 +326,7 @@ def _declared_in(data: Mapping[str, Any], tensors: Tensors) -> Declared:
     of_class = _class_of(data, tensors)
     observations = _stored_box(data, "observation")
     activation = settings.get("activation_fn")
+    # Such as Tanh, of a class torch.nn.modules.activation.Tanh in the pickle.
     class_of_activation = str(getattr(activation, "made_of", activation)).rpartition(".")[2]
     return Declared(
         algorithm=_algorithm(of_class, data, settings),
@@ -395,7 +396,7 @@ def _class_of(data: Mapping[str, Any], tensors: Tensors) -> Layout:
 
 def _algorithm(of_class: Layout, data: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
     """Return the name of the algorithm that trained a policy of a class."""
-    if of_class is _ON_POLICY:
+    if of_class is _ON_POLICY:  # of several algorithms, which store entries of their own
         return next((name for key, name in _ALGORITHMS.items() if key in data), "A2C")
     is_ddpg = of_class is _TD3 and settings.get("n_critics") == 1  # set by the class DDPG
     return "DDPG" if is_ddpg else of_class.algorithm

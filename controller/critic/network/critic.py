@@ -88,7 +88,7 @@ def _degree_of(operation: int, degrees: list[float]) -> float:
         return 2.0 * degrees[0]
     if operation == ca.OP_DIV and degrees[1] == 0.0:
         return degrees[0]
-    return math.inf if any(degrees) else 0.0
+    return math.inf if any(degrees) else 0.0  # any function of constants is constant
 
 
 def from_network(
@@ -172,7 +172,7 @@ def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str)
             parts = {"V": output[0], "policy": output[1:]}
         outputs |= parts
     declared = stored.declared
-    # The policy of a Q minimizes over u: it is the action already.
+    # Squash and box follow, if the file states them. The policy of a Q is the action already.
     if str(declared.action) and "policy" in outputs and not of_q_functions:
         outputs["policy"] = declared.action.of(outputs["policy"])
         origin = f"{origin}, {declared.action}"

@@ -28,6 +28,7 @@ ON_ARRAYS = SimpleNamespace(
 
 
 def _leaky_relu(x: Any, f: Any = ca, alpha: float = 0.01) -> Any:
+    # f: functions of CasADi, or of NumPy by the same names (`ON_ARRAYS`), here and below
     return f.fmax(x, 0.0) + alpha * f.fmin(x, 0.0)
 
 
@@ -37,12 +38,14 @@ def _sigmoid(x: Any, f: Any = ca) -> Any:
 
 
 def _elu(x: Any, f: Any = ca, alpha: float = 1.0) -> Any:
+    # x for x > 0, and else alpha (exp(x) - 1), which may not overflow for x > 0
     return f.fmax(x, 0.0) + alpha * f.expm1(f.fmin(x, 0.0))
 
 
 def _selu(
     x: Any, f: Any = ca, alpha: float = 1.6732632423543772, gamma: float = 1.0507009873554805
 ) -> Any:
+    # f: functions of CasADi, or of NumPy by the same names
     return gamma * _elu(x, f, alpha)
 
 
@@ -384,7 +387,8 @@ def refuse_others(others: Tensors, network_inputs: int, network_outputs: int) ->
 def roots(tensors: Iterable[str]) -> list[str]:
     """Return the names of the networks in a state dict, each once.
 
-    A name is that of a tensor without layer number and "weight" or "bias". Empty names are omitted.
+    A name is that of a tensor without layer number and "weight" or "bias", such as "actor" for
+    "actor.0.weight". Empty names are omitted.
     """
     stems = (re.sub(r"(^\d+|\.\d+)?\.?(weight|bias)$", "", name) for name in tensors)
     return [stem for stem in dict.fromkeys(stems) if stem]
@@ -397,7 +401,7 @@ def _words(name: str) -> set[str]:
 
 def is_of_critic(name: str) -> bool:
     """Return whether a tensor belongs by its name to a value or a Q-function."""
-    is_q = any(_Q.fullmatch(module) for module in name.split("."))
+    is_q = any(_Q.fullmatch(module) for module in name.split("."))  # such as q1, qf0, q_network
     return is_q or bool(_words(name) & _OF_CRITICS)
 
 

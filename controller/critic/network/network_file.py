@@ -394,7 +394,7 @@ def _with_policy(parts: Mapping[str, str], words: str) -> dict[str, str]:
 
 def _layer_on_basis(networks: Mapping[str, list[Layer]], asked: Asked) -> Layer | None:
     """Return the single layer whose inputs are the functions of the basis, or None."""
-    kind, layers = next(iter(networks.items()))
+    kind, layers = next(iter(networks.items()))  # other networks are not read beside such a layer
     # One input may be the only state, or the only function of the basis, as of V = w x².
     acts_on_the_state = asked.states == asked.basis_size == 1 and kind != "V"
     if len(layers) == 1 and layers[0].inputs == asked.basis_size and not acts_on_the_state:
@@ -445,7 +445,7 @@ def _composed(layers: list[Layer]) -> tuple[ca.Function, RowNetwork | None]:
             h = ACTIVATIONS[layer.activation](h)
     function = ca.Function("network", [x], [ca.densify(h)])
     if sum(layer.weight.size for layer in layers) < FEW_WEIGHTS:
-        function = function.expand()
+        function = function.expand()  # to scalar operations, faster for a small network
     return function, row_network(layers)
 
 

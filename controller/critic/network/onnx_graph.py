@@ -40,7 +40,7 @@ _NAMES = {
 def _product(a: Any, b: Any) -> Any:
     """Return the product of a row and a matrix, or of two matrices."""
     if a.shape[1] != b.shape[0]:
-        raise BadInputError(f"multiplies {a.shape} and {b.shape}")
+        raise BadInputError(f"multiplies {a.shape} and {b.shape}")  # the caller names the operator
     return a @ b
 
 
@@ -398,7 +398,11 @@ class _Operator:
 
 
 def _refuse_shape(name: str, shape: tuple[int, ...], row: ca.MX) -> None:
-    """Raise BadInputError unless the result of an operator is a row with this shape."""
+    """Raise BadInputError unless the result of an operator is a row with this shape.
+
+    shape: shape of the result that the ONNX package computes
+    row: the result as a row, computed along the last axis
+    """
     if math.prod(shape[:-1]) != 1:
         raise BadInputError(
             f"operator {name} has a result of the shape {shape}, but only rows (1, k) are "
@@ -444,6 +448,7 @@ def _inputs_of(
             "input)"
         )
     one_row_shapes: dict[str, tuple[int, ...]] = {}
+    # The first input has the states. Only a Q has a second one.
     for (name, shape), width in zip(shapes.items(), (state_count, input_count), strict=False):
         if len(shape) not in (1, 2) or (len(shape) == 2 and shape[0] > 1):
             raise BadInputError(

@@ -182,7 +182,7 @@ class _Restricted(pickle.Unpickler):
             raise BadInputError(
                 "the file is damaged (a storage has no name); save the network again"
             )
-        kind = getattr(pid[1], "made_of", pid[1])
+        kind = getattr(pid[1], "made_of", pid[1])  # what `find_class` returned for the class
         if not isinstance(kind, str) or kind not in _STORAGES:
             raise BadInputError(
                 f"a tensor has the unsupported type {shortened(str(kind))}; save the weights as "

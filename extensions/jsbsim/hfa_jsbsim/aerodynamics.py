@@ -59,7 +59,7 @@ class Aerodynamics:
         self._force_frame, self._moment_frame = _frames(element)
         self._define_stall()
         where = element.where if element else ""
-        computed = {
+        computed = {  # when they are first read
             "aero/cl-squared": lambda: (self._lift() / (motion.pressure_head * wings.area)) ** 2,
             "forces/load-factor": lambda: self._lift() / body.mass.weight,
         }

@@ -104,12 +104,12 @@ class EngineFile:
     @property
     def lag(self) -> str:
         """Name of the state of the engine's lag, or "" if the engine has no lag."""
-        delay = 1.0
+        delay = 1.0  # of a turbine, which always has a lag
         if self.kind == "piston_engine":
             delay = self.engine.value_of("man-press-lag", 1.0)
         if self.kind == "turboprop_engine":
             delay = self.engine.value_of("n1idle_max_delay", 1.0)
-        if self.kind not in _LAGS or delay <= STEP:
+        if self.kind not in _LAGS or delay <= STEP:  # at once in JSBSim
             return ""
         return f"{_LAGS[self.kind]}{self.number}"
 

@@ -129,7 +129,8 @@ def _power_of_fuel(mounted: MountedEngine, breathing: _Breathing, air_flow: Any)
     position = f"fcs/mixture-pos-norm[{mounted.number}]"
     mixture = mounted.properties.read_or(position, lever, mounted.mount.where)
     ambient = mounted.motion.air.pressure * _PSF_TO_PA
-    fuel_share = 1.3 * mixture * 101325.0 / ambient / 14.7  # 14.7: stoichiometric air-fuel ratio
+    # Of the stoichiometric 1 to 14.7: 1.3 at sea level with the lever at 1, and more in thin air.
+    fuel_share = 1.3 * mixture * 101325.0 / ambient / 14.7
     fuel_flow = air_flow * fuel_share * 2.2046 * 3600.0  # lb/h
     consumption = _own_consumption(mounted.engine, breathing)
     power = fuel_flow / mounted.own("bsfc-lbs_hphr", consumption)
