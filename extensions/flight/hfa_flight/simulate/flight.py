@@ -273,8 +273,10 @@ class Flight(StatesAndInputs, Result, Reported):
 
         Each entry has the fields input, value, limit and unit.
         """
+        point, flown = self.point, self.deviations
         until = np.inf if self.departure is None else self.departure.time
-        return control_excesses(self.point.model, self.inputs[self.deviations.times <= until])
+        inputs = flown.inputs[flown.times <= until] + point.u
+        return control_excesses(point.model, inputs)
 
     @property
     def ok(self) -> bool:
@@ -311,7 +313,8 @@ class Flight(StatesAndInputs, Result, Reported):
     @property
     def final(self) -> Mapping[str, float]:
         """Final absolute values of all states, and of the output `angle_of_attack` if it exists."""
-        values = dict(zip(self.point.model.states, self.states[-1].tolist(), strict=True))
+        end = (self.deviations.states[-1] + self.point.x).tolist()
+        values = dict(zip(self.point.model.states, end, strict=True))
         if has_angle_of_attack(self.point.model):
             values[ANGLE_OF_ATTACK] = float(self.angles_of_attack[-1])
         return values
@@ -424,7 +427,7 @@ class Flight(StatesAndInputs, Result, Reported):
     @property
     def warnings(self) -> Sequence[str]:
         """Notes on the operating point, and on moving inputs whose dynamics are not modeled."""
-        moved = np.ptp(self.inputs, axis=0) > 0.0
+        moved = np.ptp(self.deviations.inputs + self.point.u, axis=0) > 0.0
         inputs = zip(self.point.model.inputs.values(), moved, strict=True)
         omitted = (signal.omitted_dynamics for signal, moves in inputs if moves)
         return [*self.point.warnings, *filter(None, omitted)]
@@ -577,7 +580,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     def _input_table(self) -> Table:
         """Return a table of the inputs, one row each: range, and time at the control limits."""
-        model, inputs = self.point.model, self.inputs
+        model, inputs = self.point.model, self.deviations.inputs + self.point.u
         shares = share_at_limits(model, inputs)
         rows = []
         for name, column in zip(model.inputs, inputs.T, strict=True):
@@ -606,16 +609,16 @@ class Flight(StatesAndInputs, Result, Reported):
         return columns
 
     def _record_table(self) -> Table:
-        """Return the time history as a table of numbers, one row for each tick."""
-        history = self.history()
-        model = self.point.model
+        """Return the absolute time history as a table of numbers, one row for each tick."""
+        point, flown = self.point, self.deviations
+        model = point.model
         units = {"time": "s"} | {name: model.unit(name) for name in (*model.states, *model.inputs)}
-        columns = [history["times"], history["states"], history["inputs"]]
-        for name, values in history["winds"].items():
+        columns = [flown.times, flown.states + point.x, flown.inputs + point.u]
+        for name, values in flown.winds.items():
             units[name] = in_gusts(model).unit(name)
             columns.append(values)
         if has_angle_of_attack(model):
             units[ANGLE_OF_ATTACK] = model.unit(ALPHA)
-            columns.append(history["angles_of_attack"])
-        rows: Any = np.column_stack(columns)
+            columns.append(self.angles_of_attack)
+        rows: Any = np.column_stack(columns)[:: self.loop.scenario.steps_per_tick]
         return Table(tuple(f"{name} [{unit}]" for name, unit in units.items()), rows)
