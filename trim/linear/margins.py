@@ -44,6 +44,7 @@ def frequency_grid(eigenvalues: np.ndarray) -> np.ndarray:
     fastest = float(moduli.max(initial=1.0))
     decades = math.log10(fastest / slowest) + 4.0
     grid = np.geomspace(1e-2 * slowest, 1e2 * fastest, math.ceil(decades * PER_DECADE))
+    # distances from each pole, up to a hundred of its widths |Re λ|
     around = np.abs(eigenvalues.real) * np.sinh(RESONANCE)[:, None]
     resonances = np.append(np.abs(eigenvalues.imag + around), np.abs(eigenvalues.imag))
     found = np.unique(np.concatenate([[0.0], grid, resonances]))

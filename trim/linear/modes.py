@@ -133,9 +133,11 @@ def _with_missing_families(
     participations: Sequence[Mapping[str, float]],
     families: Mapping[str, Iterable[str]],
 ) -> list[str]:
-    """Return names of modes, in which a family without a mode replaces one that names several."""
-    # It names that of their modes without oscillation in which it participates most, if by at
-    # least `_SHARED`.
+    """Return names of modes in which each family that names none names one of several of another.
+
+    Of the modes of the other family without oscillation, it is the one in which the new family
+    participates most, if by at least `_SHARED`.
+    """
     named = list(names)
     for family in [name for name in families if name not in named]:
         shared = {

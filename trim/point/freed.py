@@ -28,6 +28,7 @@ def with_parameters_as_inputs(model: Model, names: tuple[str, ...]) -> Model:
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
         """Return rates by state and outputs by name, with the parameters that u contains."""
+        # u has the inputs of the model, and the parameters that are inputs here
         own_u = inputs(*(getattr(u, name) for name in model.inputs))
         own_p = parameters(*(getattr(u if name in names else p, name) for name in model.parameters))
         return model.equations(x, own_u, own_p, w)

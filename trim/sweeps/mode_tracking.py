@@ -65,7 +65,8 @@ def track_modes(
     for name in states:
         refuse_unknown("unknown state", name, model.states)
     nominal = model.nominal(states)
-    pairs = _connected(neighbors, np.arange(len(A) - 1)[:, None] + [0, 1])
+    path = np.arange(len(A) - 1)[:, None] + [0, 1]  # through all points, in their order
+    pairs = _connected(neighbors, path)
     paired = _paired(A, nominal, pairs)
     order = np.empty(paired.values.shape, dtype=int)  # number of the eigenvalue in each column
     order[0] = order_fastest_first(paired.values[0])
