@@ -118,7 +118,10 @@ class _Paired(NamedTuple):
 
 
 def _along_tree(pairs: np.ndarray, paired: _Paired) -> Iterator[tuple[int, int, np.ndarray]]:
-    """Yield a point, the next one in the tree of the most similar neighbors, and their pairing."""
+    """Yield (predecessor, point, match) along the tree of the most similar neighbors from point 0.
+
+    match: index at the point for each eigenvalue of the predecessor, (n,)
+    """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import breadth_first_order, minimum_spanning_tree
 
@@ -135,7 +138,7 @@ def _along_tree(pairs: np.ndarray, paired: _Paired) -> Iterator[tuple[int, int, 
     for point in order[1:].tolist():
         match = paired.matches[pair_to[point]]
         if pairs[pair_to[point], 1] != point:  # the pair is stored in the other direction
-            match = np.argsort(match)
+            match = np.argsort(match)  # the inverse permutation
         yield int(predecessors[point]), point, match
 
 
@@ -143,7 +146,7 @@ def _paired(A: np.ndarray, nominal: np.ndarray, pairs: np.ndarray) -> _Paired:
     """Return the eigenvalues of N matrices, and their best pairings at M pairs of points."""
     # Eigenvectors are computed for `_AT_ONCE` pairs at a time.
     values = np.empty(A.shape[:2], dtype=complex)
-    values[:1] = _modes(A[:1], nominal).values
+    values[:1] = _modes(A[:1], nominal).values  # of a single point, which has no pair
     matches = np.empty((len(pairs), A.shape[1]), dtype=int)
     gains = np.empty(len(pairs))
     by_point = np.argsort(pairs.max(axis=1), kind="stable")
