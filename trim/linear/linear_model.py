@@ -152,7 +152,7 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
                     f"{matrix_name} is {shape_text(matrix.shape)}; give {shape_text(shape)}, with "
                     "at least one state and one input"
                 )
-        names = PlantNames(states, inputs).completed(n, m)
+        names = PlantNames(states, inputs).completed(n, m)  # by x1, ..., and u1, ...
         output = _output_equation(C, D, tuple(outputs), names)
         rows = dict(zip(output.names, zip(output.C, output.D, strict=True), strict=True))
         return cls(

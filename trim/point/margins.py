@@ -147,7 +147,14 @@ def all_margins(
     for name, (lowest, highest) in limits.items():
         signal, role = model.signals[name], roles.get(name, "follows")
         margins[name] = Margin(
-            name, values[name], role, lowest, highest, signal.unit, signal.nominal, assumed[name]
+            name=name,
+            value=values[name],
+            role=role,
+            lowest=lowest,
+            highest=highest,
+            unit=signal.unit,
+            scale=signal.nominal,
+            assumed=assumed[name],
         )
     return margins
 

@@ -87,7 +87,15 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         scaled = zip(problem.system.equations.rows, at.residual.tolist(), strict=True)
         by_name = {row.name: residual * row.scale for row, residual in scaled}
         residuals = {row.name: by_name[row.name] for row in problem.system.structure.rows}
-        return cls(at.x, at.u, residuals, status, problem.model, initial_point, problem)
+        return cls(
+            states=at.x,
+            inputs=at.u,
+            residuals=residuals,
+            status=status,
+            model=problem.model,
+            initial_point=initial_point,
+            found_by=problem,
+        )
 
     @cached_property
     def trim_problem(self) -> TrimProblem:
@@ -325,7 +333,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
                 in_model[name] = value * factor
             converted.append(values._replace(**in_model))
         states, inputs = converted
-        return OperatingPoint(states, inputs, {}, self.status, model)
+        return OperatingPoint(states, inputs, residuals={}, status=self.status, model=model)
 
     # Functions of a point, which the package `trim` offers.
 
@@ -432,9 +440,9 @@ def point_of_plant(model: Model) -> OperatingPoint:
     return OperatingPoint(
         record(tuple(model.states))(*(signal.start for signal in model.states.values())),
         record(tuple(model.inputs))(*(signal.start for signal in model.inputs.values())),
-        {},
-        Status.TRIMMED,
-        model,
+        residuals={},
+        status=Status.TRIMMED,
+        model=model,
     )
 
 

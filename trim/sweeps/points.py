@@ -223,7 +223,7 @@ def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np
         status = np.full(count, NO_TRIM, dtype=np.int8)
         shapes = ((n,), (m,), (n, n), (n, m))
         x, u, A, B = (np.full((count, *shape), np.nan) for shape in shapes)
-        return Points(status, x, u, A, B, {}, status == NO_TRIM)
+        return Points(status, x, u, A, B, failures={}, one_by_one=status == NO_TRIM)
     c = _constants(system, variables, values)
     z = _starts(system, variables, values)
     ends = newton(system, z, c)

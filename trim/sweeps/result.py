@@ -427,11 +427,11 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
         count = len(self.reasons)
         if count <= _LONGEST:
-            return Table(header, RowsMade(count, row), len(header) - len(names))
+            return Table(header, RowsMade(count, row), labels=len(header) - len(names))
         between = (f"({count - 2 * _SHOWN:,} more)", *("..." for _ in header[1:]))
         head = [row(i) for i in range(_SHOWN)]
         tail = [row(i) for i in range(count - _SHOWN, count)]
-        return Table(header, [*head, between, *tail], len(header) - len(names))
+        return Table(header, [*head, between, *tail], labels=len(header) - len(names))
 
     def _varied(self, i: int) -> tuple[str, ...]:
         """Return the name of point i, if it has one, and the swept values there as text."""
@@ -644,6 +644,7 @@ def _linear_model_at(swept: Sweep, index: int) -> LinearModel:
     condition = condition_at(swept.plan.condition, swept.variables, values)
     states = record(tuple(model.states))(*swept.states[index].tolist())
     inputs = record(tuple(model.inputs))(*swept.inputs[index].tolist())
+    # found by no search: `values` adds the outputs that replace states
     values_at = OperatingPoint(states, inputs, {}, Status.TRIMMED, model).values
     problem = TrimProblem(model, condition, values_at)
     point = OperatingPoint._of(problem, problem.system.scaled(values_at), Status.TRIMMED)
