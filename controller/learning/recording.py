@@ -429,8 +429,7 @@ class _Source:
         self.entries = entries
         self.game = game
         self.notes: list[str] = []
-        unused = [name for name in entries if name not in _KEYS]
-        if unused:
+        if unused := [name for name in entries if name not in _KEYS]:
             self.notes.append(f"not used: {shortened(', '.join(unused), 200)}")
 
     def transitions(self) -> Transitions:

@@ -298,7 +298,7 @@ class Equations:
         for file in self.parts.engines:
             levers = {
                 "throttle": self.inputs[self._throttle_of(file)].symbol,
-                "mixture": self.parameters["mixture"] * pressure_ratio,
+                "mixture": self.parameters["mixture"] * pressure_ratio,  # leaner in thin air
                 "advance": self.parameters["advance"],
                 "feather": self.parameters[f"feather{file.number}"],
             }
@@ -309,6 +309,8 @@ class Equations:
                 self._define_lazily(position, partial(properties.read, command, ""))
         for full_name, name in self.chosen.items():
             properties.define(full_name, self.inputs[name].symbol)
+        # Constant in flight: the position of a gear that the files do not move, down, and the loads
+        # of wheels and gas cells.
         properties.define_initial("gear/gear-pos-norm", 1.0)
         properties.define("accelerations/gravity-ft_sec2", self.parameters["gravity"])
         properties.define_initial("simulation/dt", STEP)
@@ -468,9 +470,10 @@ class Equations:
         self.rates = state_rates(x, motion.velocity, velocity_rate, rotation_rate, motion.climb)
         for effect in self.effects:
             self.rates |= effect.rates
+        # As in JSBSim, alpha and beta change with the velocity over the ground, in body axes.
         wind = motion.over_ground - motion.velocity
-        over_ground = velocity_rate - ca.cross(motion.rates, wind)
-        self._angle_rates = flow_rates(motion.air_velocity, over_ground)[1:]
+        over_ground_rate = velocity_rate - ca.cross(motion.rates, wind)
+        self._angle_rates = flow_rates(motion.air_velocity, over_ground_rate)[1:]  # [0]: of speed
         weight = mass.slugs * self.parameters["gravity"]
         # Lift, drag and moment in the outputs are those of steady alpha and beta.
         rates = ca.vertcat(*self.rate_symbols)

@@ -444,6 +444,7 @@ def _acting_location(
         return location
     across = ca.sqrt(ca.fmax(local[1] ** 2 + local[2] ** 2, 1e-8))  # not 0: a divisor
     shift = sense * factor * ca.atan2(across, local[0] + induced) / across
+    # A flow from below moves the point to the side, and a flow from the side up or down.
     return location + ca.vertcat(0.0, shift * local[2], shift * local[1])
 
 
@@ -529,6 +530,7 @@ def _add_shafts(mounted: MountedEngine) -> None:
     for name in ("n1", "n2"):
 
         def speed(name: str = name) -> Any:
+            """Return the speed of the shaft of this name."""
             state = mounted.lag_state
             if state is None:
                 on = commanded_speed(mounted, name)

@@ -325,10 +325,10 @@ class Properties:
     def _value_without_writer(self, key: str, where: str) -> Any:
         """Return the initial value of a property that nothing sets, by default a new constant."""
         if key not in self._initial:
-            if key.startswith(_OF_ALL_FORCES):
+            if key.startswith(_OF_ALL_FORCES):  # such as accelerations/
                 if not self.centered:
                     raise LoopError(where, f"the property {shortened(key)} depends on all forces")
-            elif not _ON_GROUND.fullmatch(key):
+            elif not _ON_GROUND.fullmatch(key):  # those of wheels are 0 in flight
                 self.define_constant(key, 0.0, where)
         if key in self.constants and any(writer.component for writer in self._running):
             self.in_control.add(key)
@@ -393,7 +393,7 @@ class Properties:
         """
         every = [writer for writers in self.writers.values() for writer in writers]
         values = [writer.value for writer in every]
-        self.centered = True
+        self.centered = True  # loops and integrals read 0
         try:
             value = ca.SX(self.read(name, ""))
         finally:  # the values that were computed with `centered` are forgotten

@@ -474,7 +474,7 @@ class _Declaration:
         name = f"rpm{file.number}"
         signals = (self._states(), self._inputs(), self._parameters())
         columns = [[values.get(key, named[key].start) for key in named] for named in signals]
-        row = list(self.equations.rates).index(name)
+        row = list(self.equations.rates).index(name)  # also that of the state
 
         def rates(speeds: np.ndarray) -> np.ndarray:
             """Return the acceleration of the propeller at speeds (N,), rpm/s."""
@@ -573,6 +573,7 @@ class _Declaration:
         for name, full_name in _POSITIONS.items():
             command = name.removesuffix("_position").removeprefix("left_").removeprefix("right_")
             is_set = self.equations.properties.writer(full_name) is not None
+            # Another unit is that of a surface position as the input itself.
             if is_set and command in self.inputs and self.inputs[command].unit == "1":
                 yield name
 
