@@ -373,7 +373,7 @@ def _with_costs(
 ) -> AssessedPoint:
     """Return the result at a trim with the costs of some flights, or a remark why none exist."""
     count = min(COMPARED, assessor.samples)
-    if count == 0:
+    if not count:
         return assessed
     try:
         costs = flight_costs(assessor.deployed, assessed.case, count, assessor.seed, progress)

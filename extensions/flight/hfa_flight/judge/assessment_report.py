@@ -326,11 +326,13 @@ def flight_rows(point: AssessedPoint) -> list[Row]:
 
 
 def _at(point: AssessedPoint) -> Row:
-    """Return the value of the scheduling variable at a trim as a row."""
+    """Return the value of the scheduling variable at a trim as a row, or a row without a value."""
     model = point.point.model
-    for value in schedule_entry(point.point).values():
-        return Row(model.schedule, value, shown_unit(model.schedule_unit))
-    return Row("trim", "-")
+    entry = schedule_entry(point.point)
+    if not entry:
+        return Row("trim", "-")
+    (value,) = entry.values()
+    return Row(model.schedule, value, shown_unit(model.schedule_unit))
 
 
 def _figures(
@@ -372,5 +374,8 @@ def _least_relative_effect(point: AssessedPoint) -> float:
 
 def records_table(points: Sequence[AssessedPoint]) -> Table:
     """Return the table of the figures with all digits, one row for each trim."""
-    rows = ((_at(point), *loop_rows(point), *flight_rows(point)) for point in points)
-    return matrix_of([Sheet.of([("", row, ())]) for row in rows])
+    sheets = []
+    for point in points:
+        rows = (_at(point), *loop_rows(point), *flight_rows(point))
+        sheets.append(Sheet.of([("", rows, ())]))  # one group, without a title and sentences
+    return matrix_of(sheets)

@@ -172,6 +172,7 @@ class Assessor:
         actions = tuple(action_effects(self.deployed, linearized))
         if case.equilibrium is None or case.loop is None:
             return AssessedPoint(self.deployed, case, actions=actions, share=self.share)
+        # A text in place of the margins or the cost is the reason why these are missing.
         margins = _margins(case.loop)
         cost = None
         if has_weights(self.deployed):

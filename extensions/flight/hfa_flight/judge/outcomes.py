@@ -187,6 +187,7 @@ class CaseFlights:
         self.first = flight.start(starts, self.trims)
         self.seconds = max(case.seconds for case in cases)
         self.pulses = pulses
+        # Of each case, and with `[owners]` of each flight: equilibrium, ball, limits, stability.
         nowhere = np.full(len(model.states), np.nan)
         equilibria = [case.equilibrium.states if case.equilibrium else nowhere for case in cases]
         self._centres = np.array(equilibria)[owners][:, self.linear]

@@ -252,6 +252,7 @@ class Planner:
         unsolved = int(not first.is_solved)
         if not np.isfinite(first.v).all():
             return None, unsolved
+        # The program's cost has the whole penalty after the step, of which the plan has its own.
         promised = plan.penalty - first.cost
         if first.is_solved and promised < _SMALL * plan.cost:
             return plan, 0
