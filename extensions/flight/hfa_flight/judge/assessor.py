@@ -89,8 +89,8 @@ def _largest_deviations(flight: SampledFlight, cases: Sequence[TrimCase], seed: 
     inside[:, 0] = True
     trim = trims[:, None, : lowest.shape[2]]  # the states, before inputs and parameters
     farthest = np.maximum(highest - trim, trim - lowest)
-    deviations: np.ndarray = np.where(inside[:, :, None], farthest, 0.0)
-    return np.asarray(deviations.max(axis=(0, 1)))
+    deviations: np.ndarray = np.where(inside[:, :, None], farthest, 0.0).max(axis=(0, 1))
+    return deviations
 
 
 #: Longest integration step of flights whose step is halved until it is short enough, in time

@@ -287,7 +287,8 @@ class CaseFlights:
         lowest, highest = np.fmin.reduce(linear, axis=1), np.fmax.reduce(linear, axis=1)
         centre = self._centres[flown.flights]
         farthest = np.maximum(highest - centre, centre - lowest) / self._balls[flown.flights]
-        return np.asarray(np.nan_to_num(farthest.max(axis=1), nan=np.inf))
+        distance: np.ndarray = np.nan_to_num(farthest.max(axis=1), nan=np.inf)
+        return distance
 
     def outcomes(self, owner: int) -> Outcomes:
         """Return the outcomes of the flights about one trim.
