@@ -287,8 +287,7 @@ class CaseFlights:
         lowest, highest = np.fmin.reduce(linear, axis=1), np.fmax.reduce(linear, axis=1)
         centre = self._centres[flown.flights]
         farthest = np.maximum(highest - centre, centre - lowest) / self._balls[flown.flights]
-        distance: np.ndarray = np.nan_to_num(farthest.max(axis=1), nan=np.inf)
-        return distance
+        return np.nan_to_num(farthest.max(axis=1), nan=np.inf)
 
     def outcomes(self, owner: int) -> Outcomes:
         """Return the outcomes of the flights about one trim.
@@ -299,7 +298,6 @@ class CaseFlights:
         flights = np.flatnonzero(self.owners == owner)
         ends = self.ends[flights]
         left = flights[ends == FlightOutcome.LEFT]
-        converged = int((ends == FlightOutcome.CONVERGED).sum())
         first_departure = None
         worst = int(flights[np.argmax(self.nearest[flights])])
         if left.size:
@@ -308,7 +306,7 @@ class CaseFlights:
         at_start = self.first[worst][self.linear]
         return Outcomes(
             starts=len(flights),
-            converged=converged,
+            converged=int((ends == FlightOutcome.CONVERGED).sum()),
             left_envelope=len(left),
             worst_initial=dict(zip(case.point.model.linear, at_start.tolist(), strict=True)),
             seconds=self.seconds,
