@@ -41,7 +41,7 @@ def loads(model: Model, x: ArrayLike, u: ArrayLike) -> Loads:
 
 
 def _loads_in_si(loads: Any) -> Any:
-    """Return the loads in N and N m."""
+    """Return loads of the aircraft, or of a panel, in N and N m."""
     converted = {}
     for name, value in loads._asdict().items():
         if isinstance(value, tuple):
@@ -52,7 +52,10 @@ def _loads_in_si(loads: Any) -> Any:
 
 
 def panel_groups(point: Any) -> list[tuple[str, list[Row], tuple[str, ...]]]:
-    """Return the group of a trim's sheet with the loads on the center and on one outer panel."""
+    """Return the group of a trim's sheet with the loads on the center and on one outer panel.
+
+    point: `OperatingPoint` of a model for which `is_hfa` is true
+    """
     aircraft = point.model
     forces = loads(aircraft, point.states, point.inputs)
     names = ("dynamic_pressure", "reference_area", "weight", "hinge_moment_total")
@@ -72,8 +75,8 @@ def panel_groups(point: Any) -> list[tuple[str, list[Row], tuple[str, ...]]]:
     return [("loads on the panels", rows, ())]
 
 
-#: Parameters that must not be negative. Inertias are not included: a fit to one printed angle does
-#: not determine one of them, and it may be negative.
+#: Parameters that must not be negative. Inertias are not included: a fit to the matrices of a single
+#: angle leaves one of them undetermined, and it may be negative.
 _SIZES = ("panel_mass", "panel_span", "chord")
 
 

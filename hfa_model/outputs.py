@@ -72,7 +72,10 @@ def _outer_load_factor(at: Instant) -> Quantity:
 
 
 def _body_descent(at: Instant, height: Quantity, factor: float) -> Quantity:
-    """Return the downward acceleration of a panel in body axes, ft/s^2."""
+    """Return the downward acceleration of a panel in body axes, ft/s^2.
+
+    height: distance of the panel below the center of mass, factor s sin η
+    """
     # a_z = (V sin α)' - q V cos α - q² z + z''. z = factor s sin η, `height`, is the distance of
     # the panel below the center of mass. The middles of both outer panels are (s/2) sin η above the
     # center panel, and the center of mass of the three equal panels is 2/3 of this, (s/3) sin η,

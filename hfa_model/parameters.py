@@ -303,7 +303,10 @@ def load_parameters(name: str | Path) -> ParameterSet:
 
 
 def _read(name: str) -> ParameterSet:
-    """Return a set of parameters of the aircraft, read from its file."""
+    """Return a set of parameters of the aircraft, read from its file.
+
+    name: name in `NAMED`, or path
+    """
     data = read_named("parameters", name, NAMED, _FILE)
     table = data.pop("covariance", {"names": [], "rows": []})
     names = Parameters._fields

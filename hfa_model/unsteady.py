@@ -124,7 +124,7 @@ class _Strip(NamedTuple):
     """Wing or tail of a panel."""
 
     name: str  # "center" or "outer" for the wing, "tail_center" or "tail_outer" for the tail
-    control: Quantity  # change of the angle of attack equivalent to the control deflection, rad
+    control: Quantity  # angle of attack with the same lift as the control deflection, rad
     # distance from the wing's quarter chord back to the strip's three-quarter chord, ft
     behind: Quantity
     downwash: Quantity  # downwash angle, rad
@@ -249,7 +249,10 @@ def _tail_chord(p: Any) -> Quantity:
 
 
 def _missing_angle(lag: Lag, strip: str, angle: Quantity, x: Any) -> Quantity:
-    """Return Σ A_i (angle - z_i), the part of an angle that the lift does not follow yet, rad."""
+    """Return Σ A_i (angle - z_i), the part of an angle that the lift does not follow yet, rad.
+
+    strip: name of the wing, tail or tip
+    """
     pairs = zip(lag.shares, lag.states(strip), strict=True)
     return sum(share * (angle - getattr(x, state)) for share, state in pairs)
 
@@ -267,6 +270,8 @@ def _lagged_panel(panel: _Panel, x: Any, u: Any, p: Any, air_density: Quantity) 
     """Return the loads on a panel with lagged lift, and the rates of the panel's lag states."""
     # The lift lags behind motion, controls and gusts. The lift is perpendicular to the flow at the
     # lagged angle of attack, because the induced velocity of the wake is part of the flow.
+    # `panel_loads` adds the full lift of aileron and elevator at once. The angle of attack that it
+    # gets contains only the part of this lift, negative, that does not act yet.
     aileron = getattr(u, f"aileron_{panel.name}")
     elevator = getattr(u, f"elevator_{panel.name}")
     tail_chord = _tail_chord(p)
@@ -312,10 +317,9 @@ def _lagged_panel(panel: _Panel, x: Any, u: Any, p: Any, air_density: Quantity) 
 def _effective_angle(
     strip: _Strip, panel: _Panel, x: Any, p: Any
 ) -> tuple[Quantity, dict[str, Quantity]]:
-    """Return the effective angle of attack of a strip, and the rates of its lag states."""
-    # The effective angle is the geometric angle, minus the parts of the angles due to motion,
-    # control and gust that the lift does not follow yet. The geometric angle does not include the
-    # control, whose lift `panel_loads` adds.
+    """Return the effective angle of attack of a strip, rad, and the rates of its lag states."""
+    # The effective angle is the geometric angle by motion and gust, minus the parts of the angles by
+    # motion, control and gust that the lift does not follow yet.
     turning = p.local_motion * panel.spanwise_rate * strip.behind
     calm, gusty = panel.calm, panel.gusty
     by_motion = ca.atan2(calm.downward + turning, calm.forward) - strip.downwash
@@ -334,7 +338,8 @@ def _effective_angle(
 def _tip_moment(
     x: Any, p: Any, speed: Quantity, air_density: Quantity
 ) -> tuple[Quantity, dict[str, Quantity]]:
-    """Return a hinge moment, ft lbf, and the rates of the lag states of the strip "tip", rad/s."""
+    """Return the hinge moment of the lift that the hinge rate causes, ft lbf, and the rates of the
+    lag states of the strip "tip", rad/s."""
     # The hinge rate changes the angle of attack of an outer wing at the distance y from the hinge,
     # relative to mid-span, by α_tip (2 y/s - 1), α_tip = -η' s / (2 V). The lift of this change has
     # the hinge moment ∫ q̄ c a α_tip (2 y/s - 1) y dy = q̄ c a α_tip s²/6, with the lift slope a.
@@ -382,7 +387,10 @@ def _with_apparent_mass(
 
 
 def _carried_air(plate: _Plate, panel: _Panel, x: Any, p: Any) -> _CarriedAir:
-    """Return the loads of the air that the wings or tails of the panels of one kind carry."""
+    """Return the loads of the air that the wings or tails of the center or both outer panels carry.
+
+    plate: wing or tail of one of these panels
+    """
     # A plate of half chord b turns at the rate ω about its span and η' about its chord. Its
     # mid-chord has the normal velocity w and the forward velocity u. The momentum of the carried
     # air is m w normal to the plate, m = π ρ b² span. The angular momenta are (m b²/8) ω about the
@@ -404,7 +412,7 @@ def _carried_air(plate: _Plate, panel: _Panel, x: Any, p: Any) -> _CarriedAir:
     gyroscopic = 2 * pitch_inertia_of_air * cos_panel * sin_panel * x.pitch_rate * x.dihedral_rate
     moment = plate.aft * downward + panel.height * forward - lift_moment
     centrifugal = pitch_inertia_of_air * cos_panel * sin_panel * x.pitch_rate**2
-    turns_about_hinge = panel.name == "outer"
+    turns_about_hinge = panel.name == "outer"  # only outer panels turn about their chords
     roll_inertia_of_air = plate.mass * plate.span**2 / 12 if turns_about_hinge else 0.0
     inertias = ca.vertcat(0.0, pitch_inertia_of_air * cos_panel**2, roll_inertia_of_air)
     return _CarriedAir(
@@ -442,7 +450,7 @@ def _normal_acceleration(plate: _Plate, panel: _Panel, x: Any, p: Any) -> tuple[
 
 
 def _with_air(loads: Loads[Quantity], air: _CarriedAir, x: Any) -> Loads[Quantity]:
-    """Return the sum of the loads and those of carried air."""
+    """Return the sum of the loads and those of carried air, in the axes of the flight path."""
     sin_alpha = ca.sin(x.alpha)
     cos_alpha = ca.cos(x.alpha)
     return loads._replace(

@@ -107,9 +107,6 @@ EQUATIONS = {
     "the rate of v has 2 entries": lambda x, u: ca.SX.ones(2),
     "the rate of v is": lambda x, u: object(),
     "the equations use the symbol 'stray', which has no": lambda x, u: u.force + STRAY,
-    "use the symbol 'stray', which has no": lambda x, u: (
-        u.force + ca.Function("f", [STRAY], [STRAY**2])(STRAY)
-    ),
 }  # fmt: skip
 
 
