@@ -75,7 +75,7 @@ def panel_groups(point: Any) -> list[tuple[str, list[Row], tuple[str, ...]]]:
     return [("loads on the panels", rows, ())]
 
 
-#: Parameters that must not be negative. Inertias are not included: a fit to the matrices of a single
+#: Parameters that must not be negative. Inertias are not included: a fit to the matrices of one
 #: angle leaves one of them undetermined, and it may be negative.
 _SIZES = ("panel_mass", "panel_span", "chord")
 

@@ -77,7 +77,7 @@ def _model(case: dict[str, Any]) -> PublishedModel:
     half_unit_A = np.full(A.shape, half_unit)
     half_unit_B = np.full(B.shape, half_unit)
     speed_row, pitch_column = (LINEAR_STATES.index(name) for name in ("speed", "pitch"))
-    # The paper prints -g, this entry, with other decimals.
+    # This entry, -g, is printed with fewer decimals.
     half_unit_A[speed_row, pitch_column] = 0.5 * 10.0 ** -decimals["A[speed][pitch]"]
     for array in (A, B, half_unit_A, half_unit_B):
         array.setflags(write=False)

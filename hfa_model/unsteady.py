@@ -318,8 +318,8 @@ def _effective_angle(
     strip: _Strip, panel: _Panel, x: Any, p: Any
 ) -> tuple[Quantity, dict[str, Quantity]]:
     """Return the effective angle of attack of a strip, rad, and the rates of its lag states."""
-    # The effective angle is the geometric angle by motion and gust, minus the parts of the angles by
-    # motion, control and gust that the lift does not follow yet.
+    # The effective angle is the geometric angle by motion and gust, minus the parts of the angles
+    # by motion, control and gust that the lift does not follow yet.
     turning = p.local_motion * panel.spanwise_rate * strip.behind
     calm, gusty = panel.calm, panel.gusty
     by_motion = ca.atan2(calm.downward + turning, calm.forward) - strip.downwash

@@ -32,9 +32,6 @@ def si_factor(unit):
     return factor
 
 
-MODELS = [hfa.aircraft("published"), hfa.aircraft("newton")]
-
-
 def factors(model, names):
     return np.array([si_factor(model.unit(name)) for name in names])
 
@@ -43,7 +40,7 @@ def test_parameters_envelope_and_pickles_are_converted():
     """A model in SI units accepts a mass in kg, its envelope is converted, and a pickled copy has
     the same rates.
     """
-    model = MODELS[1]
+    model = hfa.aircraft("newton")
     converted = in_si(model)
     heavier = converted.with_parameters(panel_mass=200.0)
     assert heavier.parameters["panel_mass"].unit == "kg"
@@ -54,7 +51,7 @@ def test_parameters_envelope_and_pickles_are_converted():
     envelope = envelopes.flight_envelope(converted, point)
     own = envelopes.flight_envelope(model, trim(model, usual_condition(model)))
     np.testing.assert_allclose(
-        envelope.highest, own.highest * factors(model, tuple(model.states)), rtol=1e-9
+        envelope.highest, own.highest * factors(model, model.states), rtol=1e-9
     )
     again = pickle.loads(pickle.dumps(heavier))
     assert again.rates_at(point.states, point.inputs) == heavier.rates_at(
@@ -64,7 +61,7 @@ def test_parameters_envelope_and_pickles_are_converted():
 
 def test_conditions_and_points_in_other_units_are_refused():
     """A model in SI units refuses trim conditions and operating points in English units."""
-    model = MODELS[0]
+    model = hfa.aircraft()
     converted = in_si(model)
     with pytest.raises(BadInputError, match="condition and the model have different units"):
         trim(converted, usual_condition(model))

@@ -357,7 +357,7 @@ class _Files:
         built: dict[str, Expressions] = {}  # path of a file -> its variables
 
         def value(name: str) -> Any:
-            """Return the value of an output in the unit of the model."""
+            # of an output, in the unit of the model
             output = self._outputs[name]
             path = output.document.path
             if path not in built:

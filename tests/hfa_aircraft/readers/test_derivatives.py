@@ -178,7 +178,7 @@ def test_modes_agree_with_published_modes(name):
     for given, wrong in ((table, set()), ({**table, **case.mistake}, case.wrong)):
         values = np.linalg.eigvals(linear_model(given, **(case.held or {})).A)
         roots = {mode: root_of(printed) for mode, printed in case.printed.items()}
-        off = {m for m, root in roots.items() if np.abs(values / root - 1.0).min() > case.error}
+        off = {m for m, root in roots.items() if np.abs(values / root - 1).min() > case.error}
         assert off == wrong
 
 
