@@ -14,6 +14,7 @@ FOOT, POUND = 0.3048, 4.4482216152605
 
 
 def tank(x, u, p, w):
+    """Return the rates of a tank: level' = push - level, rate' = level - rate."""
     return {"level": -x.level + u.push, "rate": x.level - x.rate}, {}
 
 
@@ -38,42 +39,57 @@ def gains_file(folder, **content):
     return path
 
 
-def test_gain_files_of_each_layout_are_read(tmp_path):
-    """One gain and tables with the scheduling value first or last are read in the file's units.
+#: A gain of 1 input x 2 states at each of three levels.
+LEVELS = np.array([1.0, 2.0, 4.0])
+K = np.arange(6.0).reshape(3, 1, 2) + 1.0
 
-    A table is linear between its breakpoints and constant beyond; flights beyond are refused.
-    """
-    K = np.arange(6.0).reshape(3, 1, 2) + 1.0
-    levels = np.array([1.0, 2.0, 4.0])
-    for content in (
-        {"K": K, "level": levels},
-        {"K": np.moveaxis(K, 0, -1), "level": levels, "matlab": True},
-    ):
-        schedule = load_gain_schedule(gains_file(tmp_path, **content), TANK)
-        np.testing.assert_array_equal(schedule.gains, K)
-        np.testing.assert_array_equal(schedule.breakpoints, levels)
-        np.testing.assert_allclose(schedule.table.at(3.0), (K[1] + K[2]) / 2.0)
-        np.testing.assert_array_equal(schedule.table.at(9.0), K[2])
-    square = np.arange(8.0).reshape(2, 2, 2)
-    both = Model("two", TANK.states, {"push": Signal("lbf"), "pull": Signal("lbf")},
-                 lambda x, u, p, w: ({"level": u.push, "rate": u.pull}, {}),
-                 trim={"level": 0.5}, schedule="level")  # fmt: skip
-    found = load_gain_schedule(gains_file(tmp_path, K=square, level=[1.0, 2.0]), both)
-    np.testing.assert_array_equal(found.gains, square)  # the value is first if both would fit
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"K": K, "level": LEVELS},
+        {"K": np.moveaxis(K, 0, -1), "level": LEVELS, "matlab": True},
+    ],
+    ids=["levels first", "levels last, of MATLAB"],
+)
+def test_a_table_is_linear_between_its_breakpoints_and_constant_beyond(tmp_path, content):
+    """Of tables (3, 1, 2) and (1, 2, 3) of three levels, 1 input and 2 states."""
+    schedule = load_gain_schedule(gains_file(tmp_path, **content), TANK)
+    np.testing.assert_array_equal(schedule.gains, K)
+    np.testing.assert_array_equal(schedule.breakpoints, LEVELS)
+    np.testing.assert_allclose(schedule.table.at(3.0), (K[1] + K[2]) / 2.0)
+    np.testing.assert_array_equal(schedule.table.at(9.0), K[2])
+
+
+def test_a_cubic_table_has_its_breakpoints_first(tmp_path):
+    """K (2, 2, 2) of 2 levels, 2 inputs and 2 states fits both layouts: it is read as it is."""
+    cube = np.arange(8.0).reshape(2, 2, 2)
+    two_inputs = Model("two", TANK.states, {"push": Signal("lbf"), "pull": Signal("lbf")},
+                       lambda x, u, p, w: ({"level": u.push, "rate": u.pull}, {}),
+                       trim={"level": 0.5}, schedule="level")  # fmt: skip
+    found = load_gain_schedule(gains_file(tmp_path, K=cube, level=[1.0, 2.0]), two_inputs)
+    np.testing.assert_array_equal(found.gains, cube)
+
+
+def test_gains_are_converted_from_the_units_of_their_file(tmp_path):
+    """K in N per m and N per m/s, at levels in m, of a model in lbf, ft and ft/s."""
     metric = {"state_units": ["m", "m/s"], "input_units": ["N"]}
-    one = load_gain_schedule(gains_file(tmp_path, K=K[0], **metric), TANK)
-    np.testing.assert_allclose(one.gains[0], K[0] * FOOT / POUND)
-    one.refuse_beyond(-9.0, 9.0)
-    table = load_gain_schedule(gains_file(tmp_path, K=K, level=levels * FOOT, **metric), TANK)
-    np.testing.assert_allclose(table.breakpoints, levels)
+    single = load_gain_schedule(gains_file(tmp_path, K=K[0], **metric), TANK)
+    np.testing.assert_allclose(single.gains[0], K[0] * FOOT / POUND)
+    table = load_gain_schedule(gains_file(tmp_path, K=K, level=LEVELS * FOOT, **metric), TANK)
+    np.testing.assert_allclose(table.breakpoints, LEVELS)
     np.testing.assert_allclose(table.gains, K * FOOT / POUND)
-    model = hfa.aircraft()
-    angles = {"K": np.ones((2, 5, 6)), "dihedral_deg": [10.0, 20.0]}
-    of_angles = load_gain_schedule(gains_file(tmp_path, **angles), model)
-    assert of_angles.breakpoints == pytest.approx(np.radians([10.0, 20.0]))
-    assert of_angles.file_breakpoints.tolist() == [10.0, 20.0]
+
+
+def test_only_a_single_gain_is_for_all_values(tmp_path):
+    """A table of angles, in files in degrees, is refused beyond its ends."""
+    load_gain_schedule(gains_file(tmp_path, K=K[0]), TANK).refuse_beyond(-9.0, 9.0)
+    angles = gains_file(tmp_path, K=np.ones((2, 5, 6)), dihedral_deg=[10.0, 20.0])
+    table = load_gain_schedule(angles, hfa.aircraft())
+    assert table.breakpoints == pytest.approx(np.radians([10.0, 20.0]))
+    assert table.file_breakpoints.tolist() == [10.0, 20.0]
     with pytest.raises(BadInputError, match="the gains cover 10 deg to 20 deg"):
-        of_angles.refuse_beyond(*np.radians([10.0, 20.1]))
+        table.refuse_beyond(*np.radians([10.0, 20.1]))
 
 
 @pytest.mark.parametrize(
@@ -100,8 +116,8 @@ def test_wrong_gain_files_are_refused(tmp_path, content, said):
 
 
 def test_breakpoints_of_an_unknown_unit_are_refused(tmp_path):
-    """A file has no unit of a scheduling variable that is no linear state: with a state in another
-    unit than the model's, the table is refused.
+    """The level of this tank is not a linear state, so `state_units` does not give its unit. A table
+    whose gains are in another unit than the model, m/s for ft/s, is refused.
     """
     model = Model("tank", TANK.states, TANK.inputs, tank, linear=("rate",),
                   trim={"level": 0.5}, schedule="level")  # fmt: skip
