@@ -128,7 +128,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     def values(self) -> dict[str, float]:
         """Values of the states, inputs, and outputs that replace states, name -> value."""
         names = [*self.model.replaced.values()]
-        replacing = self.model.outputs_at(self.states, self.inputs, names)
+        replacing = self.model.outputs_at(self.states, self.inputs, names) if names else {}
         return self.states._asdict() | self.inputs._asdict() | replacing
 
     @cached_property

@@ -62,10 +62,10 @@ def test_the_covariance_is_the_end_of_the_riccati_recursion(point, linear):
     """P of the aircraft's states is that of an own Dryden model, own columns of the gusts, an own
     discretization by Simpson's rule, and the recursion iterated from 0.
     """
-    dt, seconds = 0.25, 1750.0 / point["speed"]
+    dt, seconds = 0.25, 1750.0 / point["speed"]  # L/V of Dryden's filters
     found = hfa.filter(linear, NOISE, AIR, dt)
     model = point.model
-    columns = []
+    columns = []  # derivatives of the rates by the winds, by differences
     for wind in ("headwind", "updraft"):
         sides = []
         for size in (-1e-4, 1e-4):
@@ -74,10 +74,11 @@ def test_the_covariance_is_the_end_of_the_riccati_recursion(point, linear):
             rates = np.array(ca.DM(model.layout.expressions(vectors, (), winds)[0])).ravel()
             sides.append(rates[model.state_places(model.linear)])
         columns.append((sides[1] - sides[0]) / 2e-4)
+    # Figure 7 of MIL-F-8785C at 40,000 ft; u = -headwind, and w = -updraft is positive down.
     sigma = float(np.interp(40000.0, [35000.0, 45000.0], [5.0, 4.2]))
     along = -sigma * np.sqrt(2.0 / seconds)
     across = -sigma * np.sqrt(3.0 / seconds) * np.array([1.0 / (np.sqrt(3.0) * seconds), 1.0])
-    A = np.zeros((9, 9))
+    A = np.zeros((9, 9))  # 6 linear states, 1 of the filter of u and 2 of that of w
     A[:6, :6] = linear.A
     A[:6, 6] = along * columns[0]
     A[:6, 7:] = np.outer(columns[1], across)
@@ -85,7 +86,7 @@ def test_the_covariance_is_the_end_of_the_riccati_recursion(point, linear):
     A[7:, 7:] = [[0.0, 1.0], [-1.0 / seconds**2, -2.0 / seconds]]
     drift = np.diag([*(np.array(list(found.drift.values())) ** 2), 0.0, 0.0, 0.0])
     air = np.diag([0.0] * 6 + [1.0, 0.0, 1.0])
-    times = np.linspace(0.0, dt, 201)
+    times = np.linspace(0.0, dt, 201)  # Simpson's rule with 200 intervals of dt / 200
     weights = np.ones(201)
     weights[1:-1:2], weights[2:-1:2] = 4.0, 2.0
     of_drift, of_air = (
@@ -152,7 +153,9 @@ def flights(point, policy, members, duration, level="moderate"):
 
 @pytest.mark.slow
 def test_flights_are_those_of_the_linear_covariance(point, gain, linear):
-    """In light turbulence the rms of 40 flights is that of the loop, within 20 %."""
+    """In light turbulence the rms of 40 flights of 10 s, 1000 samples, is that of the linear loop,
+    within 20 %.
+    """
     known = hfa.filter(linear, NOISE, "light:20000")
     plan = flights(point, known.policy(gain), 40, 10.0, "light")
     flown = run_monte_carlo(plan)
@@ -351,33 +354,53 @@ def test_an_estimate_returns_after_minutes_without_a_sample():
     assert policy.estimate["angle"] == pytest.approx(0.01, abs=0.002)
 
 
-def test_a_policy_behind_a_filter_is_a_policy(point, known, gain, linear):
-    """A gain or a critic behind a filter takes absolute values, by name or in order, and returns
-    inputs within their limits. Copies and pickles have memories of their own; a reset forgets.
+@pytest.fixture
+def measured(point, known):
+    """Return the values that the sensors measure at the trim."""
+    return np.array([point[name] for name in known.sensors])
+
+
+def test_the_first_command_behind_a_filter_is_that_of_the_corrected_estimate(
+    point, known, gain, linear, measured
+):
+    """Near known states at the trim, the command is -K (what is seen at L (y - y0)), of values by name
+    for a gain, and of values in order for the critic with this gain.
+    """
+    small = 1e-4 * innovations_of(known)
+    expected = point.u - gain @ known.sight @ known.L @ small
+    by_name = dict(zip(known.sensors, measured + small, strict=True))
+    critic = hfa.from_gain(hfa.paper.published_game(linear), gain)
+    for law, y in ((gain, by_name), (critic, measured + small)):
+        policy = known.policy(law)
+        policy.begin(point.x)
+        np.testing.assert_allclose(policy(0.0, y), expected, rtol=1e-6)
+
+
+def test_copies_and_pickles_of_a_filtered_policy_have_memories_of_their_own(
+    point, known, gain, measured
+):
+    """Three copies of a policy after its first sample return the same second command, and the samples
+    of one do not change another. A policy that is reset begins again, with no command.
     """
     policy = known.policy(gain)
-    y = np.array([point[name] for name in known.sensors])
-    small = 1e-4 * innovations_of(known)
     policy.begin(point.x)
-    U = policy(0.0, dict(zip(known.sensors, y + small, strict=True)))
-    np.testing.assert_allclose(U, point.u - gain @ known.sight @ known.L @ small, rtol=1e-6)
-    others = copy.copy(policy), pickle.loads(pickle.dumps(policy))
-    kept = policy.estimate
-    later = [other(0.01, y) for other in others]
-    assert policy.estimate == kept
-    assert np.array_equal(later[0], later[1])
-    np.testing.assert_array_equal(policy(0.01, y), later[0])
+    policy(0.0, measured + 1e-4 * innovations_of(known))
+    copied, unpickled = copy.copy(policy), pickle.loads(pickle.dumps(policy))
+    estimate = policy.estimate
+    later = [other(0.01, measured) for other in (copied, unpickled)]
+    assert policy.estimate == estimate
+    np.testing.assert_array_equal(later, [policy(0.01, measured)] * 2)
     policy.reset()
-    np.testing.assert_allclose(policy(0.0, y), point.u, atol=1e-12)
-    limits = point.model.inputs["elevator_center"]
-    strong = known.policy(1e6 * gain)
-    strong.begin(point.x)
-    strong = strong(0.0, y + innovations_of(known))
-    elevator = list(point.model.inputs).index("elevator_center")
-    assert limits.min <= strong[elevator] <= limits.max
-    critic = known.policy(hfa.from_gain(hfa.paper.published_game(linear), gain))
-    critic.begin(point.x)
-    np.testing.assert_allclose(critic(0.0, y + small), U)
+    np.testing.assert_allclose(policy(0.0, measured), point.u, atol=1e-12)
+
+
+def test_commands_behind_a_filter_are_within_the_limits_of_the_inputs(point, known, gain, measured):
+    """A million times the exact gain moves each input to a limit, if it has one."""
+    policy = known.policy(1e6 * gain)
+    policy.begin(point.x)
+    U = policy(0.0, measured + innovations_of(known))
+    for value, signal in zip(U, point.model.inputs.values(), strict=True):
+        assert signal.min <= value <= signal.max
 
 
 @pytest.mark.parametrize(("delay", "samples"), [(0.03, 4), (0.025, 3)])
@@ -520,31 +543,55 @@ def test_a_law_that_plans_knows_what_the_air_along_the_path_adds_in_a_sample(
     assert law.following[-1].shift[rate] == pytest.approx(added, rel=0.1)
 
 
-def test_a_deployment_file_names_its_filter(folder):
-    """A saved [filter] flies as the filter made by hand, and knows the delay of the deployment. C code
-    refuses it, and a filter for another sample time is refused.
+GTM_NOISE = {"speed": 0.1, "alpha": 0.002, "pitch_rate": 0.002, "pitch": 0.002}
+
+
+@pytest.fixture(scope="module")
+def gtm_point():
+    return hfa.trim(hfa.load_model(f"{ROOT}/examples/gtm.py:GTM"), at=45.0)
+
+
+def gtm_deployment(**tables):
+    """Return the deployment of the GTM example, with samples of 20 ms and no delay.
+
+    tables: changed tables, such as a filter
     """
-    model = hfa.load_model(f"{ROOT}/examples/gtm.py:GTM")
-    point = hfa.trim(model, at=45.0)
-    noise = {"speed": 0.1, "alpha": 0.002, "pitch_rate": 0.002, "pitch": 0.002}
-    deployed = hfa.Deployment.load(ROOT / "examples/gtm_policy/on_time.toml")
-    deployed = deployed.changed(filter={"noise": noise, "turbulence": "light:1000"})
-    deployed.save("filtered.toml")
-    scenario = Scenario(0.2, tick=0.02, uncertainty=Uncertainty(noise=noise)).drawn(1, 0, point)
-    by_file = hfa.fly(model, point, "filtered.toml", scenario=scenario)
-    known = hfa.filter(point.linearize(), noise, "light:1000", 0.02)
-    by_hand = hfa.fly(model, point, known.policy(deployed.changed(filter=None)), scenario=scenario)
-    np.testing.assert_array_equal(by_file.states, by_hand.states)
-    late = hfa.fly(
-        model, point, deployed.changed(timing={"dt": 0.02, "delay": 0.03}), 0.1, predict=False
+    return hfa.Deployment.load(ROOT / "examples/gtm_policy/on_time.toml").changed(**tables)
+
+
+#: The table [filter] of a deployment file.
+FILTERED = {"noise": GTM_NOISE, "turbulence": "light:1000"}
+
+
+def test_a_deployment_file_with_a_filter_flies_behind_the_filter_of_its_numbers(folder, gtm_point):
+    gtm_deployment(filter=FILTERED).save("filtered.toml")
+    noisy = Scenario(0.2, tick=0.02, uncertainty=Uncertainty(noise=GTM_NOISE))
+    scenario = noisy.drawn(1, 0, gtm_point)
+    known = hfa.filter(gtm_point.linearize(), GTM_NOISE, "light:1000", 0.02)
+    by_file, by_hand = (
+        hfa.fly(gtm_point.model, gtm_point, policy, scenario=scenario)
+        for policy in ("filtered.toml", known.policy(gtm_deployment()))
     )
+    np.testing.assert_array_equal(by_file.states, by_hand.states)
+
+
+def test_the_filter_of_a_deployment_knows_its_delay_once(gtm_point):
+    """The scenario of the flight has the delay of the deployment, also if the policy flies again."""
+    deployed = gtm_deployment(filter=FILTERED, timing={"dt": 0.02, "delay": 0.03})
+    late = hfa.fly(gtm_point.model, gtm_point, deployed, 0.1, predict=False)
     assert (late.policy["filter"]["dt"], late.scenario["delay"]) == (0.02, 0.03)
     _, again = late.loop.policy.in_scenario(late.loop.scenario)
-    assert again.delay == 0.03  # not added twice
-    words = ("--aircraft", f"{ROOT}/examples/gtm.py:GTM", "--policy", "filtered.toml", "--at", "45")
-    assert_refused(run("export", *words, "-o", "c"), 2, "has a [filter]")
+    assert again.delay == 0.03
+
+
+def test_a_filter_of_another_sample_time_and_c_of_a_deployment_with_one_are_refused(
+    folder, gtm_point
+):
     with pytest.raises(BadInputError, match=r"give the filter dt=0\.02"):
-        hfa.filter(point.linearize(), noise).policy(deployed.changed(filter=None))
+        hfa.filter(gtm_point.linearize(), GTM_NOISE).policy(gtm_deployment())
+    gtm_deployment(filter=FILTERED).save("filtered.toml")
+    words = f"export --aircraft {ROOT}/examples/gtm.py:GTM --policy filtered.toml --at 45 -o c"
+    assert_refused(run(*words.split()), 2, "has a [filter]")
 
 
 @pytest.mark.parametrize(
@@ -586,20 +633,10 @@ def test_a_delay_changes_neither_noise_nor_filter(folder, delay):
     """The scenario has the delay that is typed. With any delay, the noise is that of samples of 10 ms,
     and the filter has this sample time.
     """
-    words = [
-        "fly",
-        "--dihedral",
-        "10",
-        "--policy",
-        "exact",
-        "--filter",
-        "--duration",
-        ".05",
-        *TYPED,
-    ]
-    assert run(*words, "--delay", delay, "-o", "f.json").code == 0
+    words = f"fly --dihedral 10 --policy exact --filter --duration .05 --delay {delay} -o f.json"
+    assert run(*words.split(), *TYPED).code == 0
     data = json.loads(Path("f.json").read_text())
-    drawn = Uncertainty(noise=NOISE).samples(0, 0, 5, tuple(NOISE))
+    drawn = Uncertainty(noise=NOISE).samples(0, 0, 5, tuple(NOISE))  # .05 s have 5 samples
     np.testing.assert_allclose(data["scenario"]["drawn_noise"], drawn.std(axis=0))
     assert data["policy"]["filter"]["dt"] == 0.01
     assert data["scenario"].get("delay", 0.0) == float(delay)
@@ -696,12 +733,15 @@ def test_the_band_of_lost_flights_is_that_of_the_binomial(lost):
     assert 100.0 * high <= printed < 100.0 * high + 1.0
 
 
+#: Flights behind a filter, of noise of all sensors and moderate turbulence.
+IN_AIR = (*f"fly --dihedral 10 --policy exact --filter --json --turbulence {AIR}".split(), *TYPED)
+
+
 def test_the_command_reports_flights_in_air():
     """The report has the counts of two flights, the band of the lost share, the linear prediction,
-    and the same flights without control. A flight alone is the first of many.
+    and the same flights without control. None of two lost: the band ends at 1 - .05^(1/2).
     """
-    words = ("fly", "--dihedral", "10", "--policy", "exact", "--turbulence", AIR, *TYPED)
-    flown = run(*words, "--filter", "--samples", "2", "--duration", "0.2", "--json")
+    flown = run(*IN_AIR, "--samples", "2", "--duration", "0.2")
     assert flown.code == 0
     data = json.loads(flown.out)
     assert (data["within_limits"], data["uncontrolled_left"]) == (2, 0)
@@ -709,11 +749,12 @@ def test_the_command_reports_flights_in_air():
     assert data["linear_rms"].keys() == data["rms"].keys() == data["uncontrolled_rms"].keys()
     assert data["filter"]["spectral_radius"] < 1.0
     assert set(data["at_limit"].values()) == {0.0}
+
+
+def test_a_single_flight_of_a_seed_is_the_first_of_many():
     alone, many = (
-        json.loads(
-            run(*words, "--filter", "--duration", "0.02", "--seed", "3", "--json", *more).out
-        )
-        for more in ((), ("--samples", "1"))
+        json.loads(run(*IN_AIR, *f"--duration 0.02 --seed 3 {more}".split()).out)
+        for more in ("", "--samples 1")
     )
     assert alone["final"]["speed"] == pytest.approx(many["final"]["speed"][0], rel=1e-9)
 
