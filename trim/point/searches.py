@@ -171,7 +171,7 @@ def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarra
     part = _PartOfUnknowns(problem, nearest, moving)
     bounds = (lowest[moving], highest[moving])
     inside = np.clip(nearest[moving], bounds[0] + _INSIDE, bounds[1] - _INSIDE)
-    # It stops where doubles end; `TrimProblem.solved` judges where.
+    # The search stops where doubles end; `TrimProblem.solved` judges its end.
     tight: Any = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "bounds": bounds}
     solution = least_squares(part.residual, inside, jac=part.jacobian, **tight)
     return part.all_unknowns(solution.x)

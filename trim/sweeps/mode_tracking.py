@@ -175,10 +175,11 @@ def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _gain_of_pairing(modes: _Modes, others: _Modes) -> np.ndarray:
-    """Return the gain of pairing eigenvalue λ_i of a point with μ_j of another, (.., n, n)."""
-    # It is min(|tr P_i Q_j|, 1) - _DISTANCE |λ_i - μ_j| / (|λ_i| + |μ_j|), with the projectors
-    # P_i and Q_j.
-    # P_i = r_i l_i' and Q_j = s_j m_j' of right and left eigenvectors: tr P_i Q_j = l_i's_j m_j'r_i
+    """Return the gain of pairing eigenvalue λ_i of a point with μ_j of another, (.., n, n).
+
+    The gain is min(|tr P_i Q_j|, 1) - _DISTANCE |λ_i - μ_j| / (|λ_i| + |μ_j|), with the projectors
+    P_i = r_i l_i' and Q_j = s_j m_j' of right and left eigenvectors: tr P_i Q_j = l_i's_j m_j'r_i.
+    """
     across = (modes.left @ others.right) * (others.left @ modes.right).swapaxes(-1, -2)
     distance = np.abs(modes.values[..., None] - others.values[..., None, :])
     speed, other_speed = np.abs(modes.values), np.abs(others.values)

@@ -139,8 +139,10 @@ def _leave_out_without_slopes(system: TrimSystem, points: Points) -> None:
 def _kept_values(
     system: TrimSystem, variables: tuple[str, ...], values: np.ndarray
 ) -> dict[str, float]:
-    """Return the states that trims keep at their start values, state -> value."""
-    # They are those of the first, middle or last point, the first of them that has a trim.
+    """Return the states that trims keep at their start values, state -> value.
+
+    The trim of the first, the middle or the last point tells them, the first of these that exists.
+    """
     count = len(values)
     tried = (0, count // 2, count - 1) if count and keepable(system, system.condition) else ()
     for row in values[[*dict.fromkeys(tried)]]:

@@ -343,9 +343,11 @@ def _products(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 
 
 def _driven(fit: Fit, number: int, place: int) -> np.ndarray:
-    """Return changes of a quantity that follow the inputs, and that no unknown explains, (N, d)."""
-    # They are combinations of the delayed inputs, without those of which the unknowns explain all
-    # but the fraction `_CONFOUNDED`.
+    """Return changes of a quantity that follow the inputs, and that no unknown explains, (N, d).
+
+    The changes are combinations of the delayed inputs, without those of which the unknowns explain
+    all but the fraction `_CONFOUNDED`.
+    """
     inputs = _delayed_inputs(fit, number)
     changes = np.zeros((*fit.residuals[number].shape, inputs.shape[1]))
     changes[:, place] = inputs

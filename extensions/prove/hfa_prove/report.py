@@ -10,8 +10,7 @@ from decimal import ROUND_FLOOR, Context, Decimal
 from typing import Any, NamedTuple
 
 from hfa_aircraft.model import Model
-from hfa_prove.certificate import KIND
-from hfa_prove.check import Proved
+from hfa_prove.certificate import KIND, Certificate
 from hfa_prove.hfa import identity_of
 from hfa_prove.statements.schedule import ScheduleStatement
 from hfa_support.reporting.report import Report
@@ -91,16 +90,18 @@ def found_report(statement: ScheduleStatement, size: int) -> Report:
     return Report(title, parts, data=_data(statement, claim, size))
 
 
-def checked_report(verified: Proved, not_given: Sequence[str]) -> Report:
+def checked_report(certificate: Certificate, size: int, not_given: Sequence[str]) -> Report:
     """Return the report of a statement that the checker has proved, with all its entries.
 
+    certificate: the certificate that proves it
+    size: number of pieces of the proof
     not_given: parts of the statement that were not compared, because the user did not give them
     """
-    statement = verified.statement
+    statement, written = certificate.statement, certificate.written
     claim = claim_of(statement)
     of = f", of the {_listed(not_given)} in the certificate" if not_given else ""
     title = f"Verified, proved: {claim.title}{of}, without {claim.without}"
-    origin = "written by hfa {version} on {date}: {command}".format(**verified.written)
+    origin = "written by hfa {version} on {date}: {command}".format(**written)
     digest = hashlib.sha256(json.dumps(statement.content()).encode()).hexdigest()
     rows = [
         (path, text)
@@ -111,12 +112,12 @@ def checked_report(verified: Proved, not_given: Sequence[str]) -> Report:
         claim.sentence,
         "\n".join(f"{path}: {text}" for path, text in rows),
         _aircraft(statement, claim.model),
-        f"statement: SHA-256 {digest[:16]}; {verified.size} pieces\n{origin}",
+        f"statement: SHA-256 {digest[:16]}; {size} pieces\n{origin}",
         claim.not_covered,
     ]
-    data = _data(statement, claim, verified.size) | {
+    data = _data(statement, claim, size) | {
         "statement_sha256": digest,
-        "written": dict(verified.written),
+        "written": dict(written),
         "not_given": list(not_given),
     }
     return Report(title, parts, data=data)

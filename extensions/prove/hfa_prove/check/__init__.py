@@ -17,42 +17,16 @@ be true.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-
 # Sets the precision of balls.
 import hfa_prove.enclosure.precision  # noqa: F401
 from hfa_prove.certificate import Certificate
 from hfa_prove.check.schedule import check_schedule
 from hfa_prove.fields import naming
-from hfa_prove.statements.schedule import ScheduleStatement
 from hfa_support.progress import Progress
 
 
-@dataclass(frozen=True, eq=False)
-class Proved:
-    """A statement that the checker has proved.
-
-    certificate: the certificate that proves it
-    size: number of pieces of the proof
-    """
-
-    certificate: Certificate
-    size: int
-
-    @property
-    def statement(self) -> ScheduleStatement:
-        """The proved statement."""
-        return self.certificate.statement
-
-    @property
-    def written(self) -> Mapping[str, str]:
-        """Version, command and date stored in the certificate, not verified."""
-        return self.certificate.written
-
-
-def check(certificate: Certificate, progress: Progress | None = None) -> Proved:
-    """Prove the statement of a certificate.
+def check(certificate: Certificate, progress: Progress | None = None) -> int:
+    """Prove the statement of a certificate, and return the number of pieces of the proof.
 
     progress: called with the number of proved pieces, or None
 
@@ -60,5 +34,4 @@ def check(certificate: Certificate, progress: Progress | None = None) -> Proved:
     operation that is not supported.
     """
     with naming(certificate.path):
-        size = check_schedule(certificate.statement, certificate.witness, progress)
-        return Proved(certificate, size)
+        return check_schedule(certificate.statement, certificate.witness, progress)

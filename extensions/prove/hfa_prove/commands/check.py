@@ -32,6 +32,6 @@ def prove(request: CheckRequest) -> Outcome:
     certificate = read_certificate(path, model)
     # If options differ, or the proof fails, these two raise a NoSolutionError (exit code 1).
     not_given = compare(certificate.statement, given_for(certificate.statement, request, trim))
-    proved = check(certificate, ProgressLine("check"))
+    size = check(certificate, ProgressLine("check"))
     source = {} if model is None else loaded_aircraft(request).source
-    return Outcome(report=checked_report(proved, not_given), source=source)
+    return Outcome(report=checked_report(certificate, size, not_given), source=source)
