@@ -200,7 +200,8 @@ def test_a_new_plan_replaces_one_that_diverges_after_a_jump():
     policy = predictive(model, hfa.trim(model), [[1.0]], [[1.0]])
     x = np.array([1.0])
     for number in range(80):
-        x = x + 0.9 * (number == 5)
+        if number == 5:
+            x = x + 0.9
         u = policy(number * policy.dt, x)
         x = solve_ivp(lambda _, x, u=u: x + x**3 + u, (0.0, policy.dt), x, rtol=1e-8).y[:, -1]
     assert abs(x[0]) < 1e-3
