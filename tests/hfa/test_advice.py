@@ -38,7 +38,10 @@ def heavy(folder):
 
 
 def test_advice_of_a_point_mass_is_the_steepest_climb_and_no_fall(folder):
-    """With full thrust, sin(pitch) = (5 - 1) / 9.81; too little lift in a turn frees no pitch rate."""
+    """The climb at full thrust has sin(pitch) = (5 - 1) / 9.81, since along the path the thrust
+    balances drag (1) and weight. A turn at 30 deg of bank needs a lift of 9.81 / cos(30 deg), more
+    than 10; no rate is then freed, because the mass would fall.
+    """
     Path("glider.py").write_text(GLIDER, "utf-8")
     words = ("trim", "--aircraft", "glider.py:GLIDER")
     climb = command(*words, "--hold", "pitch=45").err
@@ -52,7 +55,10 @@ def test_advice_of_a_point_mass_is_the_steepest_climb_and_no_fall(folder):
 
 
 def test_a_reason_stands_alone_where_advice_fails(monkeypatch):
-    """Advice that raises an error leaves the reason of the trim, and nothing of its own."""
+    """If the search for advice raises an error, only the reason of the failed trim is printed.
+
+    The thrust of the aircraft is at most 60 N, too little for 128 m/s.
+    """
 
     def failing(*_):
         raise hfa.BadInputError("advice failed")
@@ -67,7 +73,9 @@ def test_a_reason_stands_alone_where_advice_fails(monkeypatch):
     ("verb", "airspeed"), [("trim", "kcas"), ("linearize", "keas"), ("solve", "ktas")]
 )
 def test_an_airspeed_without_a_trim_has_the_reason_of_the_trim(verb, airspeed):
-    """The refusal begins as that of `hfa.trim`, and its advice leads to a trim at full thrust."""
+    """The error contains that of `hfa.trim`, and its advice leads to a trim at the full thrust of
+    60 N, with the airspeed or another held variable free.
+    """
     with pytest.raises(hfa.NoSolutionError, match="thrust at maximum 60 N, 24") as failure:
         hfa.trim(hfa.load_model(UAV), hold={airspeed: 250.0})
     typed = ("--aircraft", UAV, "--hold", f"{airspeed}=250")
@@ -75,13 +83,14 @@ def test_an_airspeed_without_a_trim_has_the_reason_of_the_trim(verb, airspeed):
     assert (refused.code, str(failure.value) in refused.err) == (1, True)
     advice = re.search(r"with --hold thrust=60 --free (\w+)", refused.err)
     assert advice is not None
+    # If the airspeed is to be free, it is held no longer, and the speed is free.
     kept = ("--free", "speed") if advice[1] == airspeed else (*typed[2:], "--free", advice[1])
     assert command("trim", *typed[:2], "--hold", "thrust=60", *kept).code == 0
 
 
 @pytest.mark.slow
 def test_a_held_rate_of_climb_frees_the_path_and_stays_held():
-    """The advice for --hold altitude_dot=2 can be added to the command, which then climbs by 2."""
+    """With the advice for --hold altitude_dot=2, the flight climbs by speed sin(gamma) = 2 m/s."""
     words = ("trim", "--aircraft", UAV, "--hold", "altitude_dot=2")
     advice = re.search(r"with (--free \S+) \(", command(*words).err)
     assert advice is not None
@@ -92,8 +101,10 @@ def test_a_held_rate_of_climb_frees_the_path_and_stays_held():
 
 
 def test_what_changes_in_a_trim_is_freed_and_named_and_fuel_is_not_negative(folder):
-    """The refusal frees position and fuel together, and the first lines have both rates. A thrust
-    that only a negative mass of fuel balances is refused, though no limit is declared.
+    """The advice frees the rates of position and of fuel together, and the first lines of the trim
+    contain both: 50 m/s, and -thrust = -1.5 kg/s with a drag of 1 + 0.01 * 50.
+
+    With thrust = 0.5, only a fuel of -50 kg balances: refused, though no limit is declared.
     """
     text = GLIDER.replace("1.0 - 9.81", "(1.0 + 0.01 * x.fuel) - 9.81")
     text = text.replace(
@@ -117,8 +128,9 @@ def test_what_changes_in_a_trim_is_freed_and_named_and_fuel_is_not_negative(fold
 def test_no_advice_leads_to_a_falling_aircraft(case, tmp_path):
     """Advice never frees pitch_dot or another attitude rate, because the aircraft would fall.
 
-    If the user frees it, the first line says "accelerated" and the load factor; a climb of 45 deg
-    has no such trim. Only the refusal of the heavy aircraft says to check the unit of its mass.
+    If the user frees pitch_dot, the first line of the trim says "accelerated" and the load factor; a
+    climb of 45 deg has no such trim. Only the error of the heavy aircraft says to check the unit of
+    the mass.
     """
     words = {
         "heavy": ["--aircraft", heavy(tmp_path)],
@@ -138,9 +150,8 @@ def test_no_advice_leads_to_a_falling_aircraft(case, tmp_path):
 
 @pytest.mark.slow
 def test_a_pull_up_is_advised_and_its_first_line_says_so():
-    """With a load factor held, the rate of pitch is freed by advice, and the trim is accelerated.
-
-    A level flight and a steady climb are not said to be accelerated.
+    """With a load factor held, advice frees the rate of pitch, and the first line of this trim says
+    "accelerated". That of a level flight or a steady climb does not.
     """
     words = ("trim", "--aircraft", UAV, "--hold", "load_factor=2")
     assert "--free pitch_dot" in command(*words).err
@@ -153,7 +164,10 @@ def test_a_pull_up_is_advised_and_its_first_line_says_so():
 
 
 def test_inputs_held_at_their_start_values_are_freed(folder):
-    """The advice for a first trim names the inputs that are not 0, and balances the climb."""
+    """If the default trim holds all inputs, the advice frees those that are not held at 0.
+
+    The thrust of the climb found balances drag (1) and weight along the path.
+    """
     held = 'TRIM = {"thrust": 1.0, "lift": 9.81, "roll_rate": 0.0}'
     Path("glider.py").write_text(re.sub("TRIM = .*", held, GLIDER, count=1), "utf-8")
     words = ("trim", "--aircraft", "glider.py:GLIDER", "--hold", "pitch=5", "--hold", "speed=50")

@@ -49,7 +49,7 @@ def test_options_are_in_degrees_and_json_in_radians():
 
 
 def test_failed_sweep_points_are_rows_with_reasons():
-    """A sweep point without a trim is a row of nulls with a reason.
+    """A sweep point without a trim, at 20 ft/s, is a row of nulls with a reason.
 
     The first line states the number of trimmed points. If no point has a trim, the exit code is 1.
     """
@@ -69,28 +69,27 @@ def test_failed_sweep_points_are_rows_with_reasons():
 
 
 def test_regenerate_fails_with_other_parameters():
-    """The parameters of the released simulation do not regenerate the printed pairs."""
+    """With the parameters of the released simulation, `hfa regenerate` prints NO and fails."""
     assert "Both printed pairs regenerated: NO\n" in text(
         "regenerate", "--parameters", "gibson-2011-simulation", code=FAILED
     )
 
 
+@pytest.mark.parametrize("typed", ["II", "2", "ii-l"])
+def test_the_airplane_class_has_capitals_or_digits(typed):
+    """A class II without a letter is II-L, of airplanes on land."""
+    assert "class II-L" in text("trim", *AT_15, "--class", typed, "--full")
+
+
 # Outputs, inputs and states by name.
 
-CHOSEN = (
-    "--outputs",
-    "load_factor,dihedral",
-    "--inputs",
-    "elevator_center,throttle",
-    "--states",
-    "dihedral,alpha",
-)
+CHOSEN = "--outputs load_factor,dihedral --inputs elevator_center,throttle --states dihedral,alpha"
 
 
 def test_names_select_rows_and_columns_in_order():
     """--states, --inputs and --outputs select rows and columns of A to E in the given order."""
     whole = answer("linearize", *AT_15, "--outputs", "load_factor,dihedral")
-    part = answer("linearize", *AT_15, *CHOSEN)
+    part = answer("linearize", *AT_15, *CHOSEN.split())
     rows = [LINEAR_STATES.index(name) for name in ("dihedral", "alpha")]
     columns = [INPUTS.index(name) for name in ("elevator_center", "throttle")]
     for name, pick in (
@@ -127,21 +126,11 @@ def heavy(tmp_path_factory):
 def test_the_json_contains_the_whole_condition(heavy):
     """The provenance has the condition, changed parameters, command, date and dynamics.
 
-    The last bit of a parameter changes its hash.
+    The last bit of a parameter changes the hash of all parameters.
     """
-    words = (
-        "--dihedral",
-        "12",
-        "--hold",
-        "speed=66",
-        "--free",
-        "alpha",
-        "--hold",
-        "aileron_outer=1",
-    )
-    data = answer("linearize", *words, "--limit", "throttle=0:60", "--parameters", str(heavy))[
-        "provenance"
-    ]
+    typed = "--dihedral 12 --hold speed=66 --free alpha --hold aileron_outer=1"
+    words = (*typed.split(), "--limit", "throttle=0:60", "--parameters", str(heavy))
+    data = answer("linearize", *words)["provenance"]
     text = heavy.read_text(encoding="utf-8")
     assert text.count("10.5") == 1
     heavy.write_text(text.replace("10.5", repr(np.nextafter(10.5, 11.0).item())), encoding="utf-8")

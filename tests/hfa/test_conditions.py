@@ -1,13 +1,9 @@
 """Trim conditions given by the same options to every command that trims one point or many."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa
-
-EXAMPLES = Path(__file__).parents[2] / "examples"
-
+from project import ROOT
 
 #: A point mass whose altitude is a state, held in the trim.
 CLIMBER = """
@@ -27,7 +23,10 @@ CLIMBER = Model("climber", STATES, INPUTS, equations, outputs={"climb": Signal("
 
 @pytest.mark.parametrize("altitude", ["altitude", "z_up"])
 def test_a_climb_of_a_model_with_altitude_is_advised_and_found(altitude, tmp_path):
-    """The refusal of --hold gamma says --free altitude_dot, and that command finds the climb."""
+    """The error of --hold gamma=4 advises --free altitude_dot, and with it the climb is found.
+
+    The thrust then balances the weight along the path, 9.81 sin(4 deg).
+    """
     text = CLIMBER.replace("altitude", altitude)
     (tmp_path / "climber.py").write_text(text, encoding="utf-8")
     words = ("trim", "--aircraft", str(tmp_path / "climber.py"), "--hold", "gamma=4")
@@ -41,7 +40,7 @@ def test_a_climb_of_a_model_with_altitude_is_advised_and_found(altitude, tmp_pat
 
 def test_ranges_and_lists_have_units():
     """Each number of a range or a list may have a unit. The three numbers have the same one."""
-    words = ("sweep", "--aircraft", str(EXAMPLES / "uav.toml"), "--hold")
+    words = ("sweep", "--aircraft", f"{ROOT}/examples/uav.toml", "--hold")
     knot = 1852.0 / 3600.0
     for typed, speeds in (
         ("speed=60kt:80kt:10kt", [60 * knot, 70 * knot, 80 * knot]),

@@ -17,6 +17,7 @@ from hfa.main import DONE
 from hfa_model import STATES
 
 SUFFIXES = ("json", "npz", "mat", "csv")
+#: Name -> command. In "failing", the aircraft has no trim at 20 ft/s.
 COMMANDS = {
     "linearize": ("linearize", "--dihedral", "11.1"),
     "full": (
@@ -35,7 +36,7 @@ COMMANDS = {
 
 
 def written(folder, name, suffix):
-    """Run a command with -o and --json, and return (path of the file, printed JSON data).
+    """Run a command with -o and --json, and return the path of the file, and the printed JSON data.
 
     The function asserts that the command writes no other file.
 
@@ -67,6 +68,7 @@ def without_inf(values):
 
 
 def texts(data):
+    """Return all texts in nested JSON data, in order."""
     return [value for _, value in leaves(data) if isinstance(value, str)]
 
 
@@ -144,7 +146,9 @@ def test_two_runs_write_the_same_bytes(tmp_path, monkeypatch, name, suffix):
 
 
 def test_advice_and_names_with_blanks_can_be_typed_and_read(folder):
-    """Paths with blanks are quoted in advice, and the name of an aircraft stands on one line."""
+    """An error message quotes paths with blanks, so that its advice can be typed, and a report has
+    the name of an aircraft, which has a line break in its file, on one line.
+    """
     Path("a b.toml").write_text("aircraft = 'my plane.py:X'")
     with pytest.raises(toolchain.BadInputError, match=r"'my plane\.py:X' --parameters 'a b\.toml'"):
         toolchain.load_model("a b.toml")

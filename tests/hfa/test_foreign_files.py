@@ -13,7 +13,6 @@ from game_files import small, stored
 
 from hfa.main import BAD_INPUT
 
-#: Commands that write .csv files -> columns of numbers without a unit.
 _ENTRIES = ("half_units", "percent")
 _ERRORS = ("P_rel_error", "K_rel_error", "largest_error")
 _OF_A_TRIM = (
@@ -23,6 +22,7 @@ _OF_A_TRIM = (
     *("short period damping", "short period damping level", "CAP level"),
     *("phugoid damping", "phugoid damping level", "worst level"),
 )
+#: Command that writes a .csv file -> columns of numbers without a unit.
 TABLES = {
     "linearize --dihedral 10 --outputs load_factor,gamma": (),
     "sweep --dihedral 5,60 --hold alpha=1,2": ("throttle",),

@@ -16,7 +16,9 @@ from hfa.main import FAILED
 
 @pytest.mark.parametrize("delta", ["100", "113.5"])
 def test_solve_below_the_smallest_delta_names_the_remedy(delta):
-    """If delta is below delta_min, `hfa solve` fails, advises a larger delta and writes no file."""
+    """If delta is below delta_min (113.5486 at 15 deg), `hfa solve` fails, advises a larger delta and
+    writes no file.
+    """
     result = hfa("solve", *AT_15, "--delta", delta, "--json", "-o", "solution.json")
     assert (result.code, result.out) == (FAILED, "")
     assert result.err.count("\n") == 1
@@ -51,7 +53,9 @@ def test_commands_accept_plants_with_missing_entries(changes):
 
 @pytest.mark.parametrize(("speed", "options"), [(0.01, ()), (0.01 / 0.3048**2, ("--units", "si"))])
 def test_sizes_are_typed_in_degrees_and_in_the_units_of_the_model(speed, options):
-    """K of --sizes is that of Q and R with 1/size², and the report has the sizes as typed."""
+    """The K of --sizes is that of Q and R with 1/size², with angles in rad, and the speed 10 ft/s in
+    the units of the model: 1/10² = 0.01 s²/ft². The report has the sizes as typed.
+    """
     angle = math.radians(5.0) ** -2.0
     surfaces = ("aileron_center", "aileron_outer", "elevator_center", "elevator_outer")
     sizes = "speed=10ft/s,alpha=5,throttle=40," + ",".join(f"{name}=5" for name in surfaces)
@@ -63,7 +67,7 @@ def test_sizes_are_typed_in_degrees_and_in_the_units_of_the_model(speed, options
 
 
 def test_sizes_on_a_plant_file_are_in_its_units_and_of_angles_in_degrees():
-    """A plant file without Q and R is solved, with sizes by its names."""
+    """On a plant file without Q and R, the K of --sizes is that of Q and R with 1/size²."""
     plant = stored(
         "plant.json",
         A=[[0.0, 1.0], [2.0, -0.5]],
@@ -96,7 +100,9 @@ LEARNED = {
     [pytest.param(case, marks=[pytest.mark.slow] * (case == "published")) for case in LEARNED],
 )
 def test_the_verdict_on_a_learned_file_is_that_of_the_learning(case):
-    """The file has the last weights, and `verify` computes the checks that `learn` has printed."""
+    """`verify` of the file of `learn` has its exit code and its checks; the file contains the last
+    weights W alone, and no iterates.
+    """
     options, entries = LEARNED[case]
     plant = stored("plant.json", **entries)
     run = hfa("learn", "--model", plant, *options, "-o", "learned.json")
@@ -114,7 +120,7 @@ def test_the_verdict_on_a_learned_file_is_that_of_the_learning(case):
 
 
 def test_a_wrong_gain_that_is_learned_has_exit_code_1(monkeypatch):
-    """If a law learns for twice R, `hfa learn` prints FAIL and its cost first."""
+    """If a law learns for twice R, the first line of `hfa learn` is a verdict FAIL with the cost."""
     learn = laws.learn
 
     def for_twice_R(game, *args, **options):

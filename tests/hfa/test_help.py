@@ -10,7 +10,8 @@ from project import ROOT
 from hfa.entry_points import commands
 
 NAMES = list(commands())
-#: In this order, each example finds the files written by earlier ones.
+#: The examples of all commands, in an order in which each finds the files of earlier ones: the
+#: certificate to check is written first.
 EXAMPLES = sorted(
     (entry.example for entry in commands().values()), key=lambda words: "hfa prove --check" in words
 )

@@ -42,6 +42,6 @@ def test_the_unchanged_file_is_accepted(way):
     for name, content in seeds().items():
         Path(name).write_bytes(content)
     result = hfa(*(way if word == "{}" else word for word in WAYS[way]))
-    is_far = way.startswith("network")  # from the exact solution
+    is_far = way.startswith("network")  # critics far from the exact solution fail
     assert result.code == (1 if is_far else 0), result.err
     assert result.out

@@ -26,6 +26,7 @@ MATRICES = "ABCDE"
 
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
+    """Return the path of the file with `CONDITIONS`."""
     path = tmp_path_factory.mktemp("models") / "book.csv"
     path.write_text(CONDITIONS, "utf-8")
     return str(path)
@@ -33,16 +34,18 @@ def file(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def words(uav, file):
+    """Return the options of the aircraft and its conditions."""
     return ("--aircraft", uav, "--conditions", file)
 
 
 @pytest.fixture(scope="module")
 def book(uav, file):
+    """Return the trims and linear models of all conditions, by Python."""
     return hfa.conditions(hfa.load_model(uav), file)
 
 
 def written(words, path):
-    """Write the models of all conditions, one of which has no trim (exit code 1)."""
+    """Write the models of all conditions to a path, and return it. One has no trim: exit code 1."""
     run = command("linearize", *words, "-q", "-o", str(path))
     assert (run.code, run.err) == (1, "hfa: 1 of 6 conditions have no trim\n")
     assert run.out.startswith(
@@ -57,7 +60,9 @@ def arrays_in(path):
 
 
 def test_each_file_has_the_models_of_single_rows_to_the_bit(words, book, tmp_path):
-    """JSON, MATLAB's structs, NumPy's arrays, the store and the folder have A to E of --row."""
+    """The file of all conditions in each format (JSON, MATLAB's structs, NumPy's arrays, a store, a
+    folder) has the matrices A to E that `hfa linearize --row NAME` has.
+    """
     xarray = pytest.importorskip("xarray")
     as_json = json.loads(written(words, tmp_path / "a.json").read_text("utf-8"))
     structs = loadmat(written(words, tmp_path / "a.mat"))["models"]
@@ -68,7 +73,7 @@ def test_each_file_has_the_models_of_single_rows_to_the_bit(words, book, tmp_pat
     assert [model["name"] for model in as_json["models"]] == [*NAMES]
     assert tuple(arrays["names"]) == NAMES == tuple(store.condition.values)
     assert [file.name for file in files][1] == "02_at_60_KCAS.json"
-    for row, name in enumerate(NAMES[:-1]):
+    for row, name in enumerate(NAMES[:-1]):  # the last, "weak", has no trim
         single = answer("linearize", *words, "--row", name)
         in_folder = hfa.LinearModel.load(files[row])
         assert single["states"] == as_json["states"] == arrays["states"].tolist()
@@ -90,7 +95,9 @@ def test_each_file_has_the_models_of_single_rows_to_the_bit(words, book, tmp_pat
 
 
 def test_a_condition_without_a_trim_has_nan_and_its_reason(words, book, tmp_path):
-    """So have stalls their status. In Python, the point is refused with the reason."""
+    """The arrays have the status of each condition, and nan and a reason for one without a trim
+    ("weak", with at most 5 N of thrust). In Python, its point is refused with the reason.
+    """
     arrays = arrays_in(written(words, tmp_path / "a.npz"))
     assert arrays["status"].tolist() == [*["trimmed"] * 4, "stalled", "no trim"]
     assert [bool(reason) for reason in arrays["reason"]] == [False] * 5 + [True]
@@ -107,8 +114,8 @@ def test_a_condition_without_a_trim_has_nan_and_its_reason(words, book, tmp_path
 
 
 def test_the_object_has_points_tables_and_levels(book, tmp_path):
-    """A row is an operating point, whose linear model is that of the book; the modes of the sheet
-    have the worst of its levels; tables find entries by names.
+    """An entry of the book is an operating point, whose linear model is that of the book; a mode has
+    the worst level of its figures on the sheet; tables find entries by names.
     """
     assert tuple(book) == NAMES
     for row, name in enumerate(NAMES[:-1]):
@@ -123,6 +130,7 @@ def test_the_object_has_points_tables_and_levels(book, tmp_path):
             )
             worst = max((level for level in levels if level), default=None)
             assert book.levels[row][mode.name] == worst
+    # What the rows of `CONDITIONS` hold.
     assert book["glide"]["thrust"] == 0.0
     assert book["glide"].model.parameters["mass"].start == 20.0
     masses = book.to_xarray().trim_parameters.sel(trim_parameter="mass").values
@@ -143,7 +151,9 @@ def test_the_object_has_points_tables_and_levels(book, tmp_path):
 
 
 def test_states_inputs_and_outputs_are_chosen_for_all_conditions(words, tmp_path):
-    """The options of a single model hold for each; those of a single condition are refused."""
+    """--states, --inputs and --outputs select signals of all conditions. Options that require a
+    single condition are refused without --row, and a folder of one condition with it.
+    """
     chosen = ("--states", "alpha,pitch_rate", "--inputs", "elevator", "--outputs", "load_factor")
     command("linearize", *words, *chosen, "-q", "-o", str(tmp_path / "a.npz"))
     arrays = arrays_in(tmp_path / "a.npz")

@@ -46,15 +46,15 @@ def test_a_run_of_a_minute_is_announced_once(monkeypatch, capsys):
 
     A shorter run is not announced.
     """
+    # A clock that is 2 s later at each call replaces minutes of waiting.
     clock = iter(range(0, 1000, 2))
-    # A simulated clock replaces minutes of waiting.
     monkeypatch.setattr(time, "monotonic", lambda: float(next(clock)))
     long = ProgressLine("fly")
     short = ProgressLine("fly")
     for done in range(1, 10):
         long(done, 183)  # 183 parts of 2 s
     announced = capsys.readouterr().err
-    assert announced.startswith("hfa: note: fly: about 6 minutes")
+    assert announced.startswith("hfa: note: fly: about 6 minutes")  # 366 s
     assert announced.count("\n") == 1
     for done in range(1, 10):
         short(done, 20)

@@ -30,7 +30,7 @@ def test_output_of_a_process_ignores_settings(tmp_path):
 @pytest.mark.parametrize(
     ("words", "code", "unbuffered"),
     [
-        pytest.param("sweep --dihedral 0:20:0.5 --json -q", DONE, "", marks=pytest.mark.slow),
+        ("sweep --dihedral 0:20:0.5 --json -q", DONE, ""),
         ("sweep --dihedral 60 -q", FAILED, "1"),
     ],
 )
@@ -73,9 +73,10 @@ def test_a_full_standard_output_is_refused():
     ],
 )
 def test_a_signal_ends_the_run_in_one_line(tmp_path, name, code, said):
-    """A run that a signal ends in an aircraft's file prints one line, with the exit code of shells.
+    """A run prints one line if a signal ends it, here while the file of the aircraft is executed.
 
-    A hangup is handled as a termination.
+    The exit code is that of shells, 128 + number of the signal. A hangup (SIGHUP) is handled as a
+    termination (SIGTERM, 15).
     """
     (tmp_path / "own.py").write_text(f"import os, signal\nos.kill(os.getpid(), signal.{name})\n")
     ended = hfa_process("trim", "--aircraft", "own.py:X", folder=tmp_path)
@@ -145,7 +146,7 @@ for package, module in first.items():
 
 @pytest.mark.parametrize("line", LOADED)
 def test_commands_load_only_the_packages_that_they_need(line, folder):
-    """A command loads the packages of LOADED; another one is shown with the module that loads it."""
+    """A command loads no package that `LOADED` does not list for it."""
     np.savez("K.npz", K=np.zeros((5, 6)))
     run = [sys.executable, "-c", LOADER, *line.split()]
     done = subprocess.run(run, capture_output=True, text=True, timeout=60, check=True)

@@ -7,9 +7,9 @@ from game_files import AT_15
 
 
 def test_a_command_is_typed_in_degrees():
-    """A commanded alpha is in rad in the tracking.
+    """A commanded alpha of 5.73 deg is 5.73 deg in rad in the report on tracking.
 
-    The command of speed, alpha and dihedral together cannot be reached.
+    The command of speed, alpha and dihedral together is not a trim.
     """
     command = "speed=7+0.01t+2sin(0.5t),alpha=5.73,dihedral=28.65"
     data = answer("solve", *AT_15, "--reference", command)["tracking"]

@@ -11,6 +11,7 @@ from game_files import small, stored
 from hfa.entry_points import commands
 from hfa.main import BAD_INPUT, FAILED
 
+#: A number too long for a double, and for a message.
 DIGITS = "9" * 5000
 F16 = f"{Path(__file__).parents[2] / 'examples/f16.py'}:F16"
 
@@ -42,6 +43,7 @@ def untouched(tmp_path):
     assert after == before
 
 
+#: Command -> its words, and a part of the message.
 REFUSED = {
     "trim": [
         ("", "no value of dihedral is given; add --dihedral DEG"),
@@ -66,10 +68,7 @@ REFUSED = {
             "--dihedral 15 --hold flaps=3",
             "unknown trim variable 'flaps'; choose from speed, alpha, altitude, gamma,",
         ),
-        (
-            "--dihedral 15 --hold dihedral=10",
-            "dihedral is given by both --dihedral and --hold",
-        ),
+        ("--dihedral 15 --hold dihedral=10", "dihedral is given by both --dihedral and --hold"),
         ("--dihedral 15 --hold gamma=1 --free gamma", "gamma is both free and held"),
     ],
     "linearize": [

@@ -14,14 +14,17 @@ ANGLE = np.radians(10.0)
 
 
 def trimmed():
+    """Return the trim at 10 deg."""
     return hfa.trim(hfa.aircraft(), dihedral=ANGLE)
 
 
 def swept():
+    """Return the sweep over 0, 10 and 20 deg."""
     return hfa.sweep(hfa.aircraft(), {"dihedral": np.radians([0.0, 10.0, 20.0])})
 
 
 def verified():
+    """Return the verdict on the gain in K.npz at 10 deg."""
     game = game_at(10.0)
     return hfa.verify(game, hfa.read_critic("K.npz", game))
 

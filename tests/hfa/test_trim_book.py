@@ -12,19 +12,23 @@ from project import ROOT
 import hfa
 from trim.reports.book import Condition, matrix_figure
 
-#: A stall, a warning about the inertias, a condition without a trim, and a trim.
+#: A stall (CL above CL_max = 1, which the fixture `uav` adds), a warning about the inertias, a
+#: condition without a trim, and a trim.
 CONDITIONS = """name,speed,altitude,Ixz,gamma,thrust,free
 stall,18.5,100,,,,
 planted,35,100,1.19,,,
 too slow,8,100,,,,
 climb,30,100,,,60,gamma
 """
+#: Conditions with a trim.
 NAMES = ("stall", "planted", "climb")
 
 
 @pytest.fixture(scope="module")
 def written(uav, tmp_path_factory):
-    """Return the function that writes the book of the conditions, one of which has no trim."""
+    """Return the function that writes the book of the conditions to a file of a name, and returns
+    its path. One condition has no trim: exit code 1.
+    """
     folder = tmp_path_factory.mktemp("book")
     (folder / "book.csv").write_text(CONDITIONS, "utf-8")
     files = ("--aircraft", uav, "--conditions", str(folder / "book.csv"))
@@ -49,7 +53,9 @@ def pages(written):
 
 
 def test_the_cover_says_what_the_book_is_of(pages):
-    """It has document, aircraft, digests of its files, mass, date, results and signatures."""
+    """The cover has the document, the aircraft, digests of the files, mass, date, results of all
+    conditions and places for signatures.
+    """
     for text in (
         "documentTR-12,revisionB",
         "aircraftAerosonde(derivatives)",
@@ -66,8 +72,9 @@ def test_the_cover_says_what_the_book_is_of(pages):
 
 
 def test_the_matrix_has_all_conditions_and_what_is_said_of_them(pages):
-    """Rows have the used share of the travel, numbers with the decimals of their column, what some
-    condition sets, and the reason of a stall, warning or failure.
+    """The table on the second page has a row for each condition, with the thrust and its share of the
+    60 N, with the inertia Ixz that one condition sets, and with the reason of a stall, a warning or
+    a missing trim.
     """
     matrix = pages[1]
     for number, name in enumerate(("stall", "planted", "tooslow", "climb"), start=1):
@@ -85,7 +92,7 @@ def lost(sheet, text):
 
 
 def test_each_trim_has_a_numbered_page_with_all_its_rows(pages, uav, tmp_path):
-    """Each page has the rows of the sheet of its trim. A page without its mass is seen.
+    """Each trim has a page with all rows of its sheet; `lost` would find a missing row, the mass.
 
     Only the page of the stall says STALLED, and only that of the planted inertia has a warning.
     """
@@ -104,9 +111,9 @@ def test_each_trim_has_a_numbered_page_with_all_its_rows(pages, uav, tmp_path):
 
 
 def test_a_page_in_html_says_the_same(written):
-    """The HTML has document, stall, warning and advice, and its matrix links to each sheet.
+    """The HTML has document, stall, warning and advice, and its table links to each sheet.
 
-    Each sheet marks what is assumed.
+    Each sheet states which limit is assumed.
     """
     html = written("book.html").read_text("utf-8")
     for said in ("TR-12, revision B", "STALLED: CL", "principal moment", "a value between"):
@@ -118,9 +125,10 @@ def test_a_page_in_html_says_the_same(written):
 
 
 def test_the_figure_has_the_values_of_the_sheets():
-    """Lines have alpha in degrees, the used share of the travel in percent and the static margin.
+    """The lines have the alpha of each sheet in degrees, the used share of the travel of each input
+    in percent and the static margin; they are nan at the condition without a trim.
 
-    They are nan without a trim. Without any alpha, the figure is refused.
+    The figure is refused if no condition has a trim.
     """
     model = hfa.load_model(f"{ROOT}/examples/uav.toml")
     points = [hfa.trim(model, hold={"speed": speed}) for speed in (30.0, 35.0)]
@@ -145,7 +153,7 @@ def test_the_figure_has_the_values_of_the_sheets():
 
 @pytest.mark.slow
 def test_conditions_without_a_trim_have_a_matrix_of_reasons(folder):
-    """Each has its reason in the matrix, and no figure is drawn."""
+    """If no condition has a trim, the table has the reason of each, and no figure is drawn."""
     Path("weak.csv").write_text("speed,limit\n45,throttle=0:5\n200,\n", "utf-8")
     words = ("trim", "--aircraft", f"{ROOT}/examples/gtm.py:GTM", "--conditions", "weak.csv")
     assert command(*words, "-q", "-o", "weak.html").code == 1
@@ -157,7 +165,7 @@ def test_conditions_without_a_trim_have_a_matrix_of_reasons(folder):
 
 @pytest.mark.slow
 def test_a_model_without_a_speed_has_a_book(folder):
-    """The matrix of a pendulum has a column of its input, the torque."""
+    """The table of two trims of a pendulum has a column of its input, the torque."""
     words = ("trim", "--aircraft", f"{ROOT}/examples/pendulum.py:PENDULUM", "--hold", "angle=0,2")
     assert command(*words, "-q", "-o", "pendulum.html").code == 0
     assert "torque [N m]" in Path("pendulum.html").read_text("utf-8")
@@ -172,6 +180,9 @@ def test_a_model_without_a_speed_has_a_book(folder):
     ],
 )
 def test_the_cover_has_the_mass_as_loaded_and_in_the_conditions(held, said, folder):
+    """The cover states the loaded mass and the range of the conditions, or with all combinations of
+    two lists, mass and speed, the number of conditions.
+    """
     words = ("trim", "--aircraft", f"{ROOT}/examples/uav.toml", "-q", "-o", "mass.md")
     assert command(*words, *(f"--hold={each}" for each in held)).code == 0
     text = Path("mass.md").read_text("utf-8")
@@ -180,7 +191,7 @@ def test_the_cover_has_the_mass_as_loaded_and_in_the_conditions(held, said, fold
 
 
 def test_a_single_sheet_has_its_document_too(folder):
-    """A sheet that Python saves with a document has it and lines to sign."""
+    """A sheet that Python saves with `document` contains this text and lines to sign."""
     hfa.trim(hfa.aircraft()).save("sheet.html", document="TR-12, revision B")
     text = Path("sheet.html").read_text("utf-8")
     assert "TR-12, revision B" in text

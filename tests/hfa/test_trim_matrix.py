@@ -15,7 +15,8 @@ from six_dof import KNOT, SixDof, air, calibrated
 import hfa
 from hfa.options.conditions import listed_conditions
 
-#: Conditions of every kind.
+#: Conditions of every kind. "weak" has too little thrust; "stall" exceeds CL_max = 1, which the
+#: fixture `uav` adds; "planted" has a product of inertia that no rigid body has.
 CONDITIONS = """# book 12, revision B
 name,speed [m/s],KCAS [KT],mach,altitude [m],gamma,load_factor,thrust,beta,mass [lbm],Ixz,free,limit
 cruise,35,,,100,0,,,,,,,
@@ -34,6 +35,7 @@ stall,18.5,,,100,,,,,,,,
 planted,35,,,100,,,,,,1.19,,
 too slow,8,,,100,,,,,,,,
 """
+#: Results other than "trimmed".
 RESULTS = {
     "weak": "no trim",
     "stall": "stalled",
@@ -42,7 +44,7 @@ RESULTS = {
 }
 
 
-#: The aircraft as published.
+#: The aircraft without the CL_max of the fixture `uav`.
 UAV = ("--aircraft", f"{ROOT}/examples/uav.toml")
 
 
@@ -56,6 +58,9 @@ def trim(uav):
 
 @pytest.fixture(scope="module")
 def book(trim, tmp_path_factory):
+    """Return a folder with `CONDITIONS`, the table of their trims (matrix.csv), and what is printed
+    (listed.txt); few.csv has only the rows "stall" and "planted".
+    """
     path = tmp_path_factory.mktemp("matrix")
     (path / "conditions.csv").write_text(CONDITIONS, "utf-8")
     run = trim(path / "conditions.csv", "-o", str(path / "matrix.csv"))
@@ -63,11 +68,12 @@ def book(trim, tmp_path_factory):
     first = run.out.partition("\n")[0]
     assert first == "11 of 15 conditions are trimmed, 1 stalled, 1 with a warning, 2 without a trim"
     (path / "listed.txt").write_text(run.out, "utf-8")
+    (path / "few.csv").write_text(few("stall", "planted"), "utf-8")
     return path
 
 
 def few(*names):
-    """Return the text of some conditions."""
+    """Return the text of a file with some of the conditions."""
     rows = CONDITIONS.splitlines(keepends=True)
     return "".join(row for row in rows if row.partition(",")[0] in ("name", *names))
 
@@ -78,10 +84,11 @@ def rows_of(path):
 
 
 def test_each_row_balances_in_an_independent_simulation(book):
-    """Rates of the rigid body are 0 within 1e-5 of 1.5 g, but for the pitch angle of the pull-up.
+    """The accelerations of another program, `SixDof`, at each trim of the table are 0 within 1e-5 of
+    1.5 g; only the pitch angle of the pull-up changes. The calibrated airspeed is that of the
+    standard atmosphere.
 
-    The calibrated airspeed is that of the standard atmosphere. Rows without a trim, and those with a warning
-    one, are not simulated.
+    Rows without a trim, and one with a warning, are not compared.
     """
     table = tomllib.loads((ROOT / "examples/uav.toml").read_text("utf-8"))
     for name, cells in rows_of(book / "matrix.csv").items():
@@ -118,10 +125,10 @@ def test_each_row_balances_in_an_independent_simulation(book):
 
 
 def test_the_file_that_comes_out_runs_again_to_the_byte(book, trim):
-    """The columns before `results` of a written file state the conditions, also 0.051 rad, which no
-    number of degrees is; all cells are the same but that of the command.
+    """A written file is a file of conditions, by its columns before `results`: its trims have the
+    same cells, except for the command. A cell of 0.051 rad stays so: no double in degrees is equal.
 
-    The condition whose thrust is too low is left out: to find that takes longest.
+    The condition "weak" is left out, because the search for its trim takes longest.
     """
     lines = (book / "matrix.csv").read_text("utf-8").splitlines(keepends=True)
     given, written = book / "given.csv", book / "again.csv"
@@ -135,7 +142,9 @@ def test_the_file_that_comes_out_runs_again_to_the_byte(book, trim):
 
 
 def test_two_books_are_compared_by_the_names_of_their_results(book, trim, uav, tmp_path):
-    """A column of the trims is the same whatever a file imposes, and so is that of a sweep."""
+    """The column "alpha [deg]" has the angle of each trim, whether a file of conditions or a sweep
+    holds alpha or finds it; what is held has another column, "hold alpha [deg]".
+    """
     (tmp_path / "other.csv").write_text("name,alpha,free\ncruise,0.5,speed\nb,1,speed\n", "utf-8")
     trim(tmp_path / "other.csv", "-o", str(tmp_path / "new.csv"))
     old, new = rows_of(book / "matrix.csv"), rows_of(tmp_path / "new.csv")
@@ -150,8 +159,8 @@ def test_two_books_are_compared_by_the_names_of_their_results(book, trim, uav, t
 
 
 def test_the_terminal_shows_a_short_sheet(book, trim):
-    """A trim fits in 80 x 40 without what is 0 or of level 1, and a list shows what is not plainly
-    trimmed; --full prints what a file has.
+    """The sheet of one trim fits on a terminal of 80 x 40: rows that are 0 or of level 1 are left out,
+    and --full prints them. Of a list, only the sheets with a stall or a warning are printed.
     """
     cruise = (book / "conditions.csv", "--row", "cruise")
     short, provenance = trim(*cruise).out.rsplit("\n\n", 1)
@@ -170,23 +179,27 @@ def test_the_terminal_shows_a_short_sheet(book, trim):
     assert "planted: " in listed
 
 
-def test_a_stall_a_warning_and_a_failure_are_in_every_file(book, trim, uav):
-    """The sentences are cells of the matrix. Stall and warning are entries of JSON, the stall in Python.
-
-    The matrix has the limits reached, a level, and the L/D of Python, too.
+def test_stall_warning_and_missing_trim_are_cells_of_the_table_and_entries_of_json(book, trim):
+    """The row of each condition has the sentence on its stall, warning or missing trim, and the JSON
+    of its sheet has the same sentence on stall or warning.
     """
     cells = rows_of(book / "matrix.csv")
     assert "CL_max" in cells["stall"]["stalled"]
     assert "principal moment" in cells["planted"]["warnings"]
     assert "thrust at maximum" in cells["weak"]["failure"]
-    assert cells["climb full thrust"]["limits reached"].split(", ")[0] == "thrust"
-    assert cells["cruise"]["worst level"] in ("1", "2", "3", "> 3")
-    (book / "few.csv").write_text(few("stall", "planted"), "utf-8")
     run = trim(book / "few.csv", "--json")
     sheets = {sheet["name"]: sheet for sheet in json.loads(run.out)["sheets"]}
     for name, entry in (("stall", "stalled"), ("planted", "warnings")):
         assert sheets[name]["sheet"][entry]["value"] == cells[name][entry]
         assert "results" not in sheets[name]["sheet"]
+
+
+def test_the_table_has_the_figures_of_the_sheets(book, uav):
+    """The cells have the limits reached (first, of the climb, the thrust that is held at 60 N), and
+    the L/D of the sheets in Python, of which only that of the stall has a row "stalled".
+    """
+    cells = rows_of(book / "matrix.csv")
+    assert cells["climb full thrust"]["limits reached"].split(", ")[0] == "thrust"
     trims = hfa.conditions(hfa.load_model(uav), book / "few.csv")
     for name in trims:
         sheet = trims[name].sheet
@@ -196,15 +209,19 @@ def test_a_stall_a_warning_and_a_failure_are_in_every_file(book, trim, uav):
 
 @pytest.mark.parametrize(("row", "said"), [("stall", "STALLED: CL"), ("turn", "load_factor 1.3")])
 def test_a_stall_is_said_by_linearize_too(row, said, book, trim):
-    """The first lines of `hfa linearize` have the stall, and the load factor of a turn."""
+    """The first lines of `hfa linearize --row` have the stall of "stall", and the load factor held
+    by "turn".
+    """
     run = trim(book / "conditions.csv", "--row", row, verb="linearize")
     assert said in run.out.partition("\n\n")[0]
 
 
 def test_kcas_and_mach_give_the_altitude_of_their_crossover(tmp_path):
-    """The speed has both airspeeds in the air of this altitude, which a sweep finds, too.
+    """With KCAS and Mach number held and the altitude free, the speed found has both in the standard
+    atmosphere at the altitude found (`air`, `calibrated`). A sweep finds the same altitudes.
 
-    Words may have capitals, and a unit may be KCAS. If no altitude has both, they are refused.
+    Headings may have capitals, and a unit may be KCAS. Two airspeeds that no altitude has in common
+    are refused.
     """
     path = tmp_path / "climb.csv"
     path.write_text("Name,Speed [KCAS],MACH,Free\na,60,0.1,Altitude\nb,60 KCAS,0.2,altitude\n")
@@ -226,7 +243,7 @@ def test_kcas_and_mach_give_the_altitude_of_their_crossover(tmp_path):
 
 
 def test_a_list_is_printed_alike_with_and_without_a_file(trim, tmp_path):
-    """Without a file, only the printed figures are computed; results and levels are the same."""
+    """What is printed of a list is the same with -o, which computes all figures, and without."""
     (tmp_path / "few.csv").write_text(few("cruise", "stall", "planted"), "utf-8")
     run = trim(tmp_path / "few.csv")
     assert run.out.startswith("1 of 3 conditions are trimmed, 1 stalled, 1 with a warning\n")
@@ -235,7 +252,9 @@ def test_a_list_is_printed_alike_with_and_without_a_file(trim, tmp_path):
 
 @pytest.mark.slow
 def test_a_sweep_of_named_conditions_counts_stalls_as_their_trims_do(trim, tmp_path):
-    """Its CSV file has names, degrees and results, and runs again as conditions of `hfa trim`."""
+    """Of three named conditions, two below the stall speed, `hfa sweep` and `hfa trim` find the same
+    results and numbers; the conditions of the latter are the CSV file of the sweep.
+    """
     (tmp_path / "slow.csv").write_text("name,KCAS [kt],altitude\na,35,100\nb,36,100\nc,60,100\n")
     swept = trim(tmp_path / "slow.csv", "-o", str(tmp_path / "swept.csv"), verb="sweep")
     assert swept.out.startswith("Sweep, Aerosonde: trimmed at 1 of 3 points, STALLED at 2\n")
@@ -249,7 +268,9 @@ def test_a_sweep_of_named_conditions_counts_stalls_as_their_trims_do(trim, tmp_p
 
 
 def test_the_file_of_one_sheet_is_its_condition(trim, uav, tmp_path):
-    """It states what was typed, has degrees, and its trim is the same; so does the file of Python."""
+    """The CSV file of one trim states what was typed, with angles in degrees, and has the same trim
+    as a file of conditions. The file of this trim in Python states the same.
+    """
     typed = "--hold load_factor=1.2 --free turn_rate --limit elevator=-9:9 --hold mass=14 -o"
     paths = [tmp_path / name for name in ("one.csv", "again.csv", "python.csv")]
     command("trim", "--aircraft", uav, *typed.split(), str(paths[0]))
@@ -305,7 +326,7 @@ REFUSED = [
 
 @pytest.mark.parametrize(("verb", "option", "text", "said"), REFUSED)
 def test_a_wrong_file_is_refused(verb, option, text, said, tmp_path):
-    """The one line says what is wrong, and in which row, condition or column it is."""
+    """A wrong file of conditions is refused in one line with the row, condition or column."""
     path = tmp_path / "conditions.csv"
     path.write_text(text, "utf-8")
     words = (verb, *UAV, "--conditions", str(path))
@@ -313,7 +334,7 @@ def test_a_wrong_file_is_refused(verb, option, text, said, tmp_path):
 
 
 def test_the_scheduling_variable_is_given_once(tmp_path):
-    """The error names the option beside the file."""
+    """A dihedral angle that both --dihedral and the file give is refused."""
     path = tmp_path / "conditions.csv"
     path.write_text("dihedral\n5\n", "utf-8")
     words = ("trim", "--dihedral", "5", "--conditions", str(path))
@@ -331,7 +352,9 @@ def test_the_scheduling_variable_is_given_once(tmp_path):
     ],
 )
 def test_a_usual_word_leads_to_the_name(word, said, tmp_path):
-    """As an option and as a heading, it is refused with the name or options to use."""
+    """A word that is no name of the model, but usual for one, is refused in --hold and as a heading,
+    with the name or the options to use.
+    """
     path = tmp_path / "conditions.csv"
     path.write_text(f"{word}\n30\n", "utf-8")
     assert_refused(command("trim", *UAV, "--hold", f"{word}=30"), 2, said)
@@ -339,8 +362,10 @@ def test_a_usual_word_leads_to_the_name(word, said, tmp_path):
 
 
 @pytest.mark.parametrize("verb", ["solve", pytest.param("fly", marks=pytest.mark.slow)])
-def test_other_commands_take_a_row(verb, book, trim, uav):
-    """The output is that of the options that state it."""
+def test_commands_print_the_same_for_a_row_and_for_its_values_as_options(verb, book, trim, uav):
+    """The row "glide" of `CONDITIONS` holds speed 25 m/s, altitude 100 m and thrust 0, with gamma
+    free.
+    """
     of_row = trim(book / "conditions.csv", "--row", "glide", verb=verb).out
     typed = "--hold speed=25 --hold altitude=100 --hold thrust=0 --free gamma -q"
     of_options = command(verb, "--aircraft", uav, *typed.split()).out
@@ -349,8 +374,8 @@ def test_other_commands_take_a_row(verb, book, trim, uav):
 
 
 def test_a_cell_replaces_an_option(tmp_path):
-    """The option holds for the other rows, and notes name the rows that keep their own value, and
-    a condition that is repeated.
+    """A cell of the file replaces --hold mass=15, which holds for the row without a cell. Notes name
+    the rows with a value of their own, and a row that repeats another.
     """
     path = tmp_path / "conditions.csv"
     path.write_text("name,speed,mass\na,30,\nb,30,20\nc,30,20\n", "utf-8")
@@ -363,8 +388,9 @@ def test_a_cell_replaces_an_option(tmp_path):
 
 
 def test_a_center_of_gravity_is_a_share_in_percent(tmp_path):
-    """c.g. [%] is cg in chords; headings may have capitals, flight levels and knots. Pounds are a
-    mass, commas separate thousands, and columns and rows that are empty are left out.
+    """28 in the column "c.g. [%]" is cg = 0.28 chords. Headings may have capitals, flight levels (30 is
+    3000 ft) and knots. "30 lb" and "2,000 lbs" are masses, 0.45359237 kg each pound. Empty columns
+    and rows are left out.
     """
     table = tomllib.loads((ROOT / "examples/uav.toml").read_text("utf-8"))
     model = hfa.from_derivatives({**table, "cg": 0.25})

@@ -9,7 +9,9 @@ TRIM = ("trim", "--dihedral", "12")
 
 
 def test_matrices_in_si_are_similar():
-    """In SI units A becomes T A T⁻¹, where T converts the states. B to F are converted likewise."""
+    """In SI units A is T A T⁻¹, where the diagonal T converts feet of states to metres. B to F are
+    converted likewise, with Y of the outputs; inputs have no feet, and disturbances are in ft/s.
+    """
     words = ("linearize", "--dihedral", "12", "--outputs", "vertical_acceleration,alpha")
     before = answer(*words)
     after = answer(*words, "--units", "si")

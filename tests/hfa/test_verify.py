@@ -14,9 +14,8 @@ from hfa.main import FAILED
 
 
 def test_the_cost_limit_decides_the_exit_code():
-    """A critic of 1.004 P fails without a limit and with 1e-9 %, and passes with 0.01 %.
-
-    It passes without a limit of the cost if its error may be 1 %.
+    """A critic of 1.004 P, whose cost is less than 0.01 % above the optimum, fails by its error, and
+    with --limit-cost 1e-9 (percent); it passes with --limit-cost 0.01, and with --limit-error 0.01.
     """
     plant = small("plant.json")
     file = stored("P.json", P=1.004 * solve(load_game(plant)).P)
@@ -35,7 +34,9 @@ def test_the_cost_limit_decides_the_exit_code():
 
 
 def test_an_exact_gain_that_costs_much_does_not_pass():
-    """Near the smallest delta, a gain right within 1e-6 costs twice the optimum, and fails."""
+    """Near the smallest delta, the cost of a gain right within 1e-6 is more than 100 % above the
+    optimum, and the gain fails.
+    """
     entries = {"A": [[0.0, 1.0], [2.0, -0.5]], "B": [[0.0], [1.0]], "Q": np.eye(2), "R": [[1.0]]}
     plant = stored("near.json", **entries, E=[[0.0], [1.0]], delta=1.0000013749677732)
     file = stored("K.json", K=[[1454584.1056370207, 862669.2367746236]])
@@ -49,9 +50,8 @@ def test_an_exact_gain_that_costs_much_does_not_pass():
 
 
 def test_the_cost_and_the_margins_of_a_critic_are_reported(game):
-    """1.004 P has less than 0.01 % of excess cost and fails.
-
-    Its L2 gain is the exact one within 1 %, its distance to instability within 2 %.
+    """The report on 1.004 P has a cost less than 0.01 % above the optimum, an L2 gain within 1 % of
+    that of the exact solution, and a distance to instability within 2 %.
     """
     file = stored("P.json", P=1.004 * solve(game).P)
     graded = answer("verify", *AT_15, "--weights", file, code=FAILED)["graded"]

@@ -21,8 +21,8 @@ pytestmark = pytest.mark.usefixtures("folder")
 def test_a_value_inaccurate_for_its_gain_is_named():
     """The reason states that a P with eight right digits is not accurate enough for its gain.
 
-    The input moves both states equally. This motion costs almost nothing, and K = B'P is a small
-    difference of large numbers.
+    The input moves both states equally. This motion costs almost nothing (Q is near singular along
+    it), and K = B'P is a small difference of large numbers.
     """
     A = np.array([[-1.0, 0.1], [0.1, -1.0]])
     Q = np.array([[1.0, -0.999], [-0.999, 1.0]])
@@ -51,19 +51,19 @@ TWO_INPUTS = Game(
 ANGLES = np.array([1.0, np.pi / 180.0, np.pi / 180.0])
 ORDER = [0, 2, 1]
 ROW, COLUMN = np.triu_indices(3)
-#: Turns a state round.
+#: Changes the sign of the third state.
 FLIPPED = np.array([1.0, 1.0, -1.0])
 
 
 def at(*places, rows, factor):
-    """Return factors on a matrix with three columns, of which some are not 1."""
+    """Return factors (rows, 3) on the entries of a matrix: `factor` at the places, and 1 elsewhere."""
     factors = np.ones((rows, 3))
     for place in places:
         factors[place] = factor
     return factors
 
 
-#: What is stored, from the exact P, and the words of the reason.
+#: Function exact P -> what is stored as P (below: as W, as K), and words of the reason.
 OF_P = [
     (lambda P: np.triu(P), "P is not symmetric: the value"),
     (lambda P: np.triu(P) + np.triu(P, 1), "P is not symmetric; its symmetric part is exact"),
@@ -117,6 +117,9 @@ OF_K = [
     ],
 )
 def test_a_planted_mistake_fails_and_is_named(make, exact, plant, words):
+    """A critic (`make`) of the exact P or K (`exact`) with a mistake (`plant`) fails, and its reason
+    names the mistake.
+    """
     verdict = verify(TWO_INPUTS, make(TWO_INPUTS, plant(exact(TWO_INPUTS))))
     assert not verdict.ok
     assert words in verdict.reason
@@ -132,9 +135,9 @@ def test_a_planted_mistake_fails_and_is_named(make, exact, plant, words):
     ],
 )
 def test_another_mistake_fails_without_a_reason(critic):
-    """Another root, the value of another plant, and zeros fail, and no reason is given.
-
-    The report says what to compare, as that on an exact critic and on a named mistake does not.
+    """Another root of the Riccati equation, the value of another plant, and zeros fail without a
+    reason, and the report says what to compare with the training. The reports on an exact gain and
+    on twice the gain, a mistake that is named, do not say so.
     """
     verdict = verify(TWO_INPUTS, critic(TWO_INPUTS))
     assert (verdict.ok, verdict.reason) == (False, "")
@@ -148,20 +151,23 @@ SAMPLED = TWO_INPUTS.sampled(0.02, 0.99)
 UNSTABLE = Game(
     [[0.0, 1.0], [2.0, -0.5]], [[0.0], [1.0]], Q=np.eye(2), R=[1.0], E=[[0.0], [1.0]], delta=5.0
 )
-#: Both inputs act along one direction.
+#: Both inputs move the states along one direction, so that all rows of the exact K are multiples.
 ALONG_ONE = replace(TWO_INPUTS, B=np.outer([1.0, 0.5, 0.2], [1.0, 2.0]))
 
 
 def rounded(game):
+    """Return the critic of the exact gain with three digits."""
     return from_gain(game, np.vectorize(lambda entry: float(f"{entry:.3g}"))(gain(game)))
 
 
 def noisy(game):
+    """Return the critic of the exact P with relative noise of 1e-6, a little above the limit."""
     noise = np.random.default_rng(0).normal(0.0, 6e-7, (3, 3))
     return from_value(game, value(game) * (1.0 + noise + noise.T))
 
 
 def with_wrong_entry_of_H(game):
+    """Return the critic of the exact H with one entry that is off by 1 %."""
     H = solve(game).H
     H[1, 1] *= 1.01
     return from_q_function(game, H)
@@ -202,8 +208,10 @@ def with_wrong_entry_of_H(game):
     ],
 )
 def test_what_explains_nothing_is_no_reason(game, critic, limit, named):
-    """A factor 1 in place of R⁻¹, noise, what any K has where all inputs act along one direction,
-    and what was not given are not named; mistakes beside them are.
+    """A wrong critic has no reason (named: "") if no mistake explains it: digits that are rounded, with
+    R = 1, where K and R K are the same; noise; the Cholesky factor of P; multiples of columns on
+    `ALONG_ONE`, where any K along the exact one has them; one entry of H. Mistakes in the same games
+    are named.
     """
     verdict = verify(game, critic(game), limit=limit)
     assert not verdict.ok
@@ -232,12 +240,15 @@ OTHER_GAMES = {
     ],
 )
 def test_the_game_of_which_a_gain_is_exact_is_named(number):
+    """The reason of a wrong gain names the number by which the game of its training differs."""
     trained, game, says = OTHER_GAMES[number]
     assert says in verify(game, from_gain(game, gain(trained))).reason
 
 
 def test_other_games_are_found_in_all_units():
-    """A gain for three times R is named where the states and inputs have other units."""
+    """A gain that is exact for three times R is recognized in a game whose states and inputs have
+    units that differ by factors of 1e-3 to 1e3.
+    """
     x, u = np.array([1e-3, 1.0, 50.0]), np.array([1e3, 0.01])
     A, B, E = (M / x[:, None] for M in (TWO_INPUTS.A * x, TWO_INPUTS.B * u, TWO_INPUTS.E))
     game = Game(A, B, E=E, Q=x**2, R=TWO_INPUTS.R * np.outer(u, u), delta=22.8)
@@ -247,14 +258,18 @@ def test_other_games_are_found_in_all_units():
 
 @pytest.mark.parametrize("number", ["delta", pytest.param("discount", marks=pytest.mark.slow)])
 def test_a_gain_near_that_of_another_game_has_no_such_reason(number):
-    """A gain 2 % from that of another game is not said to be exact for that game."""
+    """A gain whose entries are off by 2 % from the exact gain of another game is not said to be exact
+    for that game.
+    """
     trained, game, _ = OTHER_GAMES[number]
     K = gain(trained) * (1.0 + 0.02 * np.array([[1.0, -1.0, 1.0], [-1.0, 1.0, 1.0]]))
     assert "exact for" not in verify(game, from_gain(game, K)).reason
 
 
 def test_the_nearest_of_several_games_is_named():
-    """A gain is explained by delta 102 within 0.1 %, and exactly by no discount, which is named."""
+    """A gain that is exact without discount, and within 0.1 % also for another delta, has the former
+    as its reason.
+    """
     A, B = [[1.0, 0.1], [0.2, 0.97]], [[0.0], [0.1]]
     game = Game(A, B, Q=np.eye(2), R=[1.0], dt=0.1, discount=0.99)
     reason = verify(game, from_gain(game, gain(replace(game, discount=1.0)))).reason
@@ -263,7 +278,9 @@ def test_the_nearest_of_several_games_is_named():
 
 @pytest.mark.parametrize("delta", [6.0, np.inf])
 def test_the_order_of_an_action_value_is_named(delta):
-    """An H in another order and half of H fail with this reason; the exact H passes."""
+    """An exact H whose blocks are in the order (u, x, w) fails, and the reason names both orders; half
+    of H fails with its factor, and H itself passes. Without disturbance (delta inf), H has no w.
+    """
     game = SAMPLED.with_delta(delta)
     H = solve(game).H
     first = [*range(3, 5), *range(3), *range(5, len(H))]  # the two inputs before the three states
@@ -287,11 +304,15 @@ SAMPLED_ONE = ONE_INPUT.sampled(0.05, 0.99)
 
 
 def scaled(factors):
+    """Return a game and the critic of its exact gain times factors."""
     return TWO_INPUTS, from_gain(TWO_INPUTS, gain(TWO_INPUTS) * factors)
 
 
 def function(game, name, output):
-    """Return a game and the critic of a function that is made of its exact policy and value."""
+    """Return a game and the critic of the function `output` of z, the exact u and the exact V.
+
+    name: name of the function, by which its output is read: "V", else a policy
+    """
     z = ca.SX.sym("z", len(game.A))
     u, V = -ca.DM(gain(game)) @ z, ca.bilin(ca.DM(value(game)), z, z)
     return game, from_network(game, ca.Function(name, [z], [ca.densify(output(z, u, V))]))
@@ -323,13 +344,17 @@ def function(game, name, output):
     ],
 )
 def test_what_is_wrong_with_a_policy_or_a_value_is_named(case, says):
+    """Each critic of a game has the reason `says`, and no nonsmooth point is found in it."""
     game, critic = case
     assert "nonsmooth point" not in critic.origin
     assert says in verify(game, critic, flights=1).reason
 
 
-def test_a_kink_at_the_trim_is_the_first_finding():
-    """It is named first, and the loop is not called stabilizing, as K is only the mean slope."""
+def test_a_nonsmooth_point_at_the_trim_is_the_first_finding():
+    """A policy with two slopes at the trim has the nonsmooth point in the first line and in the
+    reason, and its loop is not called stabilizing, because K has only the mean slopes. One with 1.5
+    times the exact slope on both sides has not.
+    """
     exact = ca.DM(gain(ONE_INPUT)) @ Z
     for above, below, is_nonsmooth in ((2.0, 0.5, True), (1.5, 1.5, False)):
         u = -ca.if_else(exact > 0.0, above * exact, below * exact)

@@ -34,21 +34,26 @@ from hfa.main import BAD_INPUT
 from hfa_model import INPUTS, LINEAR_STATES
 from verification import relative_error
 
+#: Typical deviations of the flexible aircraft: ft/s, rad and rad/s.
 BOX = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
 pytestmark = pytest.mark.usefixtures("folder")
 
 
 def failed(game, candidate, **how):
+    """Return the names of the checks that a critic fails."""
     return failed_names(verify(game, candidate, **how).checks)
 
 
 def over_the_box(game, candidate, box=None):
+    """Return name -> value of the checks of a critic in a box."""
     checks = verify(game, candidate, box=box, flights=1).checks
     return {check.name: check.value for check in checks}
 
 
 def test_a_critic_of_poor_data_is_refused(game):
-    """A critic learned from too few samples fails, and the reason names their rank."""
+    """A right critic fails if its data had only rank 15, less than the 21 weights, and the reason
+    names both numbers.
+    """
     run = learn(game, seed=0)
     check = verify(game, replace(run, excitation=replace(run.excitation, rank=15)))
     assert failed_names(check.checks) == {"data_rank"}
@@ -62,7 +67,9 @@ def test_a_critic_of_poor_data_is_refused(game):
     "ignore:Input"
 )  # SciPy warns of a Lyapunov equation that is singular within rounding
 def test_critics_that_overflow_fail(game):
-    """Critics of size 1e40 fail without an exception, also where the loop has the pole 0."""
+    """Critics 1e40 times too large fail without an exception, also with one whose loop has a pole 0
+    within rounding.
+    """
     assert "K_rel_error" in failed(game, from_value(game, 1e40 * value(game)))
     A, B, E = np.diag([-1.0, -2.0, -3.0]), np.eye(3)[:, :2], np.eye(3)[:, :1]
     small = Game(A, B, E=E, Q=np.eye(3), R=np.eye(2), delta=10.0)
@@ -71,7 +78,7 @@ def test_critics_that_overflow_fail(game):
 
 @pytest.mark.parametrize("number", [np.nan, np.inf, 1e60])
 def test_numbers_that_are_no_critic_are_refused(game, number):
-    """Numbers that are not finite, or too large, are bad input, and no fact about the loop."""
+    """K, P and W with numbers that are not finite, or above 1e50, are refused as bad input."""
     for name, make in {
         "K": lambda: from_gain(game, number * gain(game)),
         "P": lambda: from_value(game, number * value(game)),
@@ -82,6 +89,7 @@ def test_numbers_that_are_no_critic_are_refused(game, number):
 
 
 Z = ca.SX.sym("z", 6)
+#: Words of the error -> kind of output, and an expression without a finite number at z = 0.
 NOT_FINITE = {
     "the policy is nan": ("policy", ca.repmat(ca.sqrt(Z[0] - 1.0), 5)),
     "slope of the policy is": ("policy", ca.repmat(ca.sqrt(Z[0]), 5)),
@@ -93,6 +101,7 @@ NOT_FINITE = {
 
 @pytest.mark.parametrize("says", NOT_FINITE)
 def test_a_network_without_numbers_at_the_trim_is_refused(game, says):
+    """A function whose value or slope at the trim is not finite is refused."""
     kind, expression = NOT_FINITE[says]
     with pytest.raises(BadInputError, match=says):
         from_network(game, ca.Function(kind, [Z], [expression]))
@@ -127,6 +136,7 @@ REFUSED = {
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_wrong_shapes_and_numbers_are_named(game, case):
+    """Each wrong argument of `REFUSED` is refused in one line that names it."""
     call, says = REFUSED[case]
     with pytest.raises(BadInputError, match=says) as refusal:
         call(game)
@@ -150,9 +160,10 @@ def test_a_file_is_read_for_its_game(game):
 
 @pytest.mark.parametrize(("speed", "half_width"), [(120.0, 20.0), (150.0, None), (200.0, None)])
 def test_the_box_extends_to_the_nearer_limit(speed, half_width):
-    """The box about a trim extends to the nearer limit of each state.
+    """The half-width of the box about a trim is the distance of each state to the nearer limit: of
+    the speed 120 ft/s to 100, and 1 of alpha.
 
-    If a state is at or beyond a limit, the box is the balanced one.
+    If a state is at its limit (150) or beyond it, the box is the balanced one.
     """
 
     def equations(x, u, p, w):
@@ -173,7 +184,9 @@ def test_the_box_extends_to_the_nearer_limit(speed, half_width):
 
 
 def test_the_balanced_box_without_a_cost_of_states_does_not_depend_on_their_units():
-    """With Q = 0, it is the same box in all units, except for the rounding to powers of two."""
+    """With Q = 0, the balanced box is the same in all units of the states within two powers of two, to
+    which each half-width is rounded.
+    """
     A, B = np.array([[1.0, 2.0], [3.0, -4.0]]), np.array([[1.0], [0.5]])
     boxes = []
     for units in np.array([[1.0, 1.0], [2.0**20, 1.0], [1.0, 2.0**-12]]):
@@ -217,10 +230,12 @@ def test_contradicting_parts_are_refused(game):
 
 
 def test_errors_are_those_of_their_definitions():
-    """Each error is that of its definition, with an R that is not diagonal.
+    """The checks of errors have the values of their definitions, also if R is not diagonal: relative
+    norms, norms in balanced units, entries relative to at least 1e-5 of the largest, and largest
+    values in a box.
 
-    Definitions are norms, norms in balanced units, entries relative to the largest, and largest
-    values in a box. A quartic term counts in ten times the box, a linear one in a tenth of it.
+    Errors count in each box from 1/10 to 10 times the given one: of V with a quartic term, in the
+    largest (10² times), with a linear term in the smallest (10 times).
     """
     rng = np.random.default_rng(8)
     A, B, E = (rng.standard_normal((3, size)) for size in (3, 2, 1))
@@ -235,9 +250,11 @@ def test_errors_are_those_of_their_definitions():
     box = np.array([2.0, 0.5, 3.0])
 
     def measured(matrix):
+        """Return the norm of R^(1/2) K U in balanced units U."""
         return float(np.sqrt(np.trace(units[:, None] * (matrix.T @ R @ matrix) * units)))
 
     def entry(difference, right):
+        """Return the largest relative error of an entry."""
         return float(
             (np.abs(difference) / np.maximum(np.abs(right), 1e-5 * np.abs(right).max())).max()
         )
@@ -290,7 +307,7 @@ def test_errors_are_those_of_their_definitions():
 
 
 def test_the_relative_error_to_zeros_or_of_nan_is_infinite():
-    """That of zeros to zeros is 0. Arrays of two shapes are refused."""
+    """The relative error of zeros to zeros is 0. Arrays of two shapes are refused."""
     assert relative_error(np.zeros(2), np.zeros(2)) == 0.0
     assert relative_error(np.ones(2), np.zeros(2)) == math.inf
     assert relative_error(np.array([1.0, np.nan]), np.ones(2)) == math.inf

@@ -13,8 +13,8 @@ from verification import nonlinear_plant
 
 
 def test_a_gain_above_delta_fails_and_margins_are_of_both_policies(elevator_game):
-    """The LQR gain does not attenuate disturbances to a delta close to delta_min: it fails, though
-    it stabilizes. The margins are those of the learned and of the exact policy.
+    """The LQR gain stabilizes, but its L2 gain is above a delta of 1.01 delta_min: the grade is
+    "fail", whatever the cost. The stored disk margins are those of this gain and of the exact one.
     """
     game = elevator_game.with_delta(1.01 * solve(elevator_game).delta_min)
     K = solve(game.with_delta(math.inf)).K
@@ -30,8 +30,9 @@ def test_a_gain_above_delta_fails_and_margins_are_of_both_policies(elevator_game
     assert data["disk_margin"] != pytest.approx(data["disk_margin_exact"], rel=1e-5)
 
 
+#: Game whose P is positive definite.
 FULL = hfa.Game(np.diag([-1.0, -2.0]), np.eye(2), Q=np.eye(2), R=np.eye(2))
-#: Its P is semidefinite.
+#: Game whose P is only semidefinite: the second state costs nothing.
 PART = hfa.Game(FULL.A, [[1.0], [0.0]], Q=[1.0, 0.0], R=[1.0])
 
 
@@ -45,6 +46,10 @@ PART = hfa.Game(FULL.A, [[1.0], [0.0]], Q=[1.0, 0.0], R=[1.0])
     ],
 )
 def test_an_indefinite_value_fails_beyond_the_permitted_error(game, factor, less, limit, ok):
+    """P may have a negative eigenvalue only as far as the limit of its error permits.
+
+    factor, less: P is the factor times the exact one, minus a share of its largest entry at (2, 2)
+    """
     P = factor * solve(game).P - np.diag([0.0, less * solve(game).P.max()])
     checks = verify(game, hfa.from_value(game, P), limit=limit).checks
     (least,) = [check for check in checks if check.name == "P_smallest_eigenvalue"]
@@ -52,7 +57,9 @@ def test_an_indefinite_value_fails_beyond_the_permitted_error(game, factor, less
 
 
 def test_inputs_of_the_nonlinear_plant_end_at_their_limits():
-    """Inputs are deviations from the trim, which end where the inputs reach their limits."""
+    """The limits of the plant's inputs, which are deviations from the trim, are those of the aircraft,
+    and a larger input has the rates of the limit.
+    """
     linear = model_at(15.0)
     plant = nonlinear_plant(linear)
     signals = [linear.model.inputs[name] for name in linear.inputs]
@@ -65,7 +72,11 @@ def test_inputs_of_the_nonlinear_plant_end_at_their_limits():
 
 
 def test_the_pole_of_a_loop_has_the_sign_that_is_proved():
-    """Where rounding decides the sign of a pole in doubles, the pole is enclosed."""
+    """The pole of a loop with the gain 1e-18 in z2 is -5e-19, below the rounding of A - B K in
+    doubles; the check has this pole and passes.
+
+    A has the eigenvalues 0 and -2, and the gain moves the first by half of its size.
+    """
     A, B = [[-1.0, 1.0], [1.0, -1.0]], [[0.0], [1.0]]
     game = hfa.Game(A, B, Q=np.eye(2), R=[1.0])
     checks = verify(game, hfa.from_gain(game, [[0.0, 1e-18]])).checks

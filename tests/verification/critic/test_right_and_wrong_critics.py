@@ -3,8 +3,6 @@
 No reason names a mistake that was not made.
 """
 
-from __future__ import annotations
-
 from functools import cache, partial
 from typing import NamedTuple
 
@@ -20,6 +18,7 @@ from controller import basis
 from hfa import solve
 
 pytestmark = pytest.mark.usefixtures("folder")
+#: Number of flights of a critic that is simulated; the default takes longer.
 FAST = 4
 DEGREE = np.pi / 180.0
 
@@ -33,6 +32,7 @@ class Case(NamedTuple):
 
     @property
     def W(self):
+        """Weights of the exact P in the quadratic basis."""
         return basis("quadratic", len(self.P)).weights(self.P)
 
     def with_delta(self, factor):
@@ -50,6 +50,7 @@ GAMES = {"continuous": "linear", "discrete": "discrete", "sampled": "sampled"}
 
 @cache
 def case_of(time):
+    """Return the game in continuous time, in discrete time, or sampled, with 3 states and 2 inputs."""
     rng = np.random.default_rng(4)
     A, B, E = (rng.standard_normal((3, columns)) for columns in (3, 2, 1))
     Q, R = np.diag([1.0, 2.0, 0.5]), np.diag([1.0, 0.6])
@@ -64,10 +65,15 @@ def case_of(time):
 
 
 def read(case, basis=None, **arrays):
+    """Return the critic of a file with arrays."""
     return hfa.read_critic(stored("critic.npz", **arrays), case.game, basis=basis)
 
 
 def network(case, **layers):
+    """Return the critic of a network of u: one affine layer, or two with tanh between them.
+
+    layers: "weight", "bias", "0_weight", "2_weight" -> array
+    """
     named = {name.replace("_", "."): array for name, array in layers.items()}
     path = torch_file("critic.pt", named)
     activation = "tanh" if len(layers) > 1 and "0.weight" in named else None
@@ -75,12 +81,14 @@ def network(case, **layers):
 
 
 def function(case, kind):
+    """Return the critic of the exact functions of a kind, with 3 added to V."""
     z = ca.SX.sym("z", 3)
     V, u = ca.bilin(ca.DM(case.P), z, z) + 3.0, -ca.DM(case.K) @ z
     outputs = {"V": V, "gradient": ca.gradient(V, z), "V+policy": ca.vertcat(V, u)}
     return hfa.from_network(case.game, ca.Function("f", [z], [outputs[kind]]), network=kind)
 
 
+#: Way in which a right critic is given -> function that makes it.
 RIGHT = {
     "P": lambda case: hfa.from_value(case.game, case.P),
     "K": lambda case: hfa.from_gain(case.game, case.K),
@@ -96,6 +104,7 @@ RIGHT = {
     "network of u": lambda case: network(case, weight=-case.K),
     **{kind: partial(function, kind=kind) for kind in ("V", "gradient", "V+policy")},
 }
+#: Ways whose critics are simulated.
 FLOWN = ("network of u", "V", "gradient", "V+policy", "listed")
 #: Mistake -> critic, and words of which the reason contains one. Without words, there is no reason.
 WRONG = {
@@ -137,7 +146,9 @@ def in_each_time(kinds):
 
 @pytest.mark.parametrize(("way", "time"), in_each_time(RIGHT))
 def test_a_right_critic_passes(way, time):
-    """It passes without a reason. Only networks, functions and listed bases are simulated."""
+    """A right critic passes without a reason, however it is given. Only networks, functions and
+    listed bases are simulated.
+    """
     case = case_of(time)
     verdict = hfa.verify(case.game, RIGHT[way](case), flights=FAST)
     assert verdict.ok, str(verdict)
@@ -148,7 +159,9 @@ def test_a_right_critic_passes(way, time):
 
 @pytest.mark.parametrize(("mistake", "time"), in_each_time(WRONG))
 def test_a_wrong_critic_fails_for_the_right_reason(mistake, time):
-    """It fails, and the reason contains one of the words, or is "" if there are none."""
+    """A wrong critic fails, and the reason contains one of the words of `WRONG`, or is "" without
+    words.
+    """
     case = case_of(time)
     critic, reasons = WRONG[mistake]
     verdict = hfa.verify(case.game, critic(case), flights=FAST)

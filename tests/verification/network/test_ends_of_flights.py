@@ -11,12 +11,14 @@ from hfa import Game, from_network, solve, verify
 from hfa_aircraft.batch_simulation import FlightOutcome
 from verification.network.loops import Loop, Rates
 
+#: Unstable plants with one state and one input, in continuous time and in steps of 0.1 s.
 FLOW = Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0])
 STEP = Game([[1.1]], [[0.1]], Q=[0.1], R=[0.1], dt=0.1)
 Z = ca.SX.sym("z")
 
 
 def judged(game, u, flights=10):
+    """Return the verdict on a policy, an expression of `Z`, in the box |z| <= 1."""
     critic = from_network(game, ca.Function("policy", [Z], [u]), network="policy")
     return verify(game, critic, box=[1.0], flights=flights)
 
@@ -45,10 +47,10 @@ def cost_of_steps(limit, K):
 @pytest.mark.parametrize("limit", [1.05, 3.0])
 @pytest.mark.parametrize(("game", "cost"), [(FLOW, cost_of_flow), (STEP, cost_of_steps)])
 def test_a_policy_that_is_slow_at_its_limit_has_the_cost_of_its_flight(game, cost, limit):
-    """Its cost is that of a simulation from the edge of the box, however slowly it converges there.
+    """The policy u = -limit tanh(K z / limit) has the cost of a simulation from the edge of the box,
+    z = 1, from which its flight returns slowly: x' = z + u, and |u| is at most 1.05.
 
-    At the edge, the limit 1.05 leaves a twentieth of the input to return. The reason names the
-    input there.
+    The reason names the input at the edge.
     """
     exact = solve(game)
     K = exact.K.item()
@@ -63,6 +65,7 @@ def test_a_policy_that_is_slow_at_its_limit_has_the_cost_of_its_flight(game, cos
 
 @pytest.mark.parametrize("game", [FLOW, STEP])
 def test_a_limit_below_what_the_box_needs_has_no_bounded_cost(game):
+    """At z = 1, inputs within 0.9 do not stop the unstable plant, which needs |u| > 1."""
     K = solve(game).K.item()
     verdict = judged(game, -0.9 * ca.tanh(K * Z / 0.9))
     assert verdict.cost_above_optimum_percent == math.inf
@@ -71,7 +74,9 @@ def test_a_limit_below_what_the_box_needs_has_no_bounded_cost(game):
 
 @pytest.mark.parametrize(("game", "unit"), [(FLOW, " s"), (STEP, " steps")])
 def test_a_flight_that_neither_converges_nor_diverges_is_not_decided(game, unit):
-    """From the edge of the box, the loop comes to rest at z = 0.8."""
+    """A policy is -K z near the trim, but beyond z = 0.5 it leads to another equilibrium, z = 0.8:
+    the flight from z = 1 neither converges to 0 nor diverges. Its cost is nan, and it fails.
+    """
     K = solve(game).K.item()
     far = 1.0 / (1.0 + ca.exp(-200.0 * (Z - 0.5)))
     u = -K * Z * (1.0 - far) + far * (-0.8 - 2.0 * (Z - 0.8))
@@ -86,7 +91,9 @@ def test_a_flight_that_neither_converges_nor_diverges_is_not_decided(game, unit)
 
 
 def test_a_flight_that_runs_out_of_steps_ends_with_its_last_whole_tick():
-    """An oscillation takes as many steps in each tick. A third tick takes more than are left."""
+    """An oscillation takes the same number of steps in each tick. With 2.5 times this number, the
+    flight ends undecided after two whole ticks.
+    """
     x = ca.SX.sym("x", 3)
     closed = ca.Function("closed", [x], [ca.vertcat(50.0 * x[1], -50.0 * x[0], 0.0), x[0] ** 2])
     start, tick = np.array([[1.0, 0.0]]), 2.0

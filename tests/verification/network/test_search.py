@@ -11,12 +11,16 @@ from planted_critics import gain, value
 
 from hfa import Game, from_gain, from_network, solve, verify
 
+#: Typical deviations of the flexible aircraft: ft/s, rad and rad/s.
 BOX = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
 pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_a_network_right_only_at_the_origin_fails(game):
-    """For u = -K z + 5 z_1³/7³ e_1, the error found is the largest one in the box."""
+    """The policy u = -K z + 5 z_1³/7³ e_1 has the exact K, and fails by the search alone: the error
+    found is the largest in the box, 5 at z_1 = 7, relative to the largest exact input, in units of
+    1/√R.
+    """
     z = ca.SX.sym("z", 6)
     u = -ca.DM(gain(game)) @ z + 5.0 * (z[0] / 7.0) ** 3 * ca.DM(np.eye(5)[0])
     critic = from_network(game, ca.Function("policy", [z], [u]), network="policy")
@@ -31,7 +35,11 @@ def test_a_network_right_only_at_the_origin_fails(game):
 
 @pytest.mark.parametrize("unit", [1.0, 1e9])
 def test_the_reason_of_a_squashed_network_does_not_depend_on_the_unit_of_an_input(unit):
-    """A wrong row of K is told, though the entries of another row are large in their unit."""
+    """The unit of the second input scales B and R. The first input is squashed: u1 = 0.2 tanh(./0.2).
+
+    If the second is exact, the reason is the squash. If it is doubled, the reason names the factor of
+    each row of K, though in the unit 1e9 the entries of the second row are 1e-9 times as large.
+    """
     A, B = np.array([[0.0, 1.0], [0.5, -1.0]]), np.array([[0.0, unit], [1.0, 0.0]])
     game = Game(A=A, B=B, Q=np.eye(2), R=np.diag([1.0, unit**2]), delta=math.inf)
     z = ca.SX.sym("z", 2)
@@ -47,7 +55,7 @@ def test_the_reason_of_a_squashed_network_does_not_depend_on_the_unit_of_an_inpu
 
 
 def test_a_value_with_nan_in_the_box_fails(game):
-    """The error of a value that is nan in part of the box is infinite."""
+    """The error of a value that is nan where z_1 < -1, a part of the box, is infinite."""
     z = ca.SX.sym("z", 6)
     V = ca.bilin(ca.DM(value(game)), z, z) + 1e-30 * ca.sqrt(z[0] + 1.0)
     critic = from_network(game, ca.Function("V", [z], [V]), network="V")
@@ -56,9 +64,9 @@ def test_a_value_with_nan_in_the_box_fails(game):
 
 
 def test_a_biased_exact_gain_is_stable_about_another_equilibrium(game):
-    """The exact gain plus 0.3 of the largest input in the box fails, and the bias is named.
-
-    The equilibrium is reported, and the cost relative to the equilibrium is optimal.
+    """The exact gain plus a constant, 0.3 of the largest inputs in the box, fails by its error at the
+    origin and by its equilibrium off the trim, and the reason is the bias. The first lines have the
+    equilibrium before the cost, which is optimal about it.
     """
     offset = 0.3 * np.abs(gain(game)) @ BOX
     critic = from_network(game, torch_file("b.pt", {"weight": -gain(game), "bias": offset}))
@@ -76,7 +84,8 @@ def test_a_biased_exact_gain_is_stable_about_another_equilibrium(game):
 
 @pytest.mark.parametrize("factor", [1.0, 1.5])
 def test_only_the_clipping_of_an_exact_gain_is_named(factor):
-    """For clip(-K z, ±0.3) with the exact K, the clipped part of the box is named, for 1.5 K not.
+    """The reason of clip(-K z, ±0.3) with the exact K is the clipping, in 88 % of the box, and that
+    the policy is exact otherwise. It is not so of 1.5 K.
 
     In z' = z + u with Q = 1, R = 1, K = 1 + √2: |K z| >= 0.3 on 1 - 0.3/K of the box |z| <= 1.
     """
@@ -103,11 +112,11 @@ def biased(game, share):
 
 @pytest.mark.parametrize(("share", "grade"), [(1e-8, "near"), (0.3, "fail")])
 def test_a_bias_is_graded_by_the_cost_of_its_equilibrium(game, share, grade):
-    """verdict.holds(limit) is true if the limit (%) exceeds the cost above the optimum and
-    100 V*(z) / (mean of V* over the corners of the box) at the equilibrium z.
+    """A policy with a constant of a `share` of the largest inputs in the box has an equilibrium z off
+    the trim. The check "rest_point" has V*(z) in percent of the mean of V* over the corners of the
+    box; verdict.holds(limit) is true if the limit exceeds this number and the cost above the optimum.
 
-    The stated cost of an equilibrium per second is z'Qz + u'Ru.
-    share: constant added to u, relative to the largest inputs in the box
+    The stated cost of the equilibrium per second is z'Qz + u'Ru.
     """
     critic = biased(game, share)
     verdict = verify(game, critic, limit=1e-9, flights=4)
@@ -131,10 +140,11 @@ def test_a_bias_is_graded_by_the_cost_of_its_equilibrium(game, share, grade):
 
 
 def test_errors_are_relative_to_the_largest_exact_numbers_in_the_box():
-    """Errors of V are relative to b'|P|b, those of slopes and inputs to their largest in the box.
+    """For V 10 % too large (plus a constant, which counts nothing) and u = -0.8 K z, the errors found
+    are relative to b'|P|b of V, and to the largest slope and input in the box |z_i| <= b_i.
 
-    Inputs are compared in units of 1/sqrt(R). The largest of an input counts as at least 1e-5 of
-    that of all inputs.
+    Inputs are compared in units of 1/√R; the largest of one input counts as at least 1e-5 of the
+    largest of all: 20 % of the second input, whose R is 1e14, are a smaller error.
     """
     A = np.array([[-0.5, 1.0], [-1.0, 0.2]])
     B = np.array([[0.0, 1.0], [1.0, 0.0]])
