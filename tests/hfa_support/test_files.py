@@ -43,7 +43,11 @@ UNREADABLE = {
     enumerate([f"trim {AT_15} --parameters a.toml", f"verify {AT_15} --weights a.json"]),
 )
 def test_an_unreadable_file_is_refused(fault, number, words):
-    """FIFOs, folders, large, missing and damaged files are refused in one line, without blocking."""
+    """FIFOs, folders, large, missing and damaged files are refused in one line that names the file
+    and the reason, without blocking.
+
+    number: 0 for `trim`, 1 for `verify`, whose reasons are those of `UNREADABLE` in this order
+    """
     name = words.split()[-1]
     make, *reasons = UNREADABLE[fault]
     make(name)
@@ -60,18 +64,20 @@ def zipped(name="K.npy", content=b"text", method=zipfile.ZIP_DEFLATED):
 def damaged_zip():
     """Return a zip file whose compressed data have a wrong bit."""
     content = zipped(content=bytes(range(256)) * 40)
-    content[40] ^= 0xFF
+    content[40] ^= 0xFF  # after the header of the member, which has 36 bytes
     return content
 
 
 def encrypted_zip():
     """Return a zip file whose member is said to be encrypted."""
     content = zipped()
-    content[6] |= 1
+    content[6] |= 1  # flag in the header of the member, and in the directory of the file
     content[content.index(b"PK\x01\x02") + 8] |= 1
     return content
 
 
+#: Fault -> function that returns the bytes of the file, and the reason of the refusal; the last
+#: file is a zip file without fault, and has none of the expected members.
 ZIPS = {
     "damaged": (damaged_zip, "not a readable zip"),
     "encrypted": (encrypted_zip, "password"),
@@ -89,7 +95,9 @@ ZIPS = {
     [*(fault for fault in ZIPS if fault != "large"), pytest.param("large", marks=pytest.mark.slow)],
 )
 def test_a_wrong_zip_file_is_refused_in_one_line(fault):
-    """Whatever is wrong with a zip file, an FMU, arrays and networks in it are refused alike."""
+    """A zip file with a fault is refused with the same reason as an FMU, as .npz, and as a network
+    (.pt, .zip).
+    """
     make, said = ZIPS[fault]
     for name in ("a.fmu", "a.npz", "a.pt", "a.zip"):
         Path(name).write_bytes(make())
@@ -99,8 +107,10 @@ def test_a_wrong_zip_file_is_refused_in_one_line(fault):
         assert_refused(run(*words, name), 2, name, said)
 
 
-def test_a_key_of_many_parts_is_refused_at_once():
-    """The time of Python's reader is quadratic in the parts of a key; a text has any points."""
+def test_a_toml_key_of_many_parts_is_refused():
+    """A key a.a.a... of 30,000 parts is refused before Python's reader sees it, which would take
+    hours; a comment may have as many points.
+    """
     for key in ("a" + ".a" * 30_000, '"b"' + " . 'c'" * 30_000):
         Path("a.toml").write_text(f"{key} = 1\n")
         assert_refused(run("trim", "--parameters", "a.toml"), 2, "a.toml", "parts")
@@ -110,9 +120,10 @@ def test_a_key_of_many_parts_is_refused_at_once():
 
 @pytest.mark.parametrize("is_named", [False, True])
 def test_a_full_disk_is_told_with_the_file(monkeypatch, is_named):
-    """An output that the disk cannot hold is refused by its name, and nothing remains.
+    """An output that the disk cannot hold is refused by the name of the output, and no file
+    remains.
 
-    The system's error may name the temporary file (`is_named`); the message names the output.
+    is_named: whether the system's error names the temporary file, which the message must not name
     """
 
     def full(temporary, _):
@@ -141,7 +152,12 @@ INPUT = "is an input of this run; name another file"
     ],
 )
 def test_an_output_replaces_no_input(words, kept, said):
-    """An output that is an input of the run, another output or no regular file is refused."""
+    """An output that is an input of the run, also through a link or another path, another output or
+    no regular file is refused, and all files remain as they were.
+
+    B.csv and navion.py are inputs because A.csv and link.svg -> navion.py are.
+    kept: file whose content is compared
+    """
     np.savetxt("A.csv", [[0.0, 1.0], [-1.0, -1.0]], delimiter=",")
     np.savetxt("B.csv", [[0.0], [1.0]], delimiter=",")
     Path("link.csv").symlink_to("A.csv")
@@ -176,15 +192,22 @@ def test_an_interrupted_write_keeps_the_old_file(monkeypatch):
 
 
 def test_an_interrupted_folder_is_not_written():
-    writing = folder_written_whole("models")
-    (writing.__enter__() / "a.json").write_text("half")
+    """If the block of `folder_written_whole` is interrupted after its first file, nothing remains."""
+
+    def write_half():
+        with folder_written_whole("models") as folder:
+            (folder / "a.json").write_text("half")
+            raise KeyboardInterrupt
+
     with pytest.raises(KeyboardInterrupt):
-        writing.gen.throw(KeyboardInterrupt())
+        write_half()
     assert os.listdir() == []
 
 
 def test_a_replaced_file_keeps_its_permissions():
-    """A file in a folder that does not exist is refused."""
+    """A file with the permissions 640 has them after it is written anew; a file in a folder that
+    does not exist is refused.
+    """
     game = hfa.Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0])
     Path("kept.npz").touch(mode=0o600)
     Path("kept.npz").chmod(0o640)

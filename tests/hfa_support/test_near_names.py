@@ -15,13 +15,13 @@ from hfa_support.errors import choice_of, nearest
     ],
 )
 def test_similar_names_are_suggested(name, known, meant):
-    """Known names similar to an unknown name are suggested.
-
-    A name that differs only in case is suggested alone.
+    """Known names similar to an unknown name are suggested: those that it begins, whatever its
+    case, else the most similar ones; a name that differs only in case is suggested alone.
     """
     assert choice_of(name, known).startswith(f"did you mean {meant}? choose from")
 
 
-def test_dashes_make_no_options_alike():
+def test_options_are_not_similar_by_their_dashes():
+    """--dt is near neither --at nor --delta, with which it has the dashes and one letter in common."""
     assert nearest("--dt", ("--at", "--delta")) == []
     assert nearest("--detla", ("--at", "--delta")) == ["--delta"]

@@ -10,12 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import assert_refused, hfa
+from json_places import replaced
 from project import ROOT
 
 pytest.importorskip("hfa_flight")
 
 from hfa import BadInputError, Model, Signal, load_model, trim
+from hfa.extend import Report
 from hfa.main import BAD_INPUT, DONE, FAILED
+from hfa_page import command
 from hfa_page.main_job import Position, flight_in_turbulence, values_about
 from trim.point.condition import usual_condition
 
@@ -31,33 +34,23 @@ UAV = str(ROOT / "examples" / "uav.toml")
 
 def page_of(path):
     """Return the page without the script of Plotly."""
-    html = path.read_text(encoding="utf-8")
+    html = path.read_text("utf-8")
     longest = max(re.findall(r"<script[^>]*>.*?</script>", html, re.S), key=len)
     return html.replace(longest, "")
 
 
-@pytest.fixture(scope="module")
-def written_report(tmp_path_factory):
-    """Return the result of the command and the folder that it wrote."""
-    folder = tmp_path_factory.mktemp("report") / "new"
-    words = (
-        "-o",
-        str(folder),
-        "--dihedral",
-        "15",
-        "--json",
-        "--outputs",
-        "load_factor",
-        "--sweep",
-        "10:20:5",
-        "--flights",
-        str(FLIGHTS),
-    )
-    return hfa("report", *words), folder
+def test_a_new_folder_is_written_whole(monkeypatch):
+    """If the page cannot be written, the new folder does not remain with what was written before."""
+    monkeypatch.setattr(command, "write_text", lambda *_: Path("none").read_bytes())
+    with pytest.raises(FileNotFoundError):
+        command._written("", Report(""), Path("pages"))
+    assert [*Path().iterdir()] == []
 
 
 def test_a_flight_that_is_not_on_the_page_has_a_sentence(monkeypatch):
-    """The page has the reason why there is no trim, or that the package of flights is missing."""
+    """In place of a flight in turbulence, the page has the reason why there is no trim, or that the
+    package of flights is missing. The aircraft is irrelevant.
+    """
     condition = usual_condition(load_model(UAV))
     nowhere = flight_in_turbulence(Position(0.2, condition, reason="no trim at 11 deg"))
     assert "no trim at 11 deg" in nowhere.parts[0]
@@ -68,7 +61,9 @@ def test_a_flight_that_is_not_on_the_page_has_a_sentence(monkeypatch):
 
 @pytest.mark.slow
 def test_a_report_replaces_the_pictures_of_an_earlier_one(folder):
-    """A report with other angles removes the pictures of the earlier report, and nothing else."""
+    """A report with other angles removes the pictures of the earlier report, which its numbers
+    name, and no other file.
+    """
     words = ("report", "-o", "pages", "--sweep", "5:15:10", "--dihedral")
     assert hfa(*words, "5").code == DONE
     Path("pages", "critic-7.png").write_bytes(b"of the user")
@@ -78,13 +73,14 @@ def test_a_report_replaces_the_pictures_of_an_earlier_one(folder):
 
 
 @pytest.mark.slow
-def test_the_folder_contains_page_pictures_and_numbers(written_report):
-    """The folder contains the page, pictures and numbers. The numbers equal those of other
-    commands.
-
-    The page loads nothing from a network.
+def test_the_folder_contains_page_pictures_and_numbers(folder):
+    """The folder contains the page, pictures and numbers, which are printed too and equal those of
+    `hfa linearize` and `hfa fly` with the page's noise. The page has verdict, matrices, the costs
+    of stored flights and three pictures, and loads nothing from a network.
     """
-    result, folder = written_report
+    folder = folder / "new"
+    line = "--dihedral 15 --json --outputs load_factor --sweep 10:20:5 -o new --flights"
+    result = hfa("report", *line.split(), str(FLIGHTS))
     assert (result.code, result.err) == (DONE, "")
     names = {
         "report.html",
@@ -96,15 +92,12 @@ def test_the_folder_contains_page_pictures_and_numbers(written_report):
         "turbulence.png",
     }
     assert {path.name for path in folder.iterdir()} == names
-    text = (folder / "numbers.json").read_text(encoding="utf-8")
+    text = (folder / "numbers.json").read_text("utf-8")
     data = json.loads(text, parse_constant=pytest.fail)
     assert json.loads(result.out) == data
     assert data["ok"]
-    assert (len(data["regeneration"]["cases"]), len(data["sweep"]["A"]), len(data["angles"])) == (
-        2,
-        3,
-        1,
-    )
+    counts = [len(data["regeneration"]["cases"]), len(data["sweep"]["A"]), len(data["angles"])]
+    assert counts == [2, 3, 1]
     linearized = json.loads(hfa("linearize", "--dihedral", "15", "--json").out)
     assert data["angles"][0]["model"]["A"] == linearized["A"]
     noise = ("speed=.3", "alpha=.17", "pitch=.11", "pitch_rate=.17", "dihedral=.11")
@@ -150,7 +143,8 @@ def test_pictures_of_the_documents_are_current():
 @pytest.mark.slow
 def test_the_page_of_an_aircraft_is_about_it(folder):
     """The numbers of another aircraft are those of `hfa trim`; its page has its name, trims, modes,
-    book, warnings and the game of its Q and R, and nothing of the paper.
+    book, warnings and the game of its Q and R, and nothing of the paper. With Izz = 3, no rigid
+    body has its inertias; at 8 m/s, a condition of book.csv, it has no trim.
     """
     text = Path(UAV).read_text("utf-8").replace("Izz = 1.759", "Izz = 3.0")
     Path("uav.toml").write_text(text)
@@ -181,7 +175,9 @@ def test_the_page_of_an_aircraft_is_about_it(folder):
 
 @pytest.mark.slow
 def test_an_angle_without_trim_is_reported_with_reason(tmp_path):
-    """An angle without a trim is on the page with the reason, and the command fails."""
+    """An angle without a trim is on the page with the reason, and the command fails: the HFA has no
+    trim at 59 deg.
+    """
     page = tmp_path / "page.html"
     result = hfa("report", "-o", str(page), "--dihedral", "59", "--sweep", "20,59")
     assert (result.code, result.err) == (FAILED, "")
@@ -221,14 +217,14 @@ def test_a_missing_plotly_is_refused_before_the_computation():
 )
 def test_wrong_options_of_report_are_refused(words, named):
     """Wrong options of `hfa report` are refused, and no file is written."""
-    Path("file").write_text("a file", encoding="utf-8")
+    Path("file").write_text("a file")
     assert_refused(hfa("report", *words.split()), BAD_INPUT, named)
     assert list(Path().iterdir()) == [Path("file")]
 
 
 def test_a_slider_has_ends():
-    """A variable that is 0 at the default trim gives the slider no values unless it has limits, which
-    are then its ends.
+    """A slider ends at 1.5 times the value at the default trim. A value of 0 there is refused
+    unless the variable has limits, which are then the ends.
     """
 
     def rates(x, u, p, w):
@@ -246,8 +242,10 @@ def test_a_slider_has_ends():
 
 
 @pytest.mark.slow
-def test_another_aircraft_fails_and_is_told_from_that_of_the_studies():
-    """With other parameters, the pairs are not regenerated, and stored flights are another's."""
+def test_other_parameters_fail_and_are_told_from_those_of_stored_flights():
+    """With the parameters of another study, the printed pairs are not regenerated, and the page
+    states that its stored flights are those of another aircraft.
+    """
     words = ("--dihedral", "15", "--sweep", "15", "--parameters", "gibson-2011-simulation")
     result = hfa("report", "-o", "page.html", *words, "--flights", str(FLIGHTS))
     assert (result.code, "Both printed pairs regenerated: NO" in result.out) == (FAILED, True)
@@ -260,12 +258,11 @@ def test_another_aircraft_fails_and_is_told_from_that_of_the_studies():
     "place", [["schema"], ["models", 0, "A", 0], ["flights", 0, "best", "cost"]]
 )
 def test_damaged_results_of_a_study_are_refused(place):
-    """A file of flights with a damaged entry is refused in one line."""
-    data = json.loads((FLIGHTS / "best_flights.json").read_text(encoding="utf-8"))
-    inner = data
-    for key in place[:-1]:
-        inner = inner[key]
-    inner[place[-1]] = "x"
-    Path("best_flights.json").write_text(json.dumps(data), encoding="utf-8")
+    """A file of stored flights with a text in place of an entry is refused in one line.
+
+    place: keys and indices of the entry
+    """
+    data = json.loads((FLIGHTS / "best_flights.json").read_text("utf-8"))
+    Path("best_flights.json").write_text(json.dumps(replaced(data, place, "x")))
     words = ("report", "--dihedral", "15", "--json", "--flights", ".")
     assert_refused(hfa(*words), BAD_INPUT, "damaged")

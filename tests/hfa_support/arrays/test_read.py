@@ -16,6 +16,7 @@ from hfa import BadInputError
 
 pytestmark = pytest.mark.usefixtures("folder")
 
+#: A game of two states and two inputs, for which a file gives a critic K of 2 x 2.
 GAME = hfa.Game([[0.0, 1.0], [-2.0, -3.0]], np.eye(2), Q=np.eye(2), R=np.eye(2))
 
 
@@ -62,7 +63,10 @@ def element(kind, content):
 
 
 def head(kind, size, name):
-    """Return the flags, dimensions and name of a matrix."""
+    """Return the flags, dimensions (1, size) and name of a matrix in a .mat file.
+
+    kind: MATLAB's number of the class: 2 structure, 4 text, 6 doubles
+    """
     return (
         element(6, struct.pack("<II", kind, 0))
         + element(5, struct.pack("<ii", 1, size))
@@ -71,7 +75,7 @@ def head(kind, size, name):
 
 
 def zeros_of(kind, count):
-    """Return an element with a variable K of zeros: numbers in a structure, or a text."""
+    """Return an element with a variable K of `count` zeros: numbers in a structure, or a text."""
     if kind == "text":
         return element(14, head(4, count, b"K") + element(4, bytes(2 * count)))
     numbers = element(14, head(6, count, b"") + element(9, bytes(8 * count)))
@@ -80,9 +84,9 @@ def zeros_of(kind, count):
 
 
 @pytest.mark.parametrize("kind", ["numbers", "text"])
-def test_a_mat_file_that_unpacks_to_more_is_refused_before_it_is_read(kind, monkeypatch):
-    """Numbers in structures and letters of texts count: 2**20 of them have 2 MiB or more. A K of 1000
-    is refused as no matrix.
+def test_a_mat_file_that_unpacks_to_more_is_refused(kind, monkeypatch):
+    """A .mat file with 2**20 numbers in a structure, 8 MiB, or letters of a text, 2 MiB, is refused
+    with a limit of 1 MiB. One with 1000 is refused too, as K is no matrix, but not for its size.
     """
     monkeypatch.setattr("hfa_support.arrays.read.LARGEST", 2**20)
     header = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
@@ -98,6 +102,7 @@ def test_a_mat_file_that_unpacks_to_more_is_refused_before_it_is_read(kind, monk
 
 A = np.array([[0.0, 1.0], [-2.0, -3.0]])
 B = np.array([[0.5], [1.0]])
+#: Texts of A.csv and B.csv: numbers alone, with names of rows and columns, with names of columns.
 BARE = "0,1\n-2,-3\n", ".5\n1e0\n"
 NAMED = (
     ",speed [ft/s],alpha [rad]\nspeed [ft/s],0,1\nalpha [rad],-2,-3\n",
@@ -160,7 +165,9 @@ def test_csv_matrices_are_read_with_optional_names(texts, names):
     ],
 )
 def test_csv_files_without_a_matrix_are_refused(texts, said):
-    """.csv files that do not contain a matrix are refused, and the message states the reason."""
+    """.csv files that do not contain a matrix, or have its rows or columns in another order than
+    the states, are refused with the reason.
+    """
     with pytest.raises(BadInputError, match=said):
         game_of_csv(**texts)
 
@@ -174,7 +181,7 @@ class RunsCode:
 
 @pytest.mark.parametrize("name", ["K.npy", "other.npy", "K.npz"])
 def test_a_file_of_arrays_runs_no_code(name):
-    """A pickled object in a .npy or .npz file is refused and not loaded."""
+    """A pickled object in a .npy or .npz file is refused, and its code does not run."""
     held = np.array([RunsCode()], dtype=object)
     save = np.savez if name.endswith("z") else np.save
     save(name, held, allow_pickle=True)

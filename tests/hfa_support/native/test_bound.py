@@ -10,9 +10,9 @@ from hfa_support.native.bound import RowFunction
 
 
 class _Recorded(ca.Callback):
-    """x -> 1/x, with the arguments of its evaluations in `seen`.
+    """CasADi Function x -> 1/x in Python, which stores the arguments of its evaluations in `seen`.
 
-    meanwhile: called within the first evaluation
+    meanwhile: function that is called within the first evaluation
     """
 
     def __init__(self, meanwhile=lambda: None):
@@ -30,7 +30,10 @@ class _Recorded(ca.Callback):
 
 @pytest.mark.parametrize("counts", [(1,), (5, 16, 37), (300, 1800, 7)])
 def test_rows_of_any_number_have_their_own_results(counts):
-    """Rows are evaluated in blocks of one, of 16 and of 250, with a last one that is not full."""
+    """The results of each row are those of its arguments, for numbers of rows of which blocks of
+    one, of 16 and of 250 rows are made, the last one of which is not full. After 2000 rows, blocks
+    are made in another way.
+    """
     x, y = ca.SX.sym("x", 2), ca.SX.sym("y")
     rows = RowFunction(ca.Function("f", [x, y], [ca.vertcat(x[0] - x[1], y * x[1]), y**2]))
     for count in counts:
@@ -42,7 +45,9 @@ def test_rows_of_any_number_have_their_own_results(counts):
 
 
 def test_a_function_is_evaluated_at_the_given_rows_only():
-    """The rows that fill up a block of 16 repeat given rows: the function sees no other points."""
+    """Of 10 rows, a block of 16 is filled up with given rows: the function sees no other points, at
+    which it may not be defined.
+    """
     recorded = _Recorded()
     (found,) = RowFunction(recorded)(np.arange(1.0, 11.0)[:, None])
     np.testing.assert_allclose(found[:, 0], 1.0 / np.arange(1.0, 11.0))

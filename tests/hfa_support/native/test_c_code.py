@@ -16,7 +16,9 @@ x, xx = ca.SX.sym("x", 2), ca.SX.sym("xx")
     ("result", "computed"), [(2.0 * xx, 6.0), (ca.SX(0, 1), -1.0)], ids=["x unused", "empty"]
 )
 def test_unused_arguments_and_empty_results_compile_without_warnings(result, computed, tmp_path):
-    """The compiled function computes 2 xx, and an empty result leaves the memory as it was."""
+    """C code of a function (x, xx) -> 2 xx, and of one without results, compiles with all warnings
+    as errors. The first computes 6 at xx = 3, and the second leaves the memory, -1, as it was.
+    """
     function = c_function(ca.Function("f", [x, xx], [result]), "f", ("x", "xx"), ("y",))
     caller = "int g(const double *x, const double *xx, double *y)"
     text = f"{function}{caller};\n{caller} {{ f(x, xx, y); return 0; }}\n"
@@ -26,7 +28,9 @@ def test_unused_arguments_and_empty_results_compile_without_warnings(result, com
 
 
 def comparisons(a, b):
-    """Return operations that differ only where operands are equal, 0 or of another sign."""
+    """Return operations of which a wrong one may differ only where operands are equal, 0 or of
+    another sign.
+    """
     return ca.vertcat(
         a < b, a <= b, a > b, a >= b, ca.eq(a, b), ca.ne(a, b), ca.sign(a), ca.logic_not(a),
         ca.logic_and(a, b), ca.logic_or(a, b), ca.if_else(a, b, -1.0), ca.fmin(a, b), ca.fmax(a, b),
@@ -36,7 +40,9 @@ def comparisons(a, b):
 
 @needs_gcc
 def test_comparisons_are_those_of_casadi(tmp_path):
-    """Of operands that are equal, 0, or of other signs, in C and in the code for one and many rows."""
+    """Comparisons of operands that are equal, 0 or of another sign have CasADi's results, in plain
+    C and in the machine code for one row and for many rows.
+    """
     a, b = ca.SX.sym("a"), ca.SX.sym("b")
     reference = ca.Function("reference", [a, b], [comparisons(a, b)])
     text = "#include <math.h>\n" + c_function(reference, "reference", ("a", "b"), ("y",))

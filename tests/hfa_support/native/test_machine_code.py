@@ -22,7 +22,11 @@ def broken(*_):
 def test_a_function_is_evaluated_without_machine_code(
     place, replacement, noted, tmp_path, monkeypatch, capsys
 ):
-    """The reason is noted, CasADi evaluates the function, and no file remains."""
+    """With a compiler that fails, and a library that cannot be loaded, CasADi evaluates the
+    function, the reason is printed, and no file remains.
+
+    place, replacement: object of the project or of CasADi, and what replaces it
+    """
     monkeypatch.setattr(place, replacement)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     x = ca.SX.sym("x")

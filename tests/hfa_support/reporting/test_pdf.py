@@ -11,11 +11,14 @@ from hfa_support.reporting.report import Report
 from hfa_support.reporting.rows import Group, Row
 from hfa_support.reporting.text import Cell, Table
 
+#: A sentence longer than a line of a cell.
 WORDS = "that no table of the aircraft states the limit of this control surface at this speed"
 
 
 def sheet(count, title="UAV trimmed: level, 35 m/s"):
-    """Return a sheet with groups of `count` rows."""
+    """Return a sheet with four groups of `count` rows, notes of growing length, and a sentence
+    each.
+    """
     groups = []
     for name in ("condition", "trim", "performance", "modes and levels"):
         rows = [Row(f"{name} {i}", 0.5 + i, "rad/s", WORDS[: 3 * i]) for i in range(count)]
@@ -49,7 +52,11 @@ def lost(report, text):
     ("count", "expected"), [(3, 1), pytest.param(16, 1, marks=pytest.mark.slow), (24, 2)]
 )
 def test_a_sheet_has_all_rows_and_as_few_pages_as_they_need(count, expected, tmp_path):
-    """All rows are on the expected pages, which are numbered "1 of 2" and not almost empty."""
+    """All rows of a sheet are on the expected number of pages, which are numbered "1 of 2" and not
+    almost empty.
+
+    count: rows of each group of `sheet`
+    """
     report = sheet(count)
     texts = pages(report, tmp_path)
     assert len(texts) == expected
@@ -59,7 +66,8 @@ def test_a_sheet_has_all_rows_and_as_few_pages_as_they_need(count, expected, tmp
         assert len(text) > 400  # a full page has more than 1000 characters
 
 
-def test_a_row_that_is_not_on_the_page_is_seen(tmp_path):
+def test_a_row_that_is_not_on_the_page_is_found(tmp_path):
+    """`lost`, which the other tests use, finds the cells of a row that the page does not have."""
     report = sheet(3)
     (text,) = pages(report, tmp_path)
     first = report.parts[0]
@@ -68,7 +76,9 @@ def test_a_row_that_is_not_on_the_page_is_seen(tmp_path):
 
 
 def test_a_long_name_and_long_cells_are_wrapped(tmp_path):
-    """Nothing is cut at the edge; control characters and markup are text."""
+    """A title and a head of 240 and 200 characters are whole on the page, and so are markup and a
+    control character, as text.
+    """
     title = f"{'Very long name of an aircraft ' * 8}\nCheck: a < b & <c>\x1b[31m"
     report = dataclasses.replace(sheet(3, title), head={"aircraft": title[:200]})
     (text,) = pages(report, tmp_path)
@@ -77,6 +87,7 @@ def test_a_long_name_and_long_cells_are_wrapped(tmp_path):
 
 
 def book(count):
+    """Return a book with a table of `count` conditions and the sheets of the first two."""
     rows = [(f"condition {i}", Cell("stalled", "bad"), f"{i}.5", WORDS) for i in range(count)]
     matrix = Table(("condition", "results", "alpha [deg]", "warnings"), rows)
     sheets = [sheet(3, f"condition {i}: level") for i in range(min(count, 2))]
@@ -85,9 +96,8 @@ def book(count):
 
 @pytest.mark.parametrize("count", [1, 51, pytest.param(60, marks=pytest.mark.slow)])
 def test_a_book_has_a_cover_a_matrix_and_a_page_for_each_sheet(count, tmp_path):
-    """A page of the matrix has one header and at least three rows, each sheet a page of its own.
-
-    The cover has lines to sign and the pages of the sheets, which have the document.
+    """A page of the table has one header and at least three rows, and each sheet has a page of its
+    own with the document's number. The cover has lines to sign and the page numbers of the sheets.
     """
     texts = pages(book(count), tmp_path)
     assert not lost(book(count), "".join(texts))
@@ -105,17 +115,22 @@ def test_a_book_has_a_cover_a_matrix_and_a_page_for_each_sheet(count, tmp_path):
 
 
 def test_a_table_wider_than_the_page_continues_in_blocks(tmp_path):
-    """Each block begins with the first column."""
+    """A table of 30 columns has all cells on a page, in three blocks that begin with the first
+    column.
+    """
     header = tuple(f"column{i}" for i in range(30))
     table = Table(header, [tuple(f"{row}.{i}25" for i in range(30)) for row in range(3)])
-    (text,) = pages(Report("wide", [table]), tmp_path)
-    assert not lost(Report("wide", [table]), text)
+    wide = Report("wide", [table])
+    (text,) = pages(wide, tmp_path)
+    assert not lost(wide, text)
     assert text.count("column0") == 3  # blocks
 
 
 @pytest.mark.slow
 def test_a_picture_has_a_page_where_it_does_not_fit(tmp_path):
-    """A sheet in a book leaves its picture out there, and nothing else."""
+    """A picture that does not fit below a sheet has the second page; in a book, sheets have no
+    picture and one page each.
+    """
     picture = Picture("a.png", "a figure", lambda: new_figure(7.0, 9.0))
     report = sheet(16)
     alone = dataclasses.replace(report, parts=[*report.parts, picture])
@@ -127,6 +142,9 @@ def test_a_picture_has_a_page_where_it_does_not_fit(tmp_path):
 
 
 def test_equal_reports_give_equal_files(tmp_path):
+    """Two PDF files of the same report are equal byte by byte: they have no time and no random
+    name.
+    """
     contents = []
     for name in ("one", "two"):
         (tmp_path / name).mkdir()

@@ -10,6 +10,9 @@ from hfa_support.reporting.rows import Group, Row
 
 
 def report():
+    """Return a report with a paragraph, a nested report with a table, and a note, with characters
+    that Markdown or HTML must escape.
+    """
     table = Table(("load", "value"), [("lift <1>", "2.5"), ("a|b", "10")])
     inner = Report("Inner", ((table, "below the table"),))
     return Report(
@@ -20,7 +23,7 @@ def report():
 
 
 def test_markdown_has_headings_and_tables():
-    """A report becomes Markdown with headings, escaped tables and notes."""
+    """A report becomes Markdown with headings by level, tables with escaped columns, and notes."""
     assert (
         report().markdown()
         == "# Title & more\n\nof it\n\nfirst\n\n## Inner\n\n| load | value |\n|---|---|\n| lift <1>"
@@ -29,14 +32,16 @@ def test_markdown_has_headings_and_tables():
 
 
 def test_every_line_of_the_provenance_fits_in_80_columns():
-    """Long provenance is wrapped at blanks, and only a word of its own is longer."""
+    """Long provenance is wrapped at blanks; only a path of 90 characters makes a longer line."""
     path = "x" * 90
     lines = replace(report(), source=f"version 1, plant {path}, " + "word " * 40).text().split("\n")
     assert [line for line in lines if len(line) > 80] == [f"{path},"]
 
 
 def test_html_has_real_tables_and_escapes_every_word():
-    """The HTML of a report has headings and tables, and every text is escaped."""
+    """The HTML of a report has headings from the given level on, tables with row headers in a box,
+    and every text is escaped.
+    """
     made = report()
     html = made.html(2)
     assert html.startswith(
@@ -51,26 +56,26 @@ def test_html_has_real_tables_and_escapes_every_word():
 
 
 @pytest.mark.parametrize("name", ["\x1b[31mred", "a\rb", "a\nb", "\u202egpj", "\ud800"])
-def test_control_characters_in_names_are_escaped(name, tmp_path):
+def test_control_characters_in_names_are_escaped(name):
     """Control characters in a name are escaped in text, Markdown and HTML."""
     made = Report(name, (name, Table((name, "value"), [(name, "1")])), notes=(name,))
     for text in (made.text(), made.markdown(), made.html()):
         lines = text.replace("\n", "")
         assert lines.isprintable()
         assert lines.encode()
-    assert (
-        sum("value" in line or line.endswith(" 1") for line in made.text().splitlines()) == 2
-    )  # a cell is one line
+    rows = [line for line in made.text().splitlines() if "value" in line or line.endswith(" 1")]
+    assert len(rows) == 2  # header and row of the table, each on one line
 
 
 def test_names_become_no_formulas_links_or_columns(tmp_path):
-    """A user's name never becomes a spreadsheet formula, or a link, tag or column in Markdown."""
+    """A user's name never becomes a formula in a spreadsheet, of .csv, nor a link, tag or column in
+    Markdown.
+    """
     names = ("=cmd|' /C calc'!A0", "@sum", "-x", "+1e", "-1.5", "<script>", "[a](b)")
     table = Table(("name", "value"), [(name, 1.0) for name in names])
     Report("", records=table).save(tmp_path / "a.csv")
     cells = [
-        row["name"]
-        for row in csv.DictReader((tmp_path / "a.csv").read_text(encoding="utf-8").splitlines())
+        row["name"] for row in csv.DictReader((tmp_path / "a.csv").read_text("utf-8").splitlines())
     ]
     # A number, markup and a link are no formulas, and stay as they are.
     assert cells == [f"'{name}" for name in names[:4]] + list(names[4:])
@@ -81,7 +86,9 @@ def test_names_become_no_formulas_links_or_columns(tmp_path):
 
 
 def test_latex_has_first_lines_head_sentences_and_notes():
-    """The lines that are not in tables are paragraphs."""
+    """In LaTeX, the lines of title, sentences, head and notes, which are not in tables, are
+    paragraphs.
+    """
     pytest.importorskip("pandas")
     group = Group("trim", (Row("alpha", 0.1, "rad"),), ("* assumed",))
     made = Report("first\nCheck: warning", [group, "a sentence"], ["a note"], head={"data": "file"})

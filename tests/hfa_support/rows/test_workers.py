@@ -40,7 +40,7 @@ def test_every_task_has_its_result(count):
 
 
 def test_several_processes_share_the_tasks():
-    """One process is that which asks; two are others, and each has its own memory."""
+    """With one worker, the tasks run in this process; with two, all tasks run in other processes."""
     tasks = [(key, ()) for key in range(4)]
     with open_workers(1) as run:
         assert {pid for _, pid in run(os.getpid, tasks)} == {os.getpid()}
@@ -66,7 +66,9 @@ def test_a_task_that_fails_is_reported(function, said):
 
 
 def test_an_abandoned_job_leaves_no_worker():
-    """If the results are not read to the end, both processes end within their tasks."""
+    """If the results are not read to the end, both child processes end, although each has a task of
+    60 s.
+    """
     start = time.monotonic()
     tasks = ((key, (0.0 if key == 0 else 60.0,)) for key in range(9))
     with open_workers(2) as run:
@@ -77,7 +79,7 @@ def test_an_abandoned_job_leaves_no_worker():
 
 
 def test_a_worker_with_other_code_is_refused(monkeypatch):
-    """A worker whose sources differ from those of the process that asks computes nothing."""
+    """A worker whose sources differ from those of the process that submits tasks is refused."""
     monkeypatch.setattr(module, "identity", lambda: "0.4.0+0123456789ab")
     with open_workers(2) as run, pytest.raises(BadInputError, match=r"worker has hfa .*; install"):
         list(run(_square, [(0, (1,))]))
@@ -100,9 +102,8 @@ def test_no_worker_starts_without_free_file_handles():
 
 @pytest.mark.slow
 def test_a_cluster_returns_all_results():
-    """A cluster returns all results.
-
-    A task that kills the workers of a cluster raises NoSolutionError.
+    """A Dask cluster returns all results, and raises NoSolutionError for a task that ends its
+    worker.
     """
     dask = pytest.importorskip("dask")
     distributed = pytest.importorskip("distributed")

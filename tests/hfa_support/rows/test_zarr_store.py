@@ -24,9 +24,10 @@ NAN = float("nan")
 
 
 def numbers(start, stop):
-    """Return the arrays of a job for rows start .. stop - 1.
+    """Return the arrays of a job for rows start .. stop - 1, of 10 in chunks of 3.
 
-    `empty` contains only fill values. `pole` is nan+0j in chunk 1, as for a point without a trim.
+    `empty` contains only fill values. `pole` is nan+0j in the second chunk, as for a point without
+    a trim.
     """
     count = np.arange(start, stop, dtype=float)
     pole = count * (1 + 2j)
@@ -50,6 +51,7 @@ def slow_numbers(start, stop):
 
 
 def row_job(seed=0, unit="ft", function=numbers):
+    """Return a job of 10 rows in 4 chunks; another seed or unit makes it another job."""
     import xarray
 
     arrays = {
@@ -115,7 +117,9 @@ class Stop(Exception):
 
 
 def test_only_missing_rows_are_computed(finished_store, tmp_path):
-    """A resumed job computes only the missing rows and ends with the same bytes."""
+    """A job that ends after two of four chunks computes the other two when it is resumed, and ends
+    with the bytes of an uninterrupted one.
+    """
 
     def stop_after_two(done, _):
         if done == 2:
@@ -202,9 +206,10 @@ def test_a_failed_cluster_leaves_the_result_unchanged(finished_store, tmp_path, 
 
 
 def _flip(file):
+    """Change a bit in the middle of a file."""
     content = bytearray(file.read_bytes())
     content[len(content) // 2] ^= 1
-    file.write_bytes(bytes(content))
+    file.write_bytes(content)
 
 
 @pytest.mark.parametrize(
@@ -220,7 +225,11 @@ def _flip(file):
     ids=["flip", "cut", "gone"],
 )
 def test_a_damaged_chunk_is_computed_again(finished_store, path, file, damage, noticed):
-    """A damaged or deleted chunk is computed again. A damaged one is not read, and is noted."""
+    """A chunk with a changed bit, an empty one and a deleted one are computed again, and end with
+    the same bytes. A damaged one is not read, and is noted.
+
+    noticed: whether reading fails; a deleted chunk is read as fill values
+    """
     damage(path / file)
     if noticed:
         with pytest.raises(ValueError, match="computed checksum do not match"):
@@ -234,7 +243,7 @@ def test_a_damaged_chunk_is_computed_again(finished_store, path, file, damage, n
 
 @pytest.mark.parametrize("file", ["square/zarr.json", "side/c/0", "zarr.json"])
 def test_other_names_and_units_are_refused(path, file):
-    """A store with changed names, units or coordinates is refused."""
+    """A store with a changed unit (ft), attribute (seed) or name of a coordinate is not resumed."""
     content = (path / file).read_bytes()
     if file == "side/c/0":
         _flip(path / file)
@@ -246,7 +255,9 @@ def test_other_names_and_units_are_refused(path, file):
 
 
 def test_a_store_is_not_overwritten_by_another_job(path, tmp_path):
-    """An existing store is not overwritten, and not continued by another job, schema or version."""
+    """An existing store is not overwritten, and not continued by another job, another schema or
+    another version of the code; any version reads it.
+    """
     with pytest.raises(BadInputError, match="already exists; continue this store with --resume"):
         fill_store(row_job(), path)
     with pytest.raises(BadInputError, match="is the store of another test"):
@@ -302,7 +313,9 @@ RUNS = pickle.dumps(Runs())
 
 
 def test_a_store_in_another_format_is_refused(path, tmp_path, monkeypatch):
-    """A store in another format is refused, and its pickles are not loaded."""
+    """A store in Zarr's format 2, and one with files of it, are refused, and pickles in them are
+    not loaded.
+    """
     monkeypatch.chdir(tmp_path)
     theirs = tmp_path / "theirs.zarr"
     of_format_2(theirs, row_job())
@@ -324,7 +337,7 @@ def test_a_store_in_another_format_is_refused(path, tmp_path, monkeypatch):
 
 
 def test_a_link_out_of_a_store_is_refused(path, tmp_path):
-    """A store with a symbolic link to another folder is refused."""
+    """A store whose chunks are in a folder elsewhere, by a symbolic link, is refused."""
     (path / "square" / "c").rename(tmp_path / "elsewhere")
     (path / "square" / "c").symlink_to(tmp_path / "elsewhere")
     with pytest.raises(BadInputError, match="'square/c' differs from the store of this test"):
@@ -332,6 +345,7 @@ def test_a_link_out_of_a_store_is_refused(path, tmp_path):
 
 
 def test_a_link_to_itself_is_no_store(tmp_path):
+    """A path that is a link to itself is refused by its name, both to create and to resume a store."""
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
     for resume in (True, False):
         with pytest.raises(BadInputError, match=f"^{tmp_path / 'loop'} "):
