@@ -18,7 +18,11 @@ def inputs(tmp_path_factory):
 
 
 def difference(now, before, path):
-    """Return a line for each entry of a leaf that differs."""
+    """Return a line for each number, text or missing value in which two outputs differ.
+
+    now, before: number, text, None or list of these; a number is compared up to `EQUAL`
+    path: place of the value, for the line
+    """
     if isinstance(before, list) and isinstance(now, list) and len(now) == len(before):
         pairs = zip(now, before, strict=True)
         return [line for one, other in pairs for line in difference(one, other, path)]
@@ -33,7 +37,9 @@ def difference(now, before, path):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", cases()["json"])
 def test_json_has_the_stored_keys_and_numbers(name, inputs):
-    """Exit code, keys and numbers of each command are the stored ones."""
+    """The exit code, the keys and, up to 1e-6, the numbers of the JSON of a command are the stored
+    ones.
+    """
     before = stored("json")[name]
     now = OUTPUTS["json"](cases()["json"][name], inputs)
     assert sorted(set(now) ^ set(before)) == []
@@ -44,7 +50,9 @@ def test_json_has_the_stored_keys_and_numbers(name, inputs):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", cases()["flights"])
 def test_a_flight_equals_the_stored_one(name, inputs):
-    """On the machine that stored it a flight is equal bit for bit, elsewhere at its end."""
+    """A flight equals the stored one bit for bit on the machine that stored it, and elsewhere at
+    its end up to 1e-5. Floats are stored in hexadecimal digits.
+    """
     before = stored("flights")[name]
     now = OUTPUTS["flights"](cases()["flights"][name], inputs)
     assert sorted(set(now) ^ set(before)) == []
@@ -59,9 +67,9 @@ def test_a_flight_equals_the_stored_one(name, inputs):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", cases()["certificates"])
 def test_no_changed_certificate_is_accepted_that_was_refused(name, inputs):
-    """A stored certificate is verified, and each copy with one changed entry is judged as stored.
-
-    Entries that were accepted leave the claim true: a wider limit of an unused variable, say.
+    """A stored certificate is accepted, and each copy with one changed entry is accepted or refused
+    as stored. Changes that were accepted leave the claim true, as a wider limit of an unused
+    variable.
     """
     assert (
         OUTPUTS["certificates"](cases()["certificates"][name], inputs)
@@ -71,7 +79,7 @@ def test_no_changed_certificate_is_accepted_that_was_refused(name, inputs):
 
 @pytest.mark.parametrize("name", cases()["help"])
 def test_help_equals_the_stored_text(name, tmp_path):
-    """Every help is the stored text."""
+    """The help text of a command is the stored one."""
     assert OUTPUTS["help"](cases()["help"][name], tmp_path) == stored("help")[name]
 
 
@@ -88,5 +96,9 @@ def test_help_equals_the_stored_text(name, tmp_path):
     ],
 )
 def test_a_planted_difference_is_found(now, before, lines):
-    """Each number that differs by more than 1e-6, text, length or missing value is a difference."""
+    """`difference` finds each number that differs by more than 1e-6 of it, a text, a length, a
+    missing value and a truth value, and no smaller difference.
+
+    lines: number of differences
+    """
     assert len(difference(now, before, "path")) == lines

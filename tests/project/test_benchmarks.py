@@ -10,7 +10,9 @@ from hfa.paper import level_flight
 
 @pytest.mark.filterwarnings("ignore:number of constraints")
 def test_a_job_refuses_a_peer_with_another_result():
-    """python-control finds the trim and A of the HFA, and an error of either is found."""
+    """python-control finds the trim and A of the HFA, so that the job accepts the peer; it refuses
+    one whose states, inputs or A are another's.
+    """
     condition = level_flight(0.1)
     ours = jobs.TrimmedPlant.of(condition)
     peers = jobs.control_points(condition)("dihedral", [0.1])
@@ -25,7 +27,7 @@ def test_a_job_refuses_a_peer_with_another_result():
 
 
 def test_the_job_of_games_refuses_another_value(monkeypatch):
-    """A value of the peer that differs by 1e-5 is found."""
+    """The job that compares games with a peer refuses one whose value differs by 1e-5."""
     right = jobs.schur_value
     monkeypatch.setattr(jobs, "schur_value", lambda game: 1.00001 * right(game))
     with pytest.raises(AssertionError):
@@ -33,7 +35,9 @@ def test_the_job_of_games_refuses_another_value(monkeypatch):
 
 
 def test_the_job_of_a_flight_refuses_another_loop(monkeypatch):
-    """A flight of the gain with its columns at the wrong places is found."""
+    """The job that compares flights with a peer refuses a flight of a gain whose columns are
+    shifted by one state.
+    """
     right = hfa.fly
 
     def fly(model, point, solution, **given):
@@ -53,5 +57,5 @@ def test_every_job_runs(capsys, monkeypatch):
 
 
 def test_the_page_shows_the_stored_figures():
-    """The page shows the stored results; nothing else compares the two."""
+    """The table of the page of benchmarks is that of the stored results."""
     assert report.figures(report.stored()) in report.PAGE.read_text("utf-8")

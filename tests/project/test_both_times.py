@@ -1,5 +1,5 @@
-"""Every public function that takes a game or its solution: in discrete time it is judged, or refuses
-in one line that names what to call.
+"""Every public function that takes a game or its solution: in discrete time it is judged, or
+refuses in one line that names what to call.
 """
 
 import importlib
@@ -17,6 +17,7 @@ PACKAGES = (
     *("hfa", "hfa.paper", "controller", "verification", "trim", "hfa_aircraft"),
     *("hfa_flight", "hfa_prove", "hfa_identify"),
 )
+#: A stable model of two states and an input; GAME is in steps of .1, with a discount.
 LINEAR = hfa.LinearModel.of([[0.5, 0.2], [0.0, 0.3]], [[0.0], [1.0]])
 GAME = Game(LINEAR.A, LINEAR.B, Q=np.eye(2), R=[1.0], delta=9.0, dt=0.1, discount=0.9)
 EXACT = hfa.solve(GAME)
@@ -25,12 +26,12 @@ Z = ca.SX.sym("z", 2)
 V = ca.Function("V", [Z], [ca.bilin(ca.DM(EXACT.P), Z, Z)])
 
 
-#: Functions that tests/controller/riccati compares with independent answers in both times.
+#: Functions that accept games in both times: tests/controller/riccati compares their answers.
 SOLVED = {"Solution", "solve", "minimum_delta"}
-#: Functions whose critics tests/verification/critic judges in both times.
+#: Functions that accept games in both times: tests/verification/critic judges their critics.
 JUDGED = {"learn", "verify", "Verdict", "from_gain", "from_value", "from_weights", "from_network"}
 JUDGED |= {"read_critic", "critic_in", "solution_report"}
-#: Public name -> a call that is refused.
+#: Public name -> a call with the game in steps, which is refused.
 REFUSED = {
     "fly": lambda: hfa.fly(hfa.aircraft(), hfa.trim(hfa.aircraft()), EXACT),
     "track": lambda: hfa.track(LINEAR, EXACT, {"x1": 1.0}),
@@ -42,7 +43,7 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_the_tables_have_every_function_that_takes_a_game():
-    """No public function with an argument of the type Game or Solution is missing below."""
+    """Each public function with an argument of the type Game or Solution is in one of the tables."""
     found = set()
     for package in map(importlib.import_module, PACKAGES):
         for name in dir(package):
@@ -60,7 +61,9 @@ def test_the_tables_have_every_function_that_takes_a_game():
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_a_game_in_discrete_time_is_refused(name):
-    """Each other function refuses it in one line with the functions that accept it."""
+    """Each function of `REFUSED` refuses a game in steps in one line with the functions that accept
+    it.
+    """
     with pytest.raises(BadInputError) as refusal:
         REFUSED[name]()
     assert "requires a game in continuous time" in str(refusal.value)
@@ -82,7 +85,11 @@ def test_a_game_in_discrete_time_is_refused(name):
     ],
 )
 def test_a_gain_for_another_step_is_refused(stored, dt, is_read):
-    """The sample time in a critic's file is that of the game, or one of the two is not known."""
+    """A critic's file is read if its sample time is that of the game, or one of the two is unknown.
+
+    stored: sample time in the file: True of unknown steps, 0 in continuous time, None if not stated
+    dt: that of the game, None in continuous time
+    """
     entries = {} if stored is None else {"dt": stored}
     np.savez("K.npz", K=EXACT.K, **entries)
     game = Game(LINEAR.A, LINEAR.B, Q=np.eye(2), R=[1.0], delta=9.0, dt=dt)
@@ -109,5 +116,8 @@ OF_THE_OTHER = {
 
 @pytest.mark.parametrize("kind", OF_THE_OTHER)
 def test_a_critic_of_the_other_time_is_refused(kind):
+    """`hfa.verify` refuses a critic in continuous time for a game in steps, and the reverse, with
+    the time in the message.
+    """
     with pytest.raises(BadInputError, match=r"discrete time|in steps of"):
         OF_THE_OTHER[kind]()

@@ -1,4 +1,4 @@
-"""The wheel contains all modules and data, and the root only what is named here."""
+"""The wheel contains all modules and data, and the project's folder only what is named here."""
 
 import shutil
 import subprocess
@@ -16,7 +16,7 @@ DATA = {
 
 @pytest.mark.slow
 def test_the_wheel_contains_all_modules_and_data(tmp_path):
-    """A wheel built from the sources contains exactly the modules and data of the packages."""
+    """A wheel contains exactly the files of the packages, also with other packages beside them."""
     sources = tmp_path / "sources"
     wheels = tmp_path / "wheels"
     sources.mkdir()
@@ -63,7 +63,9 @@ AT_THE_ROOT = {
 
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a checkout of git")
 def test_the_root_contains_only_the_named_files():
-    """The tracked names of the root are those listed here: no notes, no output."""
+    """The tracked files and folders of the project's folder are those of the list: no notes, no
+    output.
+    """
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True)
     assert {
         name.split("/")[0] for name in listed.stdout.decode().split("\0") if name

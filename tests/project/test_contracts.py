@@ -18,7 +18,8 @@ EXTENSIONS = {name for name, folder in FOLDERS.items() if "extensions" in folder
 #: Extensions, for the paths below.
 FLIGHT = "extensions/flight/hfa_flight"
 PROVE = "extensions/prove/hfa_prove"
-#: Begin of a contract's name -> imports that it forbids, file -> module.
+#: Begin of a contract's name -> imports that it forbids: file -> the module that it must not
+#: import.
 BREACHES = {
     "Packages import only those below": {
         "controller/game/zero_sum.py": "hfa_flight.air.scenario",
@@ -135,25 +136,31 @@ def contract(begin):
 
 
 def test_contracts_name_every_package():
-    """The contracts list every package."""
+    """A new package cannot be forgotten: the linter knows all packages, the contract of the core
+    has each package of the core, and each other contract on all packages has each.
+
+    Of `hfa`, which stands above the extensions, only the options belong to the core. The readers of
+    aircraft stand beside the layers, and have contracts of their own.
+    """
     assert set(SETTINGS["importlinter"]["root_packages"]) == PACKAGES
     core = contract("The core imports no extension")
     in_core = PACKAGES - EXTENSIONS - {"studies", "hfa"} | {"hfa.options"}
     assert set(core["modules"]) == set(core["allowed"]) == in_core
-    layers = contract("Packages import only those below them")["layers"]
-    named = {name.strip().partition(".")[0] for layer in layers for name in re.split("[|:]", layer)}
     readers = contract("Nothing imports the readers")["protected_modules"]
-    assert named == PACKAGES - set(readers)
     assert contract("Readers of aircraft import")["modules"] == readers
+    layers = contract("Packages import only those below them")["layers"]
+    modules = re.split("[|:]", "|".join(layers))  # of layers "a | b", some "a.inner"
+    packages = {module.strip().partition(".")[0] for module in modules}
+    assert packages == PACKAGES - {*readers}
 
 
 def test_no_import_is_ignored():
-    """No contract has an exception, for type checkers or in functions."""
-    assert [line for each in CONTRACTS for line in each.get("ignore_imports", [])] == []
+    """No contract has an exception, also not for imports of type checkers or in functions."""
+    assert not any(each.get("ignore_imports") for each in CONTRACTS)
 
 
 def complaints(output):
-    """Return the linter's text on each broken contract, name -> text."""
+    """Return name -> text of each broken contract in the linter's output."""
     texts = output.partition("Broken contracts")[2]
     heads = re.split(r"\n([^\n]+)\n-{3,}\n", texts)
     return dict(zip(heads[1::2], heads[2::2], strict=True))
@@ -161,8 +168,8 @@ def complaints(output):
 
 @pytest.mark.slow
 def test_planted_forbidden_imports_are_detected(tmp_path):
-    """The linter reports each planted import under the contract that forbids it, and each contract
-    has one.
+    """Imports that contracts forbid are planted in a copy of the project, at least one for each
+    contract; the linter reports each under its contract.
     """
     broken = [contract(begin)["name"] for begin in BREACHES]
     assert sorted(broken) == sorted(each["name"] for each in CONTRACTS)
@@ -206,7 +213,9 @@ def lowest_first(graph):
 
 
 def test_no_modules_import_each_other():
-    """The imports form no circle, even those in functions or for type checkers; a planted circle is one."""
+    """The imports of all modules form no circle, also with those in functions and for type
+    checkers. A planted circle of two modules is found.
+    """
     graph = pytest.importorskip("grimp").build_graph(*FOLDERS, cache_dir=None)
     order = lowest_first(graph)
     assert order.index("hfa_support.errors") < order.index("hfa_prove.check.schedule")

@@ -30,7 +30,7 @@ OF_EXTENSIONS = ("  fly ", ".fmu", "jsbsim", ".dml")
 
 @pytest.mark.slow
 def test_tests_of_the_core_pass_without_extensions():
-    """A sample of the core's tests passes in an environment without extensions."""
+    """Two files of the core's tests pass in an environment without extensions."""
     words = [sys.executable, CORE_ALONE, "-n", "0", "-m", "not slow", *TESTS]
     done = subprocess.run(words, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stdout[-2000:]
@@ -39,10 +39,8 @@ def test_tests_of_the_core_pass_without_extensions():
 
 @pytest.mark.slow
 def test_the_core_trims_without_extensions(tmp_path):
-    """Without extensions, the core trims, and names of extensions are refused in one line.
-
-    These names are commands, options, aircraft formats and public functions. The help
-    does not mention them.
+    """Without extensions, the core trims; commands, aircraft formats and public functions of
+    extensions are refused in one line that names what is missing, and no help mentions them.
     """
     sys.path.insert(0, str(ROOT / "tests"))
     try:

@@ -45,6 +45,7 @@ SOURCE = re.compile(
 )
 
 
+#: Neighbor of the first and the last block.
 _NONE = Block("", "", 0, slow=False)
 
 
@@ -70,6 +71,7 @@ def complaints(path, *, slow=False):
 
 
 def _wrong(before, block, after, namespace, name):
+    """Yield what is wrong with a block between two others, "" if nothing is."""
     if block.language == "text" and before.language != "python":
         yield "no python block before this text prints it"
     if block.language == "python":
@@ -82,6 +84,9 @@ def _wrong(before, block, after, namespace, name):
 
 
 def _run_python(block, namespace, name):
+    """Run a block, saved to the file that its first line names; return its output and its error or
+    "".
+    """
     file = re.match(r"# (\w+\.py)\n", block.text)
     if file is not None:
         Path(file[1]).write_text(block.text, encoding="utf-8")
@@ -104,6 +109,9 @@ def _run_python(block, namespace, name):
 
 
 def _wrong_with(command, code, expected):
+    """Run a command of a document; return how exit code or output differ from the expected ones, or
+    "". Of `make`, only the targets are compared.
+    """
     words = shlex.split(command.replace("\\\n", " "))
     if words[0] == "make":
         targets = re.findall(r"^([\w-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
@@ -139,7 +147,8 @@ def text_of(path):
     return path.read_text(encoding="utf-8")
 
 
-#: The README's blocks run in the fast tests, but for slow ones; those of other documents take longer.
+#: The README's blocks run in the fast tests, but for slow ones; those of other documents take
+#: longer.
 CASES = [
     pytest.param(ROOT / "README.md", False, id="README"),
     *(
@@ -151,7 +160,11 @@ CASES = [
 
 @pytest.mark.parametrize(("path", "slow"), CASES)
 def test_blocks_print_the_shown_output(path, slow, tmp_path, monkeypatch):
-    """Each block of a document prints the shown output and draws the stored pictures."""
+    """Each block of a document prints the shown output, and draws the pictures that are stored for
+    it.
+
+    slow: whether blocks marked as slow are run too
+    """
     monkeypatch.chdir(tmp_path)
     assert blocks_of(text_of(path)), "it shows nothing that can be checked"
     assert "\n\n".join(complaints(path, slow=slow)) == ""
@@ -162,7 +175,7 @@ def test_blocks_print_the_shown_output(path, slow, tmp_path, monkeypatch):
 
 
 def commands_in_tables(document):
-    """Return the commands of each table whose columns have commands as headings."""
+    """Return the commands of each table whose column headings begin commands that cells complete."""
     found = []
     for table in re.findall(r"^\|.*\| `hfa .*\n\|[-|]+\n(?:\|.*\n)+", document, re.M):
         heads, _, *rows = (

@@ -75,9 +75,9 @@ def results(site, tmp_path_factory):
 
 @pytest.mark.slow
 def test_a_package_adds_an_aircraft_and_a_command(results):
-    """A package adds an aircraft file format and a command of two words.
-
-    A missing or broken aircraft file is reported in one line.
+    """The package of the page, a point mass, adds the aircraft format .pm, whose trim has the lift
+    of its weight at 55 m/s, and the command `level thrust`. A missing or broken .pm file is
+    reported in one line.
     """
     trimmed, overview, unknown, trim_help, missing, broken, *_ = results[len(OF_THE_PAGE) :]
     assert trimmed.code == 0, trimmed.err
@@ -99,7 +99,7 @@ def test_a_package_adds_an_aircraft_and_a_command(results):
 @pytest.mark.slow
 def test_commands_of_the_page_print_shown_output(results):
     """Each command in docs/extending.md returns the shown exit code and prints the shown output."""
-    assert len(OF_THE_PAGE) >= 5
+    assert len(OF_THE_PAGE) >= 5  # the commands are found
     for command, done in zip(OF_THE_PAGE, results, strict=False):
         assert done.code == int(command[2] or 0), f"{command[1]}: {done.out}{done.err}"
         assert not difference(command[3], done.out + done.err)
@@ -107,7 +107,9 @@ def test_commands_of_the_page_print_shown_output(results):
 
 @pytest.mark.slow
 def test_provenance_names_the_file_without_a_source(results):
-    """If a reader leaves `source` empty, the provenance still names the file and its hash."""
+    """If a reader leaves `source` empty, as that of .pm, the provenance still names the file and
+    its hash, which changes with the mass in the file.
+    """
     by_command = dict(zip(OTHERS, results[len(OF_THE_PAGE) :], strict=True))
     trainer, heavier = (
         by_command[f"hfa trim --aircraft {name}.pm"].out for name in ("trainer", "heavier")
@@ -135,8 +137,9 @@ def metadata(site, name, entries):
 
 @pytest.mark.slow
 def test_a_broken_package_disables_no_other_command(tmp_path):
-    """A package that cannot be loaded, or offers a suffix that the project reads itself, is named
-    in one line where it is used. All other commands run.
+    """Of three packages, one that cannot be loaded and one that offers suffixes that the project
+    reads itself (.toml, .onnx) are named in one line where they are used. The help of all commands
+    is printed, without the broken one and with its name.
     """
     metadata(tmp_path, "broken-one", "[hfa.commands]\nrepair = broken_one:REPAIR\n")
     offers = "[hfa.aircraft]\n.toml = other:read\n[hfa.critics]\n.onnx = other:read\n"
@@ -161,7 +164,10 @@ def test_a_broken_package_disables_no_other_command(tmp_path):
 
 @pytest.mark.slow
 def test_commands_declared_twice_are_refused_by_the_names_of_their_packages(tmp_path):
-    """A command that two packages declare is refused; one of hfa is not replaced. Others run."""
+    """A command that two packages declare is refused with both names, and others run. A package
+    that declares `export` does not replace the command of hfa, and the help of all commands names
+    it.
+    """
     for name in ("one", "other"):
         metadata(tmp_path, f"{name}-glide", f"[hfa.commands]\nglide = {name}_glide:GLIDE\n")
     refused, trimmed = results_in_turn(
@@ -197,6 +203,8 @@ for name in ("assess", "fly", "identify", "optimize", "sweep", "verify"):
 
 @pytest.mark.slow
 def test_commands_load_without_packages_of_extras():
-    """Without optional packages every command and the functions that do not prove are loaded."""
+    """Without optional packages, all commands are loaded, and so are functions of all extensions
+    but those that prove.
+    """
     done = subprocess.run([sys.executable, "-c", WITHOUT_EXTRAS], capture_output=True, text=True)
     assert done.stderr == ""

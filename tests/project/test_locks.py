@@ -41,10 +41,10 @@ LOCKS = (
 
 @pytest.mark.parametrize("lock", LOCKS)
 def test_locked_packages_support_every_supported_python(lock):
-    """Each locked distribution supports every Python version that the project supports.
+    """Each locked package supports every Python version that the project supports.
 
-    Only distributions installed here in the locked version are checked: pip itself refuses to
-    install those that need a newer Python than this one.
+    Only packages that are installed here in the locked version are checked, at least 10: pip
+        refuses to install the others if they need a newer Python than this one.
     """
     assert not without(PROJECT["requires-python"])
     assert SpecifierSet(PROJECT["requires-python"]) == SpecifierSet(f">={PYTHONS[0]}")
@@ -68,8 +68,8 @@ def test_locked_packages_support_every_supported_python(lock):
 
 
 def test_each_lock_has_its_extra_and_the_pins_of_the_report():
-    """Each lock file contains the dependencies and the packages of its extra, in versions that they
-    allow, and the pins of the report. The last one has all pins.
+    """Each lock file has one version of each dependency and of each package of its extra that
+    pyproject.toml allows. Each has the pins of the first, for the report, and the last one has all.
     """
     extras = PROJECT["optional-dependencies"]
     extra_of_lock = dict(zip(LOCKS, ("page", "docs", "test", "dev"), strict=True))
@@ -86,9 +86,8 @@ def test_each_lock_has_its_extra_and_the_pins_of_the_report():
 
 @pytest.mark.parametrize("lock", LOCKS)
 def test_every_pin_has_hashes_and_names_no_host(lock):
-    """Each entry is one exact version with SHA-256 hashes, and the file names no index or path.
-
-    A version has the same hashes in all lock files.
+    """Each entry of a lock file is one exact version with SHA-256 hashes, the same in all lock
+    files, and the file names no index, host or path.
     """
     whole = {
         each.partition("==")[0]: each.split("--hash")[1:] for each in entries("requirements.lock")

@@ -9,7 +9,9 @@ from mutants import read_lists  # noqa: E402
 
 
 def test_each_wrong_line_can_be_planted():
-    """Each wrong line replaces a line of its file, and none is listed twice."""
+    """The text that each wrong line replaces is in its file once, and no wrong line is listed
+    twice.
+    """
     mutants = read_lists([])
     for mutant in mutants:
         mutant.planted((ROOT / mutant.file).read_text(encoding="utf-8"))

@@ -16,7 +16,8 @@ from hfa.main import DONE
 NAME = "<script>document.title=1<img src=x onerror=document.title=2>.toml"
 AT = "12.5"
 
-#: Buttons of a plot. None sends the plot to a server.
+#: All buttons of a plot: none of them, as one that Plotly has by default, sends the plot to a
+#: server.
 BUTTONS = [
     "Zoom in",
     "Zoom out",
@@ -27,17 +28,21 @@ BUTTONS = [
     "Download plot as a PNG",
 ]
 
+#: Script that returns the cells of the rows of shown tables whose first heading is the argument.
 _ROWS = """return [...document.querySelectorAll('article section.point:not([hidden]) table')]
     .filter((table) => table.querySelector('th')?.textContent === arguments[0])
     .flatMap((table) => [...table.querySelectorAll('tbody tr')])
     .map((row) => [...row.children].map((cell) => cell.textContent))"""
+#: Script that returns the shown titles "At speed 35 m/s".
 _TITLES = """return [...document.querySelectorAll('article section.point h3')]
     .filter((title) => title.offsetParent).map((title) => title.textContent)
     .filter((title) => title.startsWith('At '))"""
+#: Script that returns the path of the first line of the drawn aircraft.
 _DRAWN = (
     "return document.querySelector('#plot-trim-1 .scatterlayer path.js-line').getAttribute('d')"
 )
-#: Largest distance in px between a mark and its value on the axis.
+#: Script that returns the largest vertical distance, px, between the mark of a plot and the place
+#: of its value on the axis, which the labels of the axis give.
 _OFF_AXIS = """return Math.max(...[...document.querySelectorAll('article .plot')].map((box) => {
     const middle = (drawn) => {
       const { top, bottom } = drawn.getBoundingClientRect();
@@ -53,10 +58,11 @@ _OFF_AXIS = """return Math.max(...[...document.querySelectorAll('article .plot')
     return Math.max(...marks.map((mark) =>
       Math.abs(middle(mark) - middle(first) - slope * (mark.__data__.y - value(first)))));
   }))"""
-#: Right edge of the verdicts in px, infinite where the user must scroll to see them.
+#: Script that returns the right edge of the verdicts, px, 1e9 if they must be scrolled to be seen.
 _VERDICTS_RIGHT = """const table = document.querySelector('.verdicts table');
     const right = table.getBoundingClientRect().right;
     return right > table.parentElement.getBoundingClientRect().right + 1 ? 1e9 : right"""
+#: Script that returns the texts in the drawing of the aircraft.
 _TEXTS = (
     "return [...document.querySelectorAll('#plot-trim-1 .textpoint text')].map((text) =>"
     " text.textContent)"
@@ -78,6 +84,7 @@ def settles(driver, condition):
 
 
 def chosen(driver):
+    """Return the value that the slider shows."""
     return driver.execute_script("return document.querySelector('article .slider output').value")
 
 
@@ -94,7 +101,10 @@ def move_to(driver, angle):
 
 @pytest.mark.slow
 def test_the_page_shows_numbers_in_a_browser(tmp_path, subtests, monkeypatch):
-    """The page shows the commands' numbers at the selected angle and fits every window width."""
+    """In a browser, the page of the paper's aircraft shows the numbers of `hfa linearize` and `hfa
+    trim` at the chosen angle, fits windows of 400 to 1920 px and paper, escapes the name of a file,
+    and loads nothing; the page of another aircraft shows those at the chosen speed.
+    """
     monkeypatch.chdir(tmp_path)
     Path(NAME).write_bytes((ROOT / "hfa_model" / "parameters.toml").read_bytes())
     with browser() as driver:
@@ -195,7 +205,9 @@ def test_the_page_shows_numbers_in_a_browser(tmp_path, subtests, monkeypatch):
 
 
 def compare_with_the_command(driver):
-    """Assert that the page shows the results of `hfa linearize` and `hfa trim`."""
+    """Assert that the page shows the results of `hfa linearize` and `hfa trim` at `AT`: matrices,
+    damping, throttle, loads and hinge moment, up to half a unit of the last shown digit.
+    """
     words = ("--dihedral", AT, "--parameters", NAME, "--json")
     model, trim = (json.loads(hfa(name, *words).out) for name in ("linearize", "trim"))
     for letter in ("A", "B"):

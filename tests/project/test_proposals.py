@@ -19,13 +19,14 @@ from hfa.main import _named_command, parser_of
 
 PAGES = [*(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "ARCHITECTURE.md"))]
 PAGES += sorted((ROOT / "docs").glob("*.md"))
-#: Command of a stranger's package, one that a page says is gone, and the form of all commands.
+#: Commands that texts mention and that do not exist: one of another author's package, one that a
+#: page says is gone, and the form of all commands.
 ABSENT = ("hfa level thrust", "hfa prove region", "hfa command --help")
 #: Package or class of public names -> what a call in a text names.
 PUBLIC = {package: importlib.import_module(package) for package in FOLDERS}
 CLASSES = [name for name in dir(PUBLIC["hfa"]) if inspect.isclass(getattr(PUBLIC["hfa"], name))]
 PUBLIC |= {name: getattr(PUBLIC["hfa"], name) for name in CLASSES}
-#: A name below one of these, or a call of a class, with its arguments.
+#: A call of a public function or method, "hfa.solve(game)", or of a class: its name, its arguments.
 CALL = re.compile(
     rf"(?<![\w./\"'-])((?:{'|'.join(FOLDERS)})(?:\.[a-z]\w*)+|(?:{'|'.join(CLASSES)})(?:\.[a-z]\w*)*)"
     r"\(((?:[^()]|\([^()]*\))*)\)"
@@ -40,7 +41,7 @@ class Text(NamedTuple):
 
 
 def on_pages():
-    """Yield the words in backticks of all pages."""
+    """Yield the words in backticks of all pages, outside of code blocks."""
     for page in PAGES:
         text = re.sub(r"^```.*?^```$", "", page.read_text("utf-8"), flags=re.M | re.S)
         for match in re.finditer(r"`([^`\n]+(?:\n[^`\n]+)?)`", text):
@@ -83,7 +84,9 @@ def options_of_commands():
 
 
 def unknown_options(where, text):
-    """Yield the commands in a text that do not exist, and options that the command does not have."""
+    """Yield a complaint for each command in a text that does not exist, and for each option that
+    its command does not have.
+    """
     known = options_of_commands()
     names = "|".join(sorted(known, key=len, reverse=True))
     for match in re.finditer(r"(?<![\w.])hfa ([a-z]+[^`;|()\n]*)", text):
@@ -99,7 +102,9 @@ def unknown_options(where, text):
 
 
 def unknown_names(where, text):
-    """Yield the calls in a text whose name or whose named arguments do not exist."""
+    """Yield a complaint for each call in a text of a function, or with a named argument, that does
+    not exist.
+    """
     for path, arguments in CALL.findall(text):
         found = PUBLIC[path.split(".")[0]]
         for name in path.split(".")[1:]:
@@ -138,6 +143,9 @@ def test_all_proposed_commands_options_and_calls_exist(place):
     ],
 )
 def test_planted_proposals_are_found(planted, said):
+    """A text with a command, an option, an argument or a function that does not exist has one
+    complaint that names it.
+    """
     (found,) = [*unknown_options("here", planted), *unknown_names("here", planted)]
     assert said in found
 
@@ -171,7 +179,7 @@ HELD = sorted(
 @pytest.mark.slow
 @pytest.mark.parametrize("proposed", HELD)
 def test_conditions_that_a_page_proposes_are_accepted(proposed, monkeypatch):
-    """A trim with the proposed options begins for at least one stored aircraft."""
+    """A trim with the options that a page proposes is not refused for at least one aircraft."""
     pytest.importorskip("jsbsim")
     monkeypatch.chdir(ROOT)
     refused = []

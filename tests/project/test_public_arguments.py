@@ -13,7 +13,7 @@ MODEL = hfa.aircraft()
 GAME = hfa.Game(np.eye(2), np.eye(2), Q=np.eye(2), R=np.eye(2))
 #: A point of the paper's aircraft.
 POINT = (hfa.trim(MODEL).x, hfa.trim(MODEL).u)
-#: Results whose methods are public.
+#: Results of public functions, whose methods check their arguments too.
 RESULTS = (MODEL, hfa.trim(MODEL), hfa.trim(MODEL).linearize(), GAME, hfa.solve(GAME))
 
 
@@ -37,14 +37,16 @@ def parameters():
 
 @pytest.mark.parametrize(("call", "parameter"), parameters())
 def test_an_argument_of_another_kind_is_refused_by_name(call, parameter):
-    """An object of another kind is refused, and the parameter is named."""
+    """Each public function, and each method of a result, refuses an object of another kind, with
+    the name of the parameter.
+    """
     refusal = f"^{call.__name__}: {parameter} is of type Other; give"
     with pytest.raises(hfa.BadInputError, match=refusal):
         call(**{parameter: Other()})
 
 
 def flown_with(weights):
-    """Fly the paper's aircraft with a cost."""
+    """Fly the paper's aircraft with the matrices (Q, R) of a cost."""
     model = hfa.aircraft()
     return hfa.fly(model, hfa.trim(model), weights=weights)
 
@@ -77,13 +79,17 @@ def flown_with(weights):
         (lambda: controller.random_pool(GAME, np.eye(2), 1), "count is of type ndarray"),
     ],
 )
-def test_the_refusal_names_the_functions_that_return_the_required_kind(call, advised):
-    """A refusal names the public functions whose results are accepted."""
+def test_a_refusal_advises_what_to_give(call, advised):
+    """A refusal names what is accepted: the public functions that return it, its kind, or its
+    shape.
+    """
     with pytest.raises(hfa.BadInputError, match=advised):
         call()
 
 
 def test_a_misspelled_name_gets_the_error_of_python():
-    """A misspelled argument is not refused by the project."""
+    """A misspelled argument raises Python's TypeError with its name, as without the project's
+    checks.
+    """
     with pytest.raises(TypeError, match="unexpected keyword argument 'gamee'"):
         hfa.solve(gamee=3)

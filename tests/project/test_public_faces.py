@@ -10,7 +10,7 @@ from fnmatch import filter as fnmatch_all
 import pytest
 from project import FOLDERS, ROOT
 
-#: Modules that are public beside the packages themselves: entry points for users and for packages.
+#: Modules that are public in addition to the packages: entry points for users and other packages.
 PUBLIC = {"hfa.paper", "hfa.extend", "hfa.main", "hfa.exit_codes", "hfa.entry_points"}
 PUBLIC |= {"hfa_support.errors"}
 EXCEPTIONS = tomllib.loads((ROOT / "tests" / "project" / "inner_imports.toml").read_text("utf-8"))
@@ -30,6 +30,7 @@ def inner_imports(source):
             package = module.partition(".")[0]
             if package not in FOLDERS:
                 continue
+            # "from trim import tables" imports the module trim.tables.
             path = FOLDERS[package].parent.joinpath(*module.split("."), f"{name}.py")
             whole = f"{module}.{name}" if path.exists() else module
             if whole not in FOLDERS and whole not in PUBLIC:
@@ -47,7 +48,9 @@ def files():
 
 @pytest.mark.slow
 def test_no_other_test_imports_inner_modules():
-    """Only the listed files import inner modules of the packages, and each pattern is needed."""
+    """Only the test files of `inner_imports.toml` import inner modules of the packages, and each of
+    its patterns has such a file.
+    """
     inside = [name for name in files() if inner_imports((ROOT / name).read_text("utf-8"))]
     listed = {pattern: fnmatch_all(inside, pattern) for pattern in EXCEPTIONS["attacks"]}
     assert set(inside) == set().union(*listed.values())

@@ -59,7 +59,9 @@ def document_errors(folder, scripts):
 
 @pytest.mark.slow
 def test_mypy_accepts_the_documents(tmp_path):
-    """mypy --strict accepts every call in documents and notebooks, and reports a planted one."""
+    """mypy --strict accepts all code in documents and notebooks, apart from messages of
+    `ELSEWHERE`, and reports a planted attribute that a trim does not have.
+    """
     pytest.importorskip("mypy")
     scripts = scripts_of_documents()
     assert len(scripts) > 10

@@ -30,6 +30,7 @@ COMPARED = {
 
 @lru_cache(maxsize=1)
 def results():
+    """Return class -> a result of it, of public functions on the paper's aircraft at 15 deg."""
     aircraft = hfa.aircraft()
     condition = hfa.paper.level_flight(15 * hfa_model.DEGREE)
     point = hfa.trim(aircraft, condition)
@@ -64,8 +65,9 @@ def results():
 
 @pytest.mark.slow
 def test_results_display_reports_and_can_be_pickled():
-    """A result displays a text of 20 to 12,000 characters without arrays, and HTML without scripts; its
-    text, and what is compared by values, are unchanged by pickling.
+    """A result displays a text of 20 to 12,000 characters without the repr of an array, and HTML
+    without scripts. Its text is unchanged by pickling, and results of `COMPARED` are equal after
+    it.
     """
     for name, result in results().items():
         shown = repr(result)
@@ -80,7 +82,7 @@ def test_results_display_reports_and_can_be_pickled():
 
 @pytest.mark.slow
 def test_names_in_brackets_complete():
-    """Each completed name in brackets is one."""
+    """Each name that IPython offers after value[ is a valid index, for results, arrays and modes."""
     named = [results()[name] for name in ("OperatingPoint", "LinearModel", "Sweep")]
     for value in (*named, named[0].states, named[1].A, named[1].modes):
         keys = list(value._ipython_key_completions_())
@@ -90,7 +92,9 @@ def test_names_in_brackets_complete():
 
 
 def test_linear_models_are_equal_by_their_values():
-    """Linear models are compared entry by entry, where nan equals nan, and cannot be hashed."""
+    """Linear models are equal if their entries are, where nan equals nan; a change of 1e-12 or of
+    the order of the names makes them different. They cannot be hashed.
+    """
     model = model_at(15.0)
     assert model == replace(model, A=model.A.copy())
     changed = model.A.copy()
@@ -106,7 +110,7 @@ def test_linear_models_are_equal_by_their_values():
 
 
 def test_a_trimerror_can_be_pickled():
-    """A pickled TrimError keeps its message and its nearest point."""
+    """A pickled TrimError, of an aircraft too slow to fly, keeps its message and its nearest point."""
     with pytest.raises(trim.TrimError) as caught:
         hfa.trim(hfa.aircraft(), hfa.paper.level_flight(0.1, speed=30.0))
     again = pickle.loads(pickle.dumps(caught.value))
@@ -114,9 +118,8 @@ def test_a_trimerror_can_be_pickled():
 
 
 def test_games_are_equal_by_their_values():
-    """Games with equal values are equal and have equal hashes.
-
-    Games that differ in delta, or in the last bit of an entry of A, are not equal.
+    """Games with equal values are equal and have equal hashes; games that differ in delta, or in
+    the last bit of an entry of A, are not equal.
     """
     game = game_at(15.0)
     again = game.with_delta(100.0).with_delta(game.delta)

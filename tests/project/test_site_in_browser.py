@@ -27,7 +27,9 @@ def cut_boxes(driver, page, width):
 
 @pytest.mark.slow
 def test_no_box_of_the_site_is_cut_off(tmp_path):
-    """No code box or table of the site is cut off."""
+    """No code box or table of the site is wider than its space in windows of 1000 to 1920 px, and
+    no page is wider than the window.
+    """
     pytest.importorskip("sphinx", reason="needs sphinx: pip install '.[dev]'")
     with browser() as driver:
         site = tmp_path / "site"

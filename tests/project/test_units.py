@@ -1,7 +1,9 @@
-"""No public function depends on units: each answer about an aircraft is that about its twins.
+"""No public function depends on units: each answer about an aircraft is that about its twins, the
+same aircraft in other units.
 
-`ANSWERS` has a function for each public one of trim, controller, verification and hfa: twin ->
-name -> answer in SI units. `WITHOUT` has the others by the reason.
+`ANSWERS` has for each public function of trim, controller, verification and hfa one that asks it
+about a twin: twin -> name -> answer in SI units. `WITHOUT` has the other public functions by the
+reason.
 """
 
 import functools
@@ -19,7 +21,7 @@ import hfa
 import trim
 import verification
 
-#: Name -> twin, given whether its unit of time is the second.
+#: Name -> function that returns a twin, given whether its unit of time is the second.
 TWINS = {
     f"{kind.__name__} {seed}": functools.partial(kind, seed)
     for kind in (named, scaled)
@@ -28,14 +30,16 @@ TWINS = {
 Q, R, E, DELTA = np.diag([0.01, 9.0, 4.0, 1.0]), np.diag([20.0, 1e-6]), np.eye(4)[:, [1, 3]], 40.0
 
 
-# Chains of the twin, each computed once.
+# Trim, linear model, weights and game of a twin.
 
 
 def point_of(twin):
+    """Return the default trim of a twin."""
     return hfa.trim(twin.model)
 
 
 def linear_of(twin, disturbances=()):
+    """Return the linear model of a twin at its default trim."""
     return hfa.linearize(twin.model, point_of(twin), disturbances=disturbances)
 
 
@@ -46,6 +50,7 @@ def weights_of(twin):
 
 
 def game_of(twin, delta=DELTA):
+    """Return the game of a twin with the weights, disturbance and delta of the game in SI units."""
     matrices = weights_of(twin)
     size = twin.disturbance * math.sqrt(twin.second / twin.cost)
     into = E * twin.second / twin.z[:, None] * twin.disturbance
@@ -55,6 +60,7 @@ def game_of(twin, delta=DELTA):
 
 
 def gain_of(twin, K):
+    """Return a gain K of a twin in SI units."""
     return K * twin.u[:, None] / twin.z
 
 
@@ -64,25 +70,30 @@ def given_gain(twin):
 
 
 def started(twin):
-    """Return a deviation of alpha and speed."""
+    """Return a deviation of .05 rad in alpha and 2 m/s in speed, in the units of a twin."""
     return twin.typed(alpha=0.05, speed=2.0)
 
 
 def moved(twin):
-    """Return all states off the trim in alpha and pitch rate."""
+    """Return the states of a twin at its trim, but alpha and pitch rate .05 rad and .1 rad/s off
+    it.
+    """
     x = np.array(point_of(twin).x)
     x[[1, 3]] += [0.05, 0.1] / twin.of("alpha", "pitch_rate")
     return x
 
 
 def nominal(twin, flight):
-    """Return states at the end of a flight, in SI units over their nominal values."""
+    """Return the states at the end of a flight of a twin, divided by the nominal values, which are
+    in SI units.
+    """
     sizes = twin.of(*twin.model.states)
     nominals = [signal.nominal for signal in SI.model.states.values()]
     return flight.states[-1] * sizes / nominals
 
 
 def critic_answers(twin, critic):
+    """Return what the verdict on a critic of a twin says, which has no units."""
     verdict = hfa.verify(game_of(twin), critic)
     return {
         "grade": verdict.grade,
@@ -299,7 +310,7 @@ def of_flight(twin):
 
 
 def commanded(twin, policy):
-    """Return the command of a policy off the trim."""
+    """Return the command of a policy at the states `moved`, in SI units."""
     return {"U": policy(0.0, moved(twin)) * twin.u}
 
 
@@ -494,11 +505,14 @@ def public_functions():
 
 
 def test_each_public_function_has_an_answer_or_a_reason():
+    """Each public function is once in `ANSWERS` or in `WITHOUT`."""
     assert sorted([*ANSWERS, *chain(*WITHOUT.values())]) == sorted(public_functions())
 
 
 def differences(found, right):
-    """Return the answers that differ by more than 1e-6 of the largest number."""
+    """Return the answers (name, found, right) that differ: texts, and numbers by more than 1e-6, or
+    1e-9 of the largest one.
+    """
     wrong = []
     for name in found:
         value = right[name]
@@ -532,14 +546,18 @@ def answers_in_si(name):
 
 @pytest.mark.parametrize(("name", "twin"), cases())
 def test_an_answer_does_not_depend_on_units(name, twin):
-    """The answer about the aircraft in other units is that in SI."""
+    """The answers of a public function about the aircraft in other units, converted to SI units,
+    are those about the aircraft in SI units.
+    """
     in_other_units = ANSWERS[name](TWINS[twin](name in SECONDS))
     assert differences(in_other_units, answers_in_si(name)) == []
 
 
 @pytest.mark.parametrize("power", [-18, pytest.param(20, marks=pytest.mark.slow)])
 def test_a_trim_does_not_depend_on_the_unit_of_time(power):
-    """Equations per 2^-18 s and per 2^20 s, whose rates have no stated size, have the trims per second."""
+    """Equations with a unit of time of 2^-18 s and of 2^20 s have the trims of those per second.
+    The rates of this model have no stated nominal size.
+    """
     words, sizes = dict.fromkeys(KINDS, "1"), dict.fromkeys(KINDS, 1.0)
     assert differences(of_trim(in_units(sizes, words, 2.0**power)), of_trim(SI)) == []
 
@@ -559,7 +577,9 @@ class Floored:
 
 @pytest.mark.parametrize("name", ["solve", "sweep", "filter"])
 def test_a_floor_in_units_is_found(name, monkeypatch):
-    """A result whose small numbers are 0 in its own units differs between twins (planted error)."""
+    """Planted error: a result whose numbers below 1e-3 are 0 in its own units differs between
+    twins.
+    """
     right = getattr(hfa, name)
     monkeypatch.setattr(hfa, name, lambda *given, **options: Floored(right(*given, **options)))
     answers = ANSWERS[f"hfa.{name}"]

@@ -13,6 +13,7 @@ needs_gcc = pytest.mark.skipif(COMPILER is None, reason="there is no gcc")
 
 
 def compiled(folder, *words):
+    """Compile C files in a folder with `FLAGS`; a warning is an error."""
     subprocess.run([str(COMPILER), *FLAGS, *words, "-lm"], cwd=folder, check=True)
 
 
@@ -23,17 +24,22 @@ def written(folder, texts, source):
     source: name of the file to compile
     """
     for name, text in texts.items():
-        (folder / name).write_text(text, encoding="utf-8")
+        (folder / name).write_text(text, "utf-8")
     compiled(folder, "-shared", "-fPIC", source, "-o", "library.so")
     return folder
 
 
 @cache
 def loaded(folder):
+    """Return the library.so of a folder, loaded once."""
     return ctypes.CDLL(str(folder / "library.so"))
 
 
 def called(folder, name, *values):
+    """Call a C function of library.so in a folder with numbers and pointers to arrays; return its
+    int.
+    """
+
     def passed(value):
         return (
             ctypes.c_double(value)

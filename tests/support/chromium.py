@@ -1,4 +1,4 @@
-"""Fixture with the browser Chromium for tests of HTML pages."""
+"""The browser Chromium for tests of HTML pages."""
 
 import shutil
 import tempfile

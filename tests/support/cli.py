@@ -42,7 +42,7 @@ class Terminal(io.StringIO):
 def hfa(*words, err=None, out=None):
     """Run `hfa words...` in this process and return its result.
 
-    JSON that the command prints or writes with -o must name its format.
+    JSON that the command prints, or writes with -o, must be an object that names its format.
 
     out, err: streams for the output, or None for new streams that are not terminals
     """
@@ -50,7 +50,7 @@ def hfa(*words, err=None, out=None):
     if "--json" in words and result.out:
         assert_named(result.out)
     for path in written_json(words) if result.code != BAD_INPUT else []:
-        assert_named(path.read_text(encoding="utf-8"))
+        assert_named(path.read_text("utf-8"))
     return result
 
 
@@ -61,8 +61,7 @@ def unchecked_hfa(*words, err=None, out=None):
     """
     if words[:1] and words[0] in COMMANDS and words[0] not in commands():
         pytest.skip(f"hfa {words[0]} is not installed")
-    out = io.StringIO() if out is None else out
-    err = io.StringIO() if err is None else err
+    out, err = out or io.StringIO(), err or io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         code = main(words)
     return Result(code, out.getvalue(), err.getvalue())
@@ -72,8 +71,8 @@ def answer(*words, code=DONE):
     """Run `hfa words... --json` and return the printed JSON object.
 
     The function asserts the exit code, and that standard error contains only the warnings listed in
-    the JSON and names of written files. For `trim` and `linearize`, standard error must contain no
-    warning.
+    the JSON and names of written files; of `trim` and `linearize`, whose reports contain the
+    warnings, only these names.
     """
     result = hfa(*words, "--json")
     assert result.code == code, result.err

@@ -32,6 +32,7 @@ class Ended(NamedTuple):
     workers: set[str]
 
     def workers_have_ended(self):
+        """Return whether all workers end within 10 s."""
         return until(lambda: all(map(has_ended, self.workers)), 10.0)
 
 
@@ -95,9 +96,8 @@ def run(folder, *words, number=None, after=0.0, working=0):
 
 
 def result_of(folder):
-    """Return the content of each file of a run by path. JSON is without dates and commands.
-
-    Without the temporary files, and those that may remain after SIGKILL.
+    """Return path -> content of each file of a run, without temporary files, those that may remain
+    after SIGKILL, and the dates and commands in JSON.
     """
     found = {}
     for path in sorted(folder.rglob("*")):
@@ -110,6 +110,7 @@ def result_of(folder):
 
 
 def _plain(value):
+    """Return JSON data without what differs between two runs."""
     if isinstance(value, dict):
         dropped = ("provenance", "digest", "checksum")
         return {key: _plain(entry) for key, entry in value.items() if key not in dropped}

@@ -27,21 +27,21 @@ def exact_suboptimality(game, K):
 
 
 def _value(game, K):
-    """Return P, (n, n), of the game with u = -K z, or with the best input if K is None.
-
-    In discrete time it is the limit of the values of many steps, and in continuous time that of the
+    """Return the value P, (n, n), of the game with u = -K z, or with the best input if K is None:
+    in discrete time the limit of the values of many steps, and in continuous time that of the
     stable subspace of the Hamiltonian.
     """
     A, B, E, Q, R, N = map(_exact, (game.A, game.B, game.E, game.Q, game.R, game.N))
     if K is not None:
         A, Q = A - B @ K, Q - N @ K - K.T @ N.T + K.T @ R @ K
-        B, R, N = 0 * B, _exact(np.eye(len(R))), 0 * N  # an input without effect
+        # The input that remains to be chosen has no effect, and is 0 because it costs.
+        B, R, N = 0 * B, _exact(np.eye(len(R))), 0 * N
     if np.isfinite(game.delta):  # the disturbance is a second player of the weight -delta²
         weight = -(mp.mpf(game.delta) ** 2) * _exact(np.eye(E.shape[1]))
         B, N, R = np.hstack([B, E]), np.hstack([N, 0 * E]), block_diag(R, weight)
     A, B, Q, R, N = (mp.matrix(each.tolist()) for each in (A, B, Q, R, N))
     if game.is_discrete:
-        root = mp.sqrt(mp.mpf(game.discount))
+        root = mp.sqrt(mp.mpf(game.discount))  # discount V(z) is V(root z)
         return _value_of_steps(root * A, root * B, Q, R, N)
     return _value_of_flow(A, B, Q, R, N)
 
@@ -52,7 +52,9 @@ def _exact(matrix):
 
 
 def _value_of_steps(A, B, Q, R, N):
-    """Return the limit of the values of 1, 2, 3 ... steps."""
+    """Return the limit of the values of 1, 2, 3 ... steps: P₊ = Q + A'PA - L'(R + B'PB)⁻¹L with
+    L = B'PA + N'.
+    """
     P = mp.zeros(A.rows)
     while True:
         coupling = B.T * P * A + N.T
@@ -63,7 +65,9 @@ def _value_of_steps(A, B, Q, R, N):
 
 
 def _value_of_flow(A, B, Q, R, N):
-    """Return the stabilizing solution by the eigenvectors of the Hamiltonian."""
+    """Return the stabilizing solution P = Y X⁻¹ by the eigenvectors (X, Y) of the Hamiltonian with
+    eigenvalues in the left half plane.
+    """
     n = A.rows
     inverse = R**-1
     S, open_loop, cost = B * inverse * B.T, A - B * inverse * N.T, Q - N * inverse * N.T

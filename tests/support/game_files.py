@@ -22,11 +22,7 @@ def stored(path, **content):
     """Write arrays to a .json, .npz or .mat file and return its path as text."""
     path = Path(path)
     if path.suffix == ".json":
-        plain = {
-            key: value.tolist() if isinstance(value, np.ndarray) else value
-            for key, value in content.items()
-        }
-        path.write_text(json.dumps(plain), encoding="utf-8")
+        path.write_text(json.dumps(content, default=np.ndarray.tolist), "utf-8")
     elif path.suffix == ".npz":
         np.savez(path, **content)
     else:

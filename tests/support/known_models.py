@@ -31,15 +31,18 @@ def released_simulation():
 
 @lru_cache(maxsize=64)
 def model_at(degrees, dynamics="published"):
+    """Return the linear model of the HFA in level flight at a dihedral angle, deg."""
     aircraft = hfa.aircraft(dynamics)
     return level_model(aircraft, math.radians(degrees))
 
 
 @lru_cache(maxsize=64)
 def game_at(degrees, dynamics="published"):
+    """Return the paper's game on `model_at`."""
     return published_game(model_at(degrees, dynamics))
 
 
 @lru_cache(maxsize=64)
 def exact_gain(degrees, dynamics="published"):
+    """Return K of the exact solution of `game_at`."""
     return solve(game_at(degrees, dynamics)).K

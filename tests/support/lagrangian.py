@@ -176,10 +176,12 @@ def kinetic_energy(panel, r, v, p):
 
 
 def _potential_energy(panel, p):
+    """Return the potential energy of the weight of one panel, ft lbf; z points down."""
     return -p.panel_mass * p.gravity * panel.position[2]
 
 
 def _generalized_force(panels, r, v, u, density, p, winds):
+    """Return the generalized forces (4,) of loads, thrust and hinge dampers."""
     # The drag depends on the speed of the common center of mass relative to the air at a panel.
     velocity = ca.jtimes(sum(panel.position for panel in panels) / 3, r, v)
     force = ca.vertcat(0, 0, 0, -2 * p.hinge_damping * v[3])

@@ -27,7 +27,8 @@ def onnx_file(path, nodes, constants, outputs=1, states=6, inputs=0, opset=20):
 
     The graph maps "x" (1, states), and "u" (1, inputs) if `inputs` is not 0, to "y" (1, outputs).
 
-    nodes: (operator, inputs, output, attributes)
+    nodes: (operator, inputs, output, attributes if any); names of inputs are separated by blanks
+    constants: name -> array
     """
     onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
     kinds = {
@@ -137,9 +138,8 @@ def output_of(tensors, names, activation, x):
 
 
 def square_layers(*names):
-    """Return the weights of a network 6-6-...-1 whose layers have these names.
-
-    The widths permit any order of the layers before the last.
+    """Return the weights of a network 6-6-...-1 whose layers have these names, so that any order of
+    the layers before the last is possible.
     """
     rng = np.random.default_rng(4)
     layers = {f"{name}.weight": rng.normal(size=(6, 6)) for name in names[:-1]}

@@ -15,6 +15,7 @@ from navion import NAVION as NAVION
 
 
 def trimmed(model, hold=None, rates=None):
+    """Return the trim of a model with held values and with rates that are not 0, as in a pull-up."""
     usual = usual_condition(model)
     # In the book, the pull-up requires more than full throttle.
     condition = release(

@@ -10,19 +10,23 @@ from hfa import solve
 
 
 def weights_of(P):
+    """Return the weights W of V = W' basis(z) = z'P z."""
     return basis("quadratic", len(P)).weights(P)
 
 
 @cache
 def solved(game):
+    """Return the exact solution of a game, computed once."""
     return solve(game)
 
 
 def value(game):
+    """Return P of the exact solution."""
     return solved(game).P
 
 
 def gain(game):
+    """Return K of the exact solution."""
     return solved(game).K
 
 

@@ -17,7 +17,9 @@ RATE_SCALES = State(*map(_AIRCRAFT.rate_scale, _AIRCRAFT.states))
 
 
 def random_points(count, seed):
-    """Return random states (count, 7) and inputs (count, 5), uniform between fixed limits."""
+    """Return random states (count, 7) and inputs (count, 5) of the HFA, uniform between limits that
+    are wider than those of trims.
+    """
     rng = np.random.default_rng(seed)
     lowest = State(20.0, -0.35, 0.0, -1.0, -1.0, -1.2, -1.0)
     highest = State(300.0, 0.35, 65_000.0, 1.0, 1.0, 1.2, 1.0)

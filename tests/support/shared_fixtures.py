@@ -17,11 +17,13 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.fixture(scope="session")
 def parameter_set():
+    """Return the identified parameters with their covariance."""
     return default_parameters()
 
 
 @pytest.fixture(scope="session")
 def parameters(parameter_set):
+    """Return the values of the identified parameters."""
     return parameter_set.values
 
 
@@ -33,6 +35,7 @@ def aircraft(request, parameters):
 
 @pytest.fixture(scope="session")
 def published_aircraft(parameters):
+    """Return the identified aircraft with the paper's dynamics."""
     return hfa.aircraft("published", parameters)
 
 
@@ -44,6 +47,7 @@ def point():
 
 @pytest.fixture(scope="session")
 def game():
+    """Return the paper's game at a dihedral angle of 15 deg."""
     return game_at(15.0)
 
 
@@ -55,4 +59,5 @@ def elevator_game():
 
 @pytest.fixture(scope="session")
 def gain():
+    """Return K of the exact solution of the paper's game at 15 deg."""
     return exact_gain(15.0)

@@ -21,6 +21,8 @@ KNOT = 1852.0 / 3600.0
 
 
 class Air(NamedTuple):
+    """Density, kg/m³, speed of sound, m/s, and pressure, Pa."""
+
     density: float
     sound: float
     pressure: float
@@ -46,7 +48,11 @@ def equivalent(speed, at):
 
 
 class SixDof:
-    """An aircraft with the entries of a table in SI units and rad, about body axes."""
+    """An aircraft with the entries of a table in SI units and rad, about body axes.
+
+    cg: center of gravity, chords, or None for that of the table; the table's moments are about its
+        own warmer: deviation of the temperature from the standard, K
+    """
 
     def __init__(self, table, cg=None, warmer=0.0):
         self.of = {key: each for key, each in table.items() if not isinstance(each, Mapping)}
@@ -59,6 +65,7 @@ class SixDof:
         self.inertia = np.array([[of["Ixx"], 0, -xz], [0, of["Iyy"], 0], [-xz, 0, of["Izz"]]])
 
     def get(self, name):
+        """Return an entry of the table, 0 if it is missing."""
         return self.of.get(name, 0.0)
 
     def coefficients(self, flow, rates, u, at):

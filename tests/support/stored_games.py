@@ -35,10 +35,9 @@ EACH = 200
 class Stored(NamedTuple):
     """A game with its answers.
 
-    game: the game with its delta
-    exists: whether it has a value
-    P, K: its answers, empty without a value
-    change: largest change of P and K by changes of 1 of its entries, in units in which the diagonals
+    game: the game with its delta exists: whether it has a value P, K: its answers, empty without a
+        value change: largest change of P and K by changes of 1 of its entries, in units in which
+        the diagonals
         of P and of R + B'PB (R in continuous time) are 1
     delta_min: nan if no delta has a solution
     """
@@ -68,6 +67,7 @@ def errors(stored, P, K):
 
 @cache
 def _file():
+    """Return the arrays of the file by name."""
     with np.load(FILE) as loaded:
         return dict(loaded)
 
@@ -95,6 +95,7 @@ def _first_entries():
 
 
 def _game(file, index):
+    """Return the game with this number in the file."""
     n, m, k = map(int, file["sizes"][index])
     shapes = {"A": (n, n), "B": (n, m), "E": (n, k), "Q": (n, n), "R": (m, m), "N": (n, m)}
     at = _first_entries()[index]

@@ -33,7 +33,7 @@ _LONGEST = 8
 
 def cases():
     """Return the stored commands: kind -> name -> words."""
-    content = tomllib.loads((FOLDER / "commands.toml").read_text(encoding="utf-8"))
+    content = tomllib.loads((FOLDER / "commands.toml").read_text("utf-8"))
     return {kind: {name: line.split() for name, line in of.items()} for kind, of in content.items()}
 
 
@@ -81,6 +81,7 @@ def summary(content, path=""):
 
 
 def _list_summary(content, path):
+    """Yield path and value of each leaf of a list; of a long one of numbers both ends and the norm."""
     with contextlib.suppress(TypeError, ValueError):
         array = np.asarray(content, dtype=float)
         if array.size > _LONGEST:
@@ -128,7 +129,7 @@ def certificate_of(words, folder):
     words: name of the file in certificates/, then the options that give the subject
     """
     name, *subject = words
-    content = json.loads((FOLDER / "certificates" / name).read_text(encoding="utf-8"))
+    content = json.loads((FOLDER / "certificates" / name).read_text("utf-8"))
     check = ["prove", "--check", "changed.json", *subject]
     content["toolchain"] = identity()
     found = {"unchanged": _exit_of(content, check, folder)}
@@ -142,7 +143,7 @@ def certificate_of(words, folder):
 
 def _exit_of(content, check, folder):
     """Return the exit code of a check of a certificate with this content, sealed anew."""
-    (folder / "changed.json").write_text(sealed(content), encoding="utf-8")
+    (folder / "changed.json").write_text(sealed(content), "utf-8")
     with contextlib.redirect_stderr(io.StringIO()):
         return run(check, folder)[0]
 
@@ -163,7 +164,7 @@ def machine():
     """Return what the last bits of a flight depend on: processor and libraries."""
     processor = platform.processor() or platform.machine()
     with contextlib.suppress(OSError):
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        lines = Path("/proc/cpuinfo").read_text("utf-8").splitlines()
         processor = next(line.split(":")[1].strip() for line in lines if "model name" in line)
     libraries = f"numpy {np.__version__}, scipy {scipy.__version__}, casadi {ca.__version__}"
     return f"{processor}, {libraries}"
@@ -171,7 +172,7 @@ def machine():
 
 def stored(kind):
     """Return the stored outputs of a kind, by name of the command."""
-    return json.loads((FOLDER / f"{kind}.json").read_text(encoding="utf-8"))
+    return json.loads((FOLDER / f"{kind}.json").read_text("utf-8"))
 
 
 def main(kinds):
@@ -184,7 +185,7 @@ def main(kinds):
             for case, words in cases()[kind].items():
                 outputs[case] = OUTPUTS[kind](words, folder)
             path = FOLDER / f"{kind}.json"
-            path.write_text(json.dumps(outputs, indent=1) + "\n", encoding="utf-8")
+            path.write_text(json.dumps(outputs, indent=1) + "\n", "utf-8")
             print(f"wrote {path.relative_to(ROOT)}")
 
 

@@ -72,7 +72,7 @@ _TOKENS = re.compile(r'"[^"\n]*"|[-+.\w]+|\s+|.', re.DOTALL)
 
 
 def changed_bytes(content):
-    """Return content in which some bytes are replaced by others."""
+    """Return a strategy of content in which some bytes are replaced by others."""
 
     def changed(at, length, new):
         return content[:at] + new + content[at + length :]
@@ -82,7 +82,7 @@ def changed_bytes(content):
 
 
 def changed_text(content):
-    """Return text in which one to three words or numbers are replaced."""
+    """Return a strategy of text in which one to three words or numbers are replaced."""
     tokens = _TOKENS.findall(content.decode("latin-1"))
     places = [number for number, token in enumerate(tokens) if not token.isspace()] or [0]
 
@@ -94,7 +94,7 @@ def changed_text(content):
 
 
 def changed_arrays(content):
-    """Return a .npz file in which one to three arrays are replaced, removed or added."""
+    """Return a strategy of .npz files in which one to three arrays are replaced, removed or added."""
     with np.load(io.BytesIO(content)) as loaded:
         given = dict(loaded)
 
@@ -109,13 +109,13 @@ def changed_arrays(content):
 
 
 def changed_entry(data):
-    """Return JSON data in which one entry has another value."""
+    """Return a strategy of JSON data in which one entry has another value."""
     paths = st.sampled_from([path for path, _ in places(data)])
     return st.builds(functools.partial(replaced, data), paths, VALUES)
 
 
 def changed_file(name, content):
-    """Return a file that is damaged in a way that its suffix suggests, or anywhere."""
+    """Return a strategy of files that are damaged in a way that their suffix suggests, or anywhere."""
     ways = [changed_bytes(content)]
     if name.endswith(".npz"):
         ways.append(changed_arrays(content))

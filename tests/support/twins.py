@@ -140,7 +140,7 @@ class Twin(NamedTuple):
 
 
 def in_units(sizes, words, second=1.0, **rest):
-    """Return the twin whose signals have some units.
+    """Return the twin whose signals have some units: its equations convert to SI units and back.
 
     sizes: signal -> number of SI units in its unit
     words: signal -> its unit

@@ -32,7 +32,8 @@ GUST = ((0.5, 0.5), (0.13, 1.0))
 
 
 def derived_unsteady(x, u, density, p, winds):
-    """Return the rates of the seven states, and of the lag states by name, from the second derivation.
+    """Return the rates of the seven states, and of the lag states by name, from the second
+    derivation.
 
     The arguments are named states and inputs (SX), as in `hfa_model.unsteady.UNSTEADY`. The drag
     depends on the airspeed.
