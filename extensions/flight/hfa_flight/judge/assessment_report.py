@@ -347,7 +347,7 @@ def _figures(
 def _table(sheets: Sequence[Sequence[Row]]) -> Table:
     """Return a table with the figures of each sheet in a row."""
     columns = {row.name: row.cells().unit for sheet in sheets for row in sheet}
-    cells = [{row.name: row.cells()[1] for row in sheet} for sheet in sheets]
+    cells = [{row.name: row.cells().value for row in sheet} for sheet in sheets]
     header = tuple(f"{name} {unit}".rstrip() for name, unit in columns.items())
     return Table(header, [tuple(row.get(name, "-") for name in columns) for row in cells])
 

@@ -374,10 +374,12 @@ class Flights:
             near = np.abs(states - problem.point.x) <= far
             return np.asarray(~near.all(axis=1))  # a state that is not a number is not near
 
+        # A flight that leaves the envelope is flown on until it diverges, if its modes are slow
+        # enough there for the integration.
         with np.errstate(all="ignore"):
             try:
                 rows = loop.fly(scenario, stop=diverges, policy=policy)
-            except NoSolutionError:  # outside the envelope its modes may be too fast
+            except NoSolutionError:
                 leaves = partial(outside, problem.envelope)
                 rows = loop.fly(scenario, stop=leaves, policy=policy)
         return self.priced(loop.loop.policy, rows)

@@ -275,7 +275,7 @@ class Measured:
         ranges = np.where(np.isfinite(highest - lowest), highest - lowest, 1.0)
         moved = np.abs(hold_of(*model.scaled.linear_states, self._dt).B) @ ranges
         box = np.maximum(model.scaled.box, _LEAST_BOX)
-        #: Largest difference of a sample from its prediction, (n,).
+        #: Largest difference of a sample from its prediction, (n,): of carried states 1.
         self._most = np.append(_OF_BOX * box + _OF_MOVES * moved, np.ones(n - k))
         self.wrong = 0
         #: Commands that may act yet, (m,) each, and number of all commands of the flight.

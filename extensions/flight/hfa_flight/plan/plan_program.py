@@ -116,6 +116,8 @@ class PlanProgram:
         of_H, self._numbers_of_H = _sparse(H)
         of_A, self._numbers_of_A = _sparse(A)
         limits, slacks = len(soft) + len(fast), len(soft)
+        # HPIPM's numbers of states, inputs and rows of limits at the begin of each hold and at the
+        # end. Slacks are inputs for it.
         stages: dict[str, Any] = {
             "N": count,
             "nx": [n] * (count + 1),
@@ -164,6 +166,7 @@ class PlanProgram:
 
     def _status(self) -> int | None:
         """Return HPIPM's status of the last program, None if CasADi does not tell."""
+        # CasADi solves in one of several memories; the others have no status.
         memories = range(_MEMORIES) if self._memory is None else [self._memory]
         for memory in memories:
             try:
@@ -240,7 +243,10 @@ def _limits_of_unknowns(room: Room, n: int) -> Range:
 
 
 def _sparse(numbers: np.ndarray) -> tuple[ca.Sparsity, np.ndarray]:
-    """Return the sparsity of a matrix of numbers of values, and their indices by columns."""
+    """Return the sparsity of a matrix of numbers of values, and their indices by columns.
+
+    The value with the number 1 has the index 0. CasADi stores the entries column by column.
+    """
     height, width = numbers.shape
     columns, rows = np.nonzero(np.ascontiguousarray(numbers.T))
     sparsity = ca.Sparsity.triplet(height, width, rows.tolist(), columns.tolist())

@@ -109,12 +109,13 @@ class Planner:
         self.soft = np.flatnonzero(np.isfinite(lowest) | np.isfinite(highest))
         #: Soft limits without a spread.
         self.room = Range((1.0 - margin) * lowest[self.soft], (1.0 - margin) * highest[self.soft])
-        longest, count = grid.most_samples
+        longest, count = grid.most_samples  # of each hold, and of a plan
         self._fast = np.flatnonzero(scaled.reached(grid.dt)[self.soft])
         self._slopes, self._curvatures = self._slack_penalties(P)
-        self._nearest = NearestInputs(scaled, grid.dt * longest[-1], 1.0 - margin)
+        self._nearest = NearestInputs(scaled, grid.dt * longest[-1], 1.0 - margin)  # of the last
         self.model = HeldModel(scaled, grid.dt * longest)
         self._halves = HeldModel(scaled, 0.5 * grid.dt * longest)
+        #: The flight of a plan, by half samples.
         self._flights = HeldModel(scaled, np.full(2 * count, 0.5 * grid.dt))
         self._gains, _ = gains_of(grid.at(0).linear, P)
         self._gain_flight = self._flight_of_gain()

@@ -286,6 +286,7 @@ class Grid:
         lengths: list[int] = []
         first_sample = age
         for _ in range(self._count):
+            # At most 2 / fine of the number of samples since the begin of the plan.
             wanted = max(1, 2 * (first_sample - age) // self._fine)
             power_of_two = 1 << (wanted.bit_length() - 1)  # the largest up to `wanted`
             length = min(power_of_two, self._longest)
@@ -405,6 +406,7 @@ def sample_time_of_plans(scaled: ScaledProblem, asked: float | None = None) -> f
     try:
         rule = _rule_of_samples(scaled)
     except NoSolutionError:
+        # The longest that resolves the fastest pole, whatever it costs.
         rule = _FASTEST / scaled.fastest if scaled.fastest else math.inf
     if asked > _COARSEST * rule:
         raise BadInputError(
@@ -434,7 +436,7 @@ def _rule_of_samples(scaled: ScaledProblem) -> float:
 #: Fraction of the limits within which the linear loop stays.
 _WITHIN = 0.9
 #: Numbers of samples of the linear loop that are checked one by one, and of further steps of
-#: _LONGER samples each.
+#: _END_HOLD samples each.
 _SAMPLES = 150
 _STEPS = 100
 _END_HOLD = 10
@@ -473,16 +475,14 @@ class EndPolicy:
 
         z: followed states, (n,)
         """
-        k = len(self.K.T)
-        (lowest_z, highest_z), (lowest_v, highest_v) = (
-            self._scaled.state_limits,
-            self._scaled.input_limits,
-        )
+        k = self._scaled.counts.linear
+        lowest_z, highest_z = self._scaled.state_limits
+        lowest_v, highest_v = self._scaled.input_limits
         lowest = _WITHIN * np.concatenate([lowest_z[:k], lowest_v])
         highest = _WITHIN * np.concatenate([highest_z[:k], highest_v])
-        flown = self._states_and_inputs @ z[:k]
+        flown = self._states_and_inputs @ z[:k]  # a row for each of the checked samples
         return bool(((flown <= highest) & (flown >= lowest)).all())
 
     def inputs(self, z: np.ndarray) -> np.ndarray:
         """Return the inputs v, (m,), within their limits."""
-        return np.clip(-self.K @ z[: len(self.K.T)], *self._scaled.input_limits)
+        return np.clip(-self.K @ z[: self.K.shape[1]], *self._scaled.input_limits)

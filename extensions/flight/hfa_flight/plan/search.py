@@ -213,7 +213,7 @@ class BestFlights:
 
     @cached_property
     def _weights(self) -> tuple[np.ndarray, np.ndarray]:
-        """Weights for `adapted_mesh`: the square roots of the diagonals of P, (k,), and R, (m,)."""
+        """Weights for `adapted_mesh`, by the cost: the square roots of the diagonals of P and R."""
         problem = self.problem
         return np.sqrt(np.abs(np.diag(problem.P))), np.sqrt(np.diag(problem.R))
 

@@ -74,6 +74,7 @@ def smoothed(function: ca.Function, points: np.ndarray, part: float) -> ca.Funct
     part: half-width of a blend, in standard deviations of its argument over the points
     """
     symbol = ca.SX.sym("x", function.numel_in(0))
+    # A first evaluation finds the nonsmooth points, a second one smooths them.
     sharp = _Replay(function, symbol)
     sharp.run()
     values = np.array(ca.Function("arguments", [symbol], [sharp.arguments_of_blends()])(points.T))
@@ -111,7 +112,7 @@ class _Blend:
         if len(finite) < len(values) or np.ptp(finite) <= _VARIES * size:
             return _Blend(0.0)  # infinite somewhere, or constant
         levels = np.unique(finite)
-        if len(levels) == 2:
+        if len(levels) == 2:  # such as a truth value
             return _Blend(0.0, (float(levels[0]), float(levels[1])))
         width = part * float(finite.std())
         comes_near_0 = finite.min() <= width and finite.max() >= -width

@@ -123,7 +123,7 @@ class RiccatiPolicy:
     ) -> None:
         self.nearest = NearestInputs(scaled, dt)
         self._scaled = scaled
-        self._attenuated = E @ E.T / delta**2
+        self._attenuated = E @ E.T / delta**2  # in the Riccati equation
         self._P = P
         self._kept = [scaled.problem.states.index(name) for name in self.nearest.states]
         least_weight = float(np.linalg.eigvalsh(scaled.linear_states.R)[0])

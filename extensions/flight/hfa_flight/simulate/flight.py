@@ -116,7 +116,7 @@ def simulated_loop(
     predict: whether the flight is compared with that of the linear model, if the policy permits it
     """
     flight = fly_within(CompiledLoop(loop), envelope, progress=progress)
-    if flight.departure is not None and flight.departure.time == 0.0:
+    if flight.departure is not None and flight.departure.time == 0.0:  # begins outside
         start = flight.deviations.limited[0] + flight.point.x
         refuse_start(envelope, start, loop.scenario.moving_air)
     return replace(flight, predicts=predict and loop.policy.predicts)

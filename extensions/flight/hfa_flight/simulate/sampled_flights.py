@@ -158,6 +158,7 @@ class SampledFlight:
         U = commands_of(raw, X, before, trim)
         p = trim[n + m :]
         whole, rest = self.delay_in_samples
+        # After the rest of the delay acts the command of `whole` samples ago.
         acting = U if whole == 0 else memory[(whole - 1) * m : whole * m]
         step_late = self._step(self.dt - rest)
         if rest:
@@ -227,6 +228,7 @@ class SampledFlight:
             on_rows = row_code if is_long else RowFunction
             actor = self.deployed.deployment.actor
             outputs = on_rows(actor.function)
+            # Some actors have a version of their function for many rows.
             network = actor.rows or (lambda rows: outputs(rows)[0])
             stepper = Ticks(self.tick(), self.dt, is_long=is_long)
             entering = on_rows(self.entering())
