@@ -126,6 +126,7 @@ def control_points(
     states, inputs = list(model.states), list(model.inputs)
     imposed_outputs = [name for name in condition.imposed if name in model.outputs]
     unknowns = len(states) + len(inputs) + len(imposed_outputs) - len(condition.imposed)
+    # Without as many equations as unknowns, python-control minimizes the residuals ("lm").
     is_square = unknowns == len(condition.rates) + len(imposed_outputs)
     first = hfa.trim(model, condition)
     system = control.nlsys(
@@ -181,6 +182,7 @@ def _evaluated(model: hfa.Model, outputs: tuple[str, ...]) -> Callable[..., np.n
 
 def one_trim(quick: bool) -> list[Comparison]:
     """Return comparisons of one trim and its linear model of four aircraft with python-control."""
+    # Aircraft, trim condition, variable that python-control is given, and required ratio of times.
     cases = [
         ("the HFA", level_flight(np.radians(10.0)), "dihedral", 3.0),
         ("an F-16", usual(F16), "turn_rate", 1.0),
@@ -218,6 +220,7 @@ def sweeps(quick: bool) -> list[Comparison]:
     steady = dict.fromkeys(("speed", "alpha", "pitch_rate", "power"), 0.0)
     ahead = hfa.TrimCondition(model, of_straight_flight | dict.fromkeys(_AHEAD, 0.0), steady)
     degrees = np.pi / 180.0
+    # What is counted, trim condition, variable with its ends, and required ratio of times.
     cases = [
         ("dihedral angles of the HFA", level_flight(0.0), "dihedral", 0.0, 20.0 * degrees, 20.0),
         ("points of an F-16 with 5 unknowns", ahead, "speed", 300.0, 700.0, 30.0),

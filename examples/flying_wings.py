@@ -18,7 +18,8 @@ def wing(numbers: Mapping[str, float], x: Any, u: Any, p: Any, w: Any) -> Any:
     """Return the state derivatives and the outputs of a flying wing.
 
     V' = (T cos α - D) / m - g sin γ,  α' = q - (L + T sin α) / (m V) + g cos γ / V,  θ' = q,
-    q' = M / I, with γ = θ - α, C_L = a α, C_D = C_D0 + k C_L², C_m = m_α α + m_δ δ + m_q q c / 2V
+    q' = M / I, with γ = θ - α, C_L = a α + a_δ δ, C_D = C_D0 + k C_L²,
+    C_m = m_0 + m_α α + m_δ δ + m_q q c / 2V
 
     numbers: mass, inertia, area, chord and coefficients, SI
     """

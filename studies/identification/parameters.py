@@ -381,9 +381,9 @@ class _Problem:
         values = dict(zip(Parameters._fields, self._p, strict=True))
         columns = {name: np.full(len(self._held), value) for name, value in values.items()}
         columns["dihedral"] = self._dihedrals
-        c = self._system.constants(len(self._held), columns)
+        constants = self._system.constants(len(self._held), columns)
         start = np.tile(_ROUGH_INPUTS / self._system.scales, (len(self._held), 1))
-        z, _ = newton(self._system, start, c)
+        z, _ = newton(self._system, start, constants)
         return list(z * self._system.scales)
 
     def errors(self, theta: np.ndarray) -> _Errors:

@@ -66,6 +66,7 @@ def resolved_flight(
             for name in model.linear
         }
 
+    # Refined until the figures hardly change.
     (checked, _), error = resolved(flown, figures, flight.dt / flight.steps_per_sample)
     return checked, error
 

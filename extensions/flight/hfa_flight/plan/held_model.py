@@ -134,6 +134,7 @@ class HeldModel:
 
     def _runs(self) -> list[tuple[int, list[int]]]:
         """Return the successive holds with equal numbers of Runge-Kutta steps, with that number."""
+        # Numbers of the holds, grouped by their numbers of steps.
         steps = self._steps_of_holds
         return [(same, list(run)) for same, run in groupby(range(len(steps)), steps.__getitem__)]
 

@@ -149,7 +149,7 @@ class FlightProblem:
 
         v: (m,)
         """
-        U = self.point.u
+        U = self.point.u  # a new array
         U[self.moved] += v * self.nominal.inputs
         return U
 

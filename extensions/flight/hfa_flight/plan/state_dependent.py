@@ -396,6 +396,7 @@ class _SamplesInside:
             of_policy = kept.policy.held_inputs(tick, time)
         else:
             of_policy = self._policy(tick, when_acting)
+        # A policy without samples acts on the states now, as it does without the limits.
         (u,) = self._command.at(time, measured, of_policy)
         v = u[problem.moved] / problem.nominal.inputs
         inside = kept.nearest(z, v)
