@@ -393,15 +393,8 @@ class Model(Reported):
     @cached_property
     def time_unit(self) -> str:
         """Unit of time: the first of "s", "min", "h" and "day" in a declared unit, else "s"."""
-        return self._stated_time_unit or "s"
-
-    @cached_property
-    def _stated_time_unit(self) -> str:
-        """Unit of time that a declared unit contains, or "" if none does."""
-        words = {
-            word for signal in self.signals.values() for word in re.findall("[a-z]+", signal.unit)
-        }
-        return next((unit for unit in ("s", "min", "h", "day") if unit in words), "")
+        words = re.findall("[a-z]+", " ".join(signal.unit for signal in self.signals.values()))
+        return next((unit for unit in ("s", "min", "h", "day") if unit in words), "s")
 
     def rate_unit(self, name: str) -> str:
         """Return the unit of a state's rate, such as ft/s for ft, and ft/s^2 for ft/s."""
@@ -418,25 +411,26 @@ class Model(Reported):
         change of the rate due to a nominal change of one state or input, at the start values.
         """
         refuse_unknown("unknown state", name, self.states)
-        state = self.states[name]
-        if state.rate:
-            return state.rate
-        if self._stated_time_unit:
-            per_time = conversion_factor("1/s", f"1/{self._stated_time_unit}") or 1.0
-            return state.nominal * per_time
-        return self._rates_by_nominal_changes.get(name) or state.nominal
+        return self.states[name].rate or self._usual_rates[name]
 
     @cached_property
-    def _rates_by_nominal_changes(self) -> dict[str, float]:
-        """State -> largest change of its rate by a nominal change of a signal, at the start."""
+    def _usual_rates(self) -> dict[str, float]:
+        """State -> typical magnitude of its rate, for states that declare none (`rate_scale`)."""
+        nominal = {name: state.nominal for name, state in self.states.items()}
+        words = re.findall("[a-z]+", " ".join(signal.unit for signal in self.signals.values()))
+        if self.time_unit in words:
+            per_time = conversion_factor("1/s", f"1/{self.time_unit}") or 1.0
+            return {name: size * per_time for name, size in nominal.items()}
         start = {name: signal.start for name, signal in self.signals.items()} | {**self.trim}
         x, u = ([start[name] for name in names] for names in (self.states, self.inputs))
         try:
             slopes = self.at(x, u)
         except (BadInputError, ArithmeticError):
-            return {}  # the equations fail at the start values
+            return nominal  # the equations fail at the start values
         changes = np.hstack([slopes.A, slopes.B]) * self.nominal((*self.states, *self.inputs))
-        return dict(zip(self.states, np.abs(changes).max(axis=1).tolist(), strict=True))
+        largest = np.abs(changes).max(axis=1).tolist()
+        pairs = zip(nominal.items(), largest, strict=True)
+        return {name: change or size for (name, size), change in pairs}
 
     def factor_of(self, name: str, text: str, unit: str) -> float:
         """Return the factor from a stated unit to the unit of a signal, an airspeed or a rate.

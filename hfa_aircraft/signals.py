@@ -305,26 +305,20 @@ class PlantNames(NamedTuple):
         Raises BadInputError if the number of known names or units is not n for states or m for
         inputs.
         """
-        return PlantNames(
-            _as_many("states", self.states, numbered("x", n)),
-            _as_many("inputs", self.inputs, numbered("u", m)),
-            _as_many("state_units", self.state_units, ("",) * n),
-            _as_many("input_units", self.input_units, ("",) * m),
-            self.origin,
-            self.disturbances,
-        )
-
-
-def _as_many(key: str, texts: tuple[str, ...], usual: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the given names or units, or the usual ones if none are given.
-
-    key: name of the entry, for messages
-    """
-    if not texts:
-        return usual
-    if len(texts) != len(usual):
-        raise BadInputError(f"{key} has {len(texts)} entries; give {len(usual)} for this plant")
-    return tuple(texts)
+        completed: dict[str, Any] = {
+            "states": numbered("x", n),
+            "inputs": numbered("u", m),
+            "state_units": ("",) * n,
+            "input_units": ("",) * m,
+        }
+        for key, usual in completed.items():
+            known = getattr(self, key)
+            if known and len(known) != len(usual):
+                raise BadInputError(
+                    f"{key} has {len(known)} entries; give {len(usual)} for this plant"
+                )
+            completed[key] = tuple(known) or usual
+        return self._replace(**completed)
 
 
 UNNAMED = PlantNames()

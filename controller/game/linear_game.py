@@ -278,7 +278,9 @@ def names_of_linear(linear: LinearModel) -> PlantNames:
     The `origin` of the result names the model and its flight condition.
     """
     origin = f"{linear.model.title} {linear.point.at_scheduled}".rstrip()
-    return PlantNames(linear.states, linear.inputs, linear.state_units, linear.input_units, origin)
+    units = linear.model.units
+    states, inputs = linear.states, linear.inputs
+    return PlantNames(states, inputs, units(states), units(inputs), origin)
 
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta", "N")
