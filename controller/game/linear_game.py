@@ -278,9 +278,8 @@ def names_of_linear(linear: LinearModel) -> PlantNames:
     The `origin` of the result names the model and its flight condition.
     """
     origin = f"{linear.model.title} {linear.point.at_scheduled}".rstrip()
-    units = linear.model.units
-    states, inputs = linear.states, linear.inputs
-    return PlantNames(states, inputs, units(states), units(inputs), origin)
+    names = linear.states, linear.inputs
+    return PlantNames(*names, *map(linear.model.units, names), origin)
 
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta", "N")
