@@ -174,18 +174,12 @@ class Recursion:
     def __init__(self, known):
         self.known, self.x, self.P, self.G = known, np.zeros(9), known.P, known.P
         self.share = self.in_a_row = self.samples = self.left_out = 0
-        self.last, self.trim = (
-            np.full(6, np.nan),
-            known.point.x[known.point.model.state_places(known.states)],
-        )
-        A, N = known.Phi[6:, 6:], known.air[6:, 6:]
-        self.climate = solve_discrete_lyapunov(A, N)
         model = known.point.model
+        self.last, self.trim = np.full(6, np.nan), known.point.x[model.state_places(known.states)]
+        self.climate = solve_discrete_lyapunov(known.Phi[6:, 6:], known.air[6:, 6:])
         X, u, w = (ca.SX.sym("x", size) for size in (7, 5, 2))
-        names = [
-            known.winds.index(name) if name in known.winds else None for name in model.disturbances
-        ]
-        winds = [0.0 if place is None else w[place] for place in names]
+        of_wind = dict(zip(known.winds, ca.vertsplit(w), strict=True))
+        winds = [of_wind.get(name, 0.0) for name in model.disturbances]
         vectors = [ca.vertsplit(vector) for vector in (X, u, ca.SX(ca.DM(model.p)))]
         rates = model.layout.expressions(vectors, (), winds)[0]
         self.rates = ca.Function("rates", [X, u, w], [rates])

@@ -19,6 +19,7 @@ START = {"alpha": 0.1, "speed": 100.0, "altitude": 1000.0}
 
 
 def glide(x, u, p, w):
+    """Return the rates z' = A z + B v of deviations z of alpha and speed, and v of the inputs."""
     z = [x.alpha - 0.1, x.speed - 100.0]
     v = [u.elevator - 0.05, u.throttle - 0.5]
     rates = [
@@ -94,9 +95,9 @@ def test_inputs_that_follow_themselves_have_a_larger_gain():
         np.testing.assert_allclose(loop.settled_gain, gain, atol=1e-9)
 
 
-def test_at_a_kink_of_the_aircraft_the_loop_is_that_of_linearize():
-    """With a nonsmooth point at the trim, alpha = .1, the nominal loop is the linear model in the nominal values
-    X and U.
+def test_at_a_nonsmooth_point_the_loop_is_that_of_linearize():
+    """With -5 |alpha - .1| in the rate of the speed and the trim at alpha = .1, the nominal loop is
+    the linear model divided by the nominal values X and U.
     """
 
     def with_nonsmooth_point(x, u, p, w):

@@ -17,6 +17,10 @@ needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 
 
 def exported(name, point, target, file=None):
+    """Export a deployment file as C to a folder, and return the exit code.
+
+    name: name of a test policy, whose aircraft and, by default, deployment file are used
+    """
     file = file or FOLDER / f"{name}.toml"
     words = ["export", "--policy", str(file), "--aircraft", AIRCRAFT[name][0]]
     return main([*words, "--at", repr(float(point["speed"])), "-o", str(target)])

@@ -52,7 +52,10 @@ def flown_with(dt, delay, *, actuators=False):
 
 
 def test_a_command_that_arrives_at_a_sample_is_not_yet_observed():
-    """U_k = 0.3 U_(k-2) + 0.1 of a policy that observes its torque, with a delay of one sample."""
+    """U_k = 0.3 U_(k-2) + 0.1 of a policy that observes its torque, with a delay of one sample.
+
+    The command of sample k acts from sample k + 1 on, at which the torque before it is observed.
+    """
     model = load_model("examples/pendulum.py:PENDULUM")
     o = ca.SX.sym("o", 1)
     deployment = Deployment(

@@ -10,29 +10,42 @@ import hfa
 from hfa import BadInputError, assess
 
 
+def assessed(folder, entries):
+    """Return the assessment of a gain of the GTM, in a file with further entries."""
+    np.savez(folder / "K.npz", K=0.01 * np.ones((2, 4)), **entries)
+    deployment = gtm_deployment({"file": str(folder / "K.npz")})
+    return assess(model_of(GTM), deployment, [45.0], samples=0)
+
+
 @pytest.mark.parametrize(
     ("entries", "said"),
     [
-        ({"inputs": ["elevator", "throttle"], "dt": 0.02}, ""),
         ({"states": ["alpha", "speed", "pitch_rate", "pitch"]}, "of the states alpha, speed"),
         ({"inputs": ["throttle", "elevator"]}, "of the inputs throttle, elevator"),
         ({"dt": 0.05}, "for dt = 0.05 s"),
         ({"state_units": ["m/s", "deg", "rad/s", "rad"]}, "give scale = 0.0174533"),
-        ({"state_units": ["m/s", "rad", "rad/s", "rad"]}, ""),
         ({"input_units": ["deg", "1"]}, 'give map = "trim'),
-        ({"input_units": ["rad", "1"]}, ""),
     ],
 )
-def test_a_gain_is_of_its_states_inputs_units_and_sample_time(tmp_path, entries, said):
-    """A deployment that contradicts the file of its gain is refused, with the remedy."""
-    np.savez(tmp_path / "K.npz", K=0.01 * np.ones((2, 4)), **entries)
-    deployment = gtm_deployment({"file": str(tmp_path / "K.npz")})
-    if not said:
-        assert assess(model_of(GTM), deployment, [45.0], samples=0).points
-        return
+def test_a_deployment_that_contradicts_the_file_of_its_gain_is_refused(tmp_path, entries, said):
+    """The file may state other states, inputs, units or another sample time than the deployment. The
+    message has the remedy.
+    """
     with pytest.raises(BadInputError) as caught:
-        assess(model_of(GTM), deployment, [45.0], samples=0)
+        assessed(tmp_path, entries)
     assert said in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        {"inputs": ["elevator", "throttle"], "dt": 0.02},
+        {"state_units": ["m/s", "rad", "rad/s", "rad"]},
+        {"input_units": ["rad", "1"]},
+    ],
+)
+def test_a_deployment_that_agrees_with_the_file_of_its_gain_is_assessed(tmp_path, entries):
+    assert assessed(tmp_path, entries).points
 
 
 def test_effects_are_those_of_the_exact_gain_and_reversed_with_an_action():

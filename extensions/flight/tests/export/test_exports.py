@@ -35,6 +35,7 @@ def surfaces_bank(model):
 
 
 def exported(*words):
+    """Run `hfa export` for the paper's aircraft at 10 deg, and fail unless it succeeds."""
     result = command("export", "--dihedral", "10", *words)
     assert result.code == 0, result.err
 
@@ -50,7 +51,7 @@ def test_exported_rates_equal_the_model(folder):
     winds = namedtuple("winds", tuple(model.disturbances))
     random = np.random.default_rng(5)
     for row in range(20):
-        updraft = float(row % 5 - 2)
+        updraft = float(row % 5 - 2)  # -2 to 2 ft/s
         x = np.array(point.states) + random.uniform(-0.2, 0.2, 7) * [9, 1, 99, 1, 1, 1, 1]
         u = np.array(point.inputs) + random.uniform(-0.2, 0.2, 5)
         w = winds(*(updraft if name == "updraft" else 0.0 for name in model.disturbances))
@@ -73,12 +74,13 @@ def test_an_export_over_an_older_one_is_whole_or_refused(folder):
 
 
 def _parameters(model):
+    """Return the parameters of a model as numbers, each an attribute by its name."""
     return namedtuple("parameters", tuple(model.parameters))(*model.p.tolist())
 
 
 @pytest.fixture
 def gains(folder):
-    """Return weak gains at ANGLES, (3, 5, 6), stored in gains.npz."""
+    """Return 2 % of the exact gains at ANGLES, (3, 5, 6), also stored in gains.npz."""
     table = np.array([0.02 * exact_gain(angle) for angle in ANGLES])
     np.savez("gains.npz", K=table, dihedral_deg=ANGLES)
     return table
@@ -214,20 +216,19 @@ def test_an_exported_filter_equals_the_policy_behind_it(folder):
     for number in range(120):
         y = trim + innovations_of(policy.filter) * random.uniform(-1.0, 1.0, 4)
         if number in (0, 20, 21) or 30 <= number < 45:
-            y[1] += 20.0 * innovations_of(policy.filter)[1]
+            y[1] += 20.0 * innovations_of(policy.filter)[1]  # impossible
         if number in (5, 33):
-            y[number % 4] = math.nan
+            y[number % 4] = math.nan  # one of four is missing
         if 50 <= number < 55:
             y[:] = math.nan
         if 22 <= number < 25:
-            y = last
-        if number == 100:
+            y = last  # frozen
+        if number == 100:  # a flight from known states
             policy.begin(linear.point.x)
             memory = np.eye(1, size, share).ravel()
         last = y
         called(folder / "c", "hfa_filter", memory, y, u)
         np.testing.assert_allclose(u, policy(0.01 * number, y), rtol=1e-12, atol=1e-12)
-        assert (number in (0, 1)) == np.array_equal(
-            u, linear.point.u
-        )  # of the first two, 1 begins anew
+        # The estimate begins at sample 0, and anew at 1: commands are faded in from then on.
+        assert np.array_equal(u, linear.point.u) == (number in (0, 1))
     assert policy.unused > 0

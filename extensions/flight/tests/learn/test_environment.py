@@ -35,35 +35,40 @@ def test_the_checker_of_gymnasium_passes():
     check_env(environment(aircraft(name), stored_deployment(name), trims(name)[:1]))
 
 
-def test_an_environment_needs_no_deployment():
-    """Without a deployment, all linear states are observed and all inputs are actions.
-
-    The observations are deviations from the trim, divided by the nominal values. The weights of
-    the inputs are 1/nominal², an episode has 20 s, and a sample resolves the poles of aircraft and
-    LQR. A sample without action costs at most 1.
+def test_without_a_deployment_all_states_are_observed_and_all_inputs_are_actions():
+    """The observations are deviations from the trim divided by the nominal values, the weights of the
+    inputs are 1/nominal², and an episode has 20 s. A sample without action costs at most 1.
     """
     model = aircraft("ppo_gtm")
     env = environment(model)
+    assert env.model == model
+    assert env.seconds == pytest.approx(20.0)
     assert tuple(env.deployment.observation) == model.linear
     assert tuple(env.deployment.action) == tuple(model.inputs)
+    assert env.action_space.shape == (len(model.inputs),)
     costs = {name: 1.0 / model.signals[name].nominal ** 2 for name in model.inputs}
     assert env.deployment.cost["R"] == pytest.approx(costs)
     observation, info = env.reset(seed=1)
-    assert env.seconds == pytest.approx(20.0)
-    x = info["X"] - np.array(hfa.trim(model).states)
-    rows = [list(model.states).index(name) for name in model.linear]
-    nominal = [model.states[name].nominal for name in model.linear]
-    assert observation == pytest.approx(x[rows] / nominal, rel=1e-5, abs=1e-5)
-    assert env.action_space.shape == (len(model.inputs),)
-    linear = hfa.linearize(model, env.point)
-    weights = (nominal, [signal.nominal for signal in model.inputs.values()])
-    Q, R = (np.power(sizes, -2.0) for sizes in weights)
-    K = hfa.solve(hfa.game(linear, Q=Q, R=R)).K
-    poles = [np.linalg.eigvals(matrix) for matrix in (linear.A, linear.A - linear.B @ K)]
-    assert env.dt * np.abs(poles).max() <= 1.0 < 2.5 * env.dt * np.abs(poles).max()
-    assert env.model == model
+    rows = model.state_places(model.linear)
+    deviations = (info["X"] - hfa.trim(model).x)[rows]
+    expected = deviations / model.nominal(model.linear)
+    assert observation == pytest.approx(expected, rel=1e-5, abs=1e-5)
     _, reward, *_ = env.step(np.zeros(len(model.inputs)))
     assert -1.0 < reward <= 0.0
+
+
+def test_the_default_sample_resolves_the_poles_of_aircraft_and_lqr():
+    """The sample is the longest of 20, 10, 5, 2 and 1 ms that moves the fastest pole by at most 1: the
+    next one is at most 2.5 times as long.
+    """
+    model = aircraft("ppo_gtm")
+    env = environment(model)
+    linear = hfa.linearize(model, env.point)
+    Q, R = (model.nominal(names) ** -2.0 for names in (model.linear, tuple(model.inputs)))
+    K = hfa.solve(hfa.game(linear, Q=Q, R=R)).K
+    poles = [np.linalg.eigvals(matrix) for matrix in (linear.A, linear.A - linear.B @ K)]
+    fastest = np.abs(poles).max()
+    assert env.dt * fastest <= 1.0 < 2.5 * env.dt * fastest
 
 
 def test_episodes_of_the_flexible_aircraft_survive_a_second_without_action():
