@@ -27,7 +27,7 @@ dt = 0.05
 """
 SAMPLED = ("--sample-time", "0.05")
 _PLANT = {"A": np.array([[0.0, 1.0], [2.0, -0.3]]), "B": np.array([[0.0], [1.0]])}
-#: Files of gains, plants and matrices, name -> entries.
+#: Files of gains, plants and matrices, name -> entries. The gain K stabilizes the plant.
 FILES = {
     "K": {"K": [[4.24, 2.8]]},
     "steps_of_K": {"K": [[4.24, 2.8]], "dt": 0.1},
@@ -90,8 +90,8 @@ def test_a_gain_alone_is_assessed(folder):
     states and inputs.
     """
     units = {"state_units": ["rad", "rad/s"], "input_units": ["N m"]}
-    np.savez("plant.npz", A=[[0.0, 1.0], [2.0, -0.3]], B=[[0.0], [1.0]], **units)
-    np.savez("K.npz", K=[[4.24, 2.8]])
+    np.savez("plant.npz", **_PLANT, **units)
+    np.savez("K.npz", **FILES["K"])
     units = {"state_units": ["deg", "rad/s"], "input_units": ["lbf ft"]}
     lbf_ft = 4.4482216152605 * 0.3048  # in N m
     np.savez("units.npz", K=[[np.radians(4.24) / lbf_ft, 2.8 / lbf_ft]], **units)

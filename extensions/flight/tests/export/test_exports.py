@@ -42,11 +42,10 @@ def exported(*words):
 
 def test_exported_rates_equal_the_model(folder):
     """At random states, exported C code and the equations give equal state rates, with updrafts."""
-    dynamics = "newton"
-    exported("--dynamics", dynamics, "-o", "c")
+    exported("--dynamics", "newton", "-o", "c")
     place = folder / "c"
     compiled(place, "-shared", "-fPIC", "hfa_aircraft.c", "-o", "library.so")
-    point = model_at(10.0, dynamics).point
+    point = model_at(10.0, "newton").point
     model = point.model
     winds = namedtuple("winds", tuple(model.disturbances))
     random = np.random.default_rng(5)
