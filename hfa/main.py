@@ -131,6 +131,7 @@ def _run(words: list[str], find: Find) -> int:
         try:
             return _computed(command, request)
         except BadInputError as error:
+            # An option that supplies what is missing is proposed, if the command has the option.
             names = [declared.names for declared in options_of(command.request).values()]
             if not error.options or error.options[0] not in chain(*names):
                 raise
@@ -151,7 +152,6 @@ def _run(words: list[str], find: Find) -> int:
 
 def _computed(command: Command, request: Request) -> int:
     """Run a command, show its outcome and return the exit code."""
-    # With --json, print what a failed search found.
     from hfa.options.command import show, show_text
     from hfa_support.files import refuse_read
 
@@ -165,14 +165,17 @@ def _computed(command: Command, request: Request) -> int:
         outcome = command.run(request, *given)
         show(request, outcome)
     except NoSolutionError as error:
-        if request.json and error.found is not None:
+        if request.json and error.found is not None:  # by a failed search
             show_text(request, error.found, error.source)
         raise
     return DONE if outcome.ok else FAILED
 
 
 def _with_option(words: list[str], option: tuple[str, ...]) -> list[str]:
-    """Return a command line with an option and its value, in place of another value."""
+    """Return a command line with an option and its value, in place of another value of the option.
+
+    option: name and value
+    """
     name = option[0]
     kept = list(words)
     if name in kept and name != "--set":  # --set is repeatable

@@ -256,15 +256,16 @@ class TrimInput(NamedTuple):
         values = hold if at is None else {**hold, model.schedule: at}
         changed = tuple((name, values[name]) for name in model.parameters if name in values)
         common = self.common_condition(hold)
+        # A parameter is part of the model, and not of the condition.
+        condition = common.at(None if model.schedule in model.parameters else at)
         return GivenTrim(
             model=_with_parameters(model, changed) if changed else model,
-            # A parameter is part of the model, and not of the condition.
-            condition=common.at(None if model.schedule in model.parameters else at),
+            condition=condition,
             common=common,
             at=at,
             hold=hold,
             start=self.start,
-            source=self.source(common, values, at),
+            source=self.source(common, values, None if at is None else condition),
         )
 
     def common_condition(self, hold: Mapping[str, float]) -> TrimCondition:
@@ -282,13 +283,13 @@ class TrimInput(NamedTuple):
         self,
         common: TrimCondition,
         values: Mapping[str, float],
-        at: float | None = None,
+        single: TrimCondition | None = None,
     ) -> dict[str, Any]:
         """Return the entries of the provenance on the aircraft and its trim, or trims.
 
         common: condition without the value of the scheduling variable
         values: values that the options set, of which those of parameters are entries
-        at: value of the scheduling variable, or None for several
+        single: condition with a value of the scheduling variable that an option gives, or None
         """
         model = self.model
         parameters = {name: values[name] for name in model.parameters if name in values}
@@ -302,8 +303,7 @@ class TrimInput(NamedTuple):
         if model.source.text:
             return source | {"condition": {**common.changes, "parameters": parameters}}
         condition: Mapping[str, Any] = common.changes
-        if at is not None:
-            single = common.at(at)
+        if single is not None:
             limits = {name: list(single.limits_of(name)) for name in single.free}
             condition = {
                 "imposed": dict(single.imposed),
