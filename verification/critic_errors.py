@@ -88,7 +88,7 @@ def error_check(name: str, error: float, limit: float, what: str) -> Check:
     limit: the limit
     what: quantity with the error, for the reason of a failure: "K" gives "K is off by 0.1"
     """
-    size = percent(error, up=True).removesuffix(" %")
+    size = percent(error, up=True).removesuffix(" %")  # rounded up to two digits
     return at_most(name, error, limit, f"{what} is off by {size}", kind="error")
 
 

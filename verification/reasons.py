@@ -208,7 +208,7 @@ def _gains(exact: Solution, K: np.ndarray, limit: float) -> Compared:
     states = _sizes_of_states(exact)
     weights = np.diag(exact.suboptimality_weight)
     inputs = np.sqrt(np.where(weights > 0.0, weights, 1.0))  # √R_ii
-    in_units = exact.K * inputs[:, None] / states  # of √R_ii u_i and √P_jj z_j
+    in_units = exact.K * inputs[:, None] / states  # from √P_jj z_j to √R_ii u_i
     column_sizes = floored(np.linalg.norm(in_units, axis=0))
     row_sizes = floored(np.linalg.norm(in_units / column_sizes, axis=1))
     sizes = np.outer(row_sizes / inputs, column_sizes * states)
@@ -267,7 +267,7 @@ def _factors_of_states(values: Compared) -> np.ndarray:
             if np.abs(links[known, linked]) <= SMALL:
                 break
             block[linked] = True
-            signs[linked] = math.copysign(signs[known], signs[known] * links[known, linked])
+            signs[linked] = signs[known] * math.copysign(1.0, links[known, linked])
         signs[block] *= math.copysign(1.0, signs[block].sum())  # the majority is right
     with np.errstate(all="ignore"):
         return signs * np.sqrt(np.abs(np.diag(values.given) / np.diag(values.exact)))

@@ -126,6 +126,7 @@ class Rates:
 
         shares = np.abs(rows / self._sizes).max(axis=1, keepdims=True)  # of each flight, of the box
         band = rows.shape[1] - 1  # of the Jacobian: no flight acts on another
+        # The loops of all flights as one function, and the order of its numbers in memory.
         function, order = of_rows(self._closed, len(rows), len(rows) >= _MANY_ROWS)
         bound = BoundFunction(function)
         state, rate = (
@@ -330,7 +331,7 @@ def _flow_loop(
 
 
 def _far(exact: Solution, b: np.ndarray) -> float:
-    """Return V* above which a flight diverges."""
+    """Return V* above which a flight counts as diverging: `FAR_OF_VALUE` times that of the box."""
     return FAR_OF_VALUE * float(b @ np.abs(exact.P) @ b)
 
 
