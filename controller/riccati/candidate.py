@@ -15,22 +15,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balls import (
-    BITS,
-    Balls,
-    DoubleBalls,
-    ball_matrix,
-    bits,
-    identity,
-    symmetric,
-)
+from controller.riccati.balls import BITS, ball_matrix, bits, identity, midpoints, part, symmetric
 from controller.riccati.equation import (
     ContinuousEquation,
     Equation,
     StepEquation,
     Units,
     equation_of,
-    pencil_blocks,
     users_units,
 )
 from controller.riccati.lyapunov import (
@@ -40,14 +31,13 @@ from controller.riccati.lyapunov import (
     Middle,
     SignFunction,
     half_the_bits,
-    lyapunov_in_bits,
 )
 from controller.riccati.rationals import states_without_cost
 from hfa_support.matrices import balanced
 from trim.linear.frequency_response import hamiltonian
 
 if TYPE_CHECKING:
-    pass
+    from flint import arb_mat
 
 # These choose candidates only: the proof decides.
 
@@ -69,24 +59,16 @@ MOST_STATES_IN_BITS = 40
 
 
 class Candidate(NamedTuple):
-    """Candidate solution of a Riccati equation, for `proof`.
+    """Candidate solution of a Riccati equation, which `stabilizing` judges.
 
-    equation: the equation, in `Balls`
     X: (n, n), its solution
     Y: (n, n), solution of F'Y + Y F = -1 with the loop F of both players at X, in discrete time of
         F'Y F - Y = -1
     """
 
-    equation: Equation[Balls]
-    X: Balls
-    Y: np.ndarray | Balls
-
-
-class Solved(NamedTuple):
-    """Equation in some states, and its stabilizing solution X in doubles, (n, n)."""
-
-    equation: Equation[DoubleBalls]
-    X: np.ndarray
+    equation: Equation
+    X: arb_mat
+    Y: arb_mat
 
 
 @contextmanager
@@ -105,9 +87,9 @@ def value_in_doubles(game: Game) -> np.ndarray:
     Raises FailedError.
     """
     with failures():
-        equation, X = _solved(game, first_units(game, game.delta), game.delta)
-        states = equation.units.states
-        return np.ldexp(X, -np.add.outer(states, states))
+        units = first_units(game, game.delta)
+        X = stabilizing_in_doubles(equation_of(game, units, game.delta))
+        return np.ldexp(X, -np.add.outer(units.states, units.states))
 
 
 def candidate_in_doubles(
@@ -121,42 +103,34 @@ def candidate_in_doubles(
     Raises FailedError.
     """
     with failures():
-        solved = _solved(game, near or first_units(game, delta), delta)
+        units = near or first_units(game, delta)
+        X = stabilizing_in_doubles(equation_of(game, units, delta))
         for _ in range(0 if near else TURNS):
-            before, solved = solved, _in_units_of_solution(solved)
-            units = solved.equation.units
-            if np.abs(units.states - before.equation.units.states).max() <= SAME:
+            before, (units, X) = units, _in_units_of_solution(game, delta, units, X)
+            if np.abs(units.states - before.states).max() <= SAME:
                 break
-            solved = _solved(game, units, delta)
+            X = stabilizing_in_doubles(equation_of(game, units, delta))
         for turn in range(turns):
-            root = _root_of(solved.X, game, NOISE if turn > 1 else 0.0)
+            root = _root_of(X, game, NOISE if turn > 1 else 0.0)
             if root is None:
                 break
-            solved = _solved(game, _changed(solved.equation.units, root), delta)
-        in_doubles = solved.equation
-        X, lyapunov = _corrected(in_doubles.with_arithmetic(Balls), Balls.of(solved.X).symmetric())
-        return Candidate(in_doubles.with_arithmetic(Balls), X, lyapunov.shape())
+            units = _changed(units, root)
+            X = stabilizing_in_doubles(equation_of(game, units, delta))
+        return corrected(equation_of(game, units, delta), ball_matrix(X))
 
 
-def _solved(game: Game, units: Units, delta: float) -> Solved:
-    """Return the equation of a game in some states, and its solution in doubles."""
-    equation = equation_of(game, units, DoubleBalls, delta)
-    return Solved(equation, stabilizing_in_doubles(equation))
-
-
-def _in_units_of_solution(solved: Solved) -> Solved:
-    """Return an equation and its solution in units in which the diagonal of |X| is nearly 1, and so
-    are the weights of the inputs, R + B'P B.
+def _in_units_of_solution(
+    game: Game, delta: float, units: Units, X: np.ndarray
+) -> tuple[Units, np.ndarray]:
+    """Return units in which the diagonal of |X| is nearly 1, and so are the weights of the inputs,
+    R + B'P B; and X in these units.
     """
-    equation, X = solved
-    game, delta = equation.game, equation.delta
     sizes = np.where(states_without_cost(game), 1.0, sizes_of(X))
     steps = -_half_exponents(sizes)
-    states = equation.units.states + steps
+    states = units.states + steps
     X = np.ldexp(X, np.add.outer(steps, steps))
     weight = _input_weights(game, np.ldexp(game.B, -states[:, None]), X)
-    units = Units(states, -_half_exponents(weight), disturbance_units(game, delta))
-    return Solved(equation_of(game, units, DoubleBalls, delta), X)
+    return Units(states, -_half_exponents(weight), disturbance_units(game, delta)), X
 
 
 def sizes_of(X: np.ndarray) -> np.ndarray:
@@ -198,37 +172,36 @@ def _changed(units: Units, root: np.ndarray) -> Units:
     return units._replace(T=step if units.T is None else (step * units.T).mid())
 
 
-def _corrected(equation: Equation[Balls], X: Balls) -> tuple[Balls, Lyapunov[np.ndarray]]:
-    """Return X, corrected by residuals in balls until a correction is small or not half the last,
-    and the solver for the loop there.
+def corrected(equation: Equation, X: arb_mat) -> Candidate:
+    """Return a candidate near X, corrected by residuals in the bits of `precision`.
 
-    Each correction Z solves F'Z + Z F + residual = 0 in doubles, with the loop F at X.
+    Each correction Z solves F'Z + Z F + residual = 0 in doubles, with the loop F at X, until a
+    correction is small or not half the last.
 
     Raises FailedError.
     """
-    in_doubles = equation.with_arithmetic(DoubleBalls)
     has_no_cost = states_without_cost(equation.game)
-    size, last, lyapunov = np.abs(X.midpoint).max() or 1.0, math.inf, None
-    for _ in range(NEWTON_STEPS):
-        if lyapunov is None:
-            F = loop_in_doubles(in_doubles, X.midpoint)
-            lyapunov = Lyapunov(F, is_discrete=equation.is_discrete)
-        _, residual = equation.gains_and_residual(X)
-        correction = lyapunov.solve(-residual.midpoint)
-        correction[has_no_cost] = correction[:, has_no_cost] = 0.0
-        largest = np.abs(correction).max() / size
-        if not SMALL ** (bits() / BITS) < largest < 0.5 * last:
-            break
-        X, last = (X + Balls.of(correction)).mid(), largest
-        if largest > NEAR:
-            lyapunov = None
-    if not largest < NEAR:
-        raise FailedError("the corrections do not shrink")
-    F = loop_in_doubles(in_doubles, X.midpoint)
-    return X, lyapunov or Lyapunov(F, is_discrete=equation.is_discrete)
+    size, last, lyapunov = np.abs(midpoints(X)).max() or 1.0, math.inf, None
+    with failures():
+        for _ in range(NEWTON_STEPS):
+            gains, residual = equation.gains_and_residual(X)
+            if lyapunov is None:
+                F = midpoints(equation.loop(X, gains))
+                lyapunov = Lyapunov(F, is_discrete=equation.is_discrete)
+            correction = lyapunov.solve(-midpoints(residual))
+            correction[has_no_cost] = correction[:, has_no_cost] = 0.0
+            largest = np.abs(correction).max() / size
+            if not SMALL ** (bits() / BITS) < largest < 0.5 * last:
+                break
+            X, last = (X + ball_matrix(correction)).mid(), largest
+            if largest > NEAR:
+                lyapunov = None
+        if lyapunov is None or not largest < NEAR:
+            raise FailedError("the corrections do not shrink")
+        return Candidate(equation, X, ball_matrix(lyapunov.shape()))
 
 
-def stabilizing_in_doubles(equation: Equation[DoubleBalls]) -> np.ndarray:
+def stabilizing_in_doubles(equation: Equation) -> np.ndarray:
     """Return the stabilizing X, (n, n), in doubles that nothing proves.
 
     [1; X], in discrete time [1; X; -gains], spans the stable subspace of the `half_plane_matrix` M:
@@ -259,29 +232,23 @@ def _sign_of(matrix: Middle, n: int) -> Middle:
     return found.sign
 
 
-def half_plane_in_doubles(equation: Equation[DoubleBalls]) -> np.ndarray:
+def half_plane_in_doubles(equation: Equation) -> np.ndarray:
     """Return the `half_plane_matrix` of an equation in doubles.
 
     Raises LinAlgError in discrete time if z = -1 is an eigenvalue.
     """
     if isinstance(equation, ContinuousEquation):
-        return hamiltonian(equation.open_loop.midpoint, equation.S.midpoint, equation.cost.midpoint)
+        return midpoints(equation.hamiltonian())
     assert isinstance(equation, StepEquation)
-    A, G, Q, W, C = (
-        matrix.midpoint for matrix in (equation.A, equation.G, equation.Q, equation.W, equation.C)
-    )
-    L, M = map(np.block, pencil_blocks(A, G, Q, W, C, np.eye(equation.n)))
+    L, M = map(midpoints, equation.pencil())
     return np.linalg.solve(L + M, L - M)
 
 
-def loop_in_doubles(equation: Equation[DoubleBalls], X: np.ndarray) -> np.ndarray:
+def loop_in_doubles(equation: Equation, X: np.ndarray) -> np.ndarray:
     """Return the loop of both players at X, (n, n)."""
-    gains = X  # not used in continuous time
-    if isinstance(equation, StepEquation):
-        G, A = equation.G.midpoint, equation.A.midpoint
-        right = G.T @ X @ A + equation.C.midpoint.T
-        gains = np.linalg.solve(equation.W.midpoint + G.T @ X @ G, right)
-    return equation.loop(DoubleBalls.of(X), DoubleBalls.of(gains)).midpoint
+    exact = ball_matrix(X)
+    gains, _ = equation.gains_and_residual(exact)
+    return midpoints(equation.loop(exact, gains))
 
 
 def first_units(game: Game, delta: float) -> Units:
@@ -321,18 +288,6 @@ def _half_exponents(values: np.ndarray) -> np.ndarray:
     return np.round(0.5 * np.log2(positive)).astype(int)
 
 
-def corrected_in_bits(candidate: Candidate) -> Candidate:
-    """Return a candidate, corrected in the bits of `precision`.
-
-    Raises FailedError.
-    """
-    former = candidate.equation
-    equation = equation_of(former.game, former.units, Balls, former.delta)
-    with failures():
-        X, _ = _corrected(equation, candidate.X)
-        return _with_Y(equation, X, equation.gains_and_residual(X)[0])
-
-
 def candidate_in_bits(game: Game, delta: float) -> Candidate:
     """Return a candidate by the matrix sign function, with as many bits as `precision` gives, in
     states in which it is near 1.
@@ -343,49 +298,37 @@ def candidate_in_bits(game: Game, delta: float) -> Candidate:
         raise FailedError("the matrix sign function takes long")
     with failures():
         units = first_units(game, delta)
-        equation = equation_of(game, units, Balls, delta)
+        equation = equation_of(game, units, delta)
         X = _without_noise(_of_stable_subspace(equation), game)
         for _ in range(TURNS):
-            root = _root_of(X.midpoint, game, float(half_the_bits()))
+            root = _root_of(midpoints(X), game, float(half_the_bits()))
             if root is None:
                 break
             units = _changed(units, root)
-            inverse = Balls(ball_matrix(root).inv())
-            X = _without_noise(inverse.T @ X @ inverse, game)
-        equation = equation_of(game, units, Balls, delta)
-        return _with_Y(equation, X, equation.gains_and_residual(X)[0])
+            inverse = ball_matrix(root).inv()
+            X = _without_noise(inverse.transpose() * X * inverse, game)
+        equation = equation_of(game, units, delta)
+        F = equation.loop(X, equation.gains_and_residual(X)[0]).mid()
+        return Candidate(equation, X, Lyapunov(F, is_discrete=equation.is_discrete).shape())
 
 
-def _without_noise(X: Balls, game: Game) -> Balls:
+def _without_noise(X: arb_mat, game: Game) -> arb_mat:
     """Return the exact midpoints of the symmetric part of X, and 0 for the states without cost."""
-    places = np.flatnonzero(states_without_cost(game)).tolist()
-    matrix = symmetric(X.matrix.mid())
-    for i in places:
+    matrix = symmetric(X)
+    for i in np.flatnonzero(states_without_cost(game)).tolist():
         for j in range(len(game.A)):
             matrix[i, j] = matrix[j, i] = 0
-    return Balls(matrix)
+    return matrix
 
 
-def _with_Y(equation: Equation[Balls], X: Balls, gains: Balls) -> Candidate:
-    """Return the candidate X with Y, the Lyapunov function of its loop (`Candidate`).
-
-    gains: of X
-
-    Raises FailedError if the loop is not stable, or if an eigenvalue may be on the boundary.
-    """
-    loop = equation.loop(X, gains).matrix.mid()
-    Y = lyapunov_in_bits(loop, identity(equation.n), is_discrete=equation.is_discrete)
-    return Candidate(equation, X, Balls(Y))
-
-
-def _of_stable_subspace(equation: Equation[Balls]) -> Balls:
+def _of_stable_subspace(equation: Equation) -> arb_mat:
     """Return X of a basis [1; X] of the stable subspace, (n, n), as `stabilizing_in_doubles`.
 
     Raises FailedError or ZeroDivisionError.
     """
     n, everything = equation.n, slice(None)
-    sign = _sign_of(Balls(equation.half_plane_matrix()), n)
-    to_zero = (sign + Balls.of(np.eye(sign.rows))).mid()
-    right = to_zero.block(everything, slice(n, None))
-    left = right.T @ to_zero.block(everything, slice(n))
-    return -(right.T @ right).mid().solve(left.mid()).block(slice(n), everything)
+    sign = _sign_of(equation.half_plane_matrix(), n)
+    to_zero = (sign + identity(sign.nrows())).mid()
+    left, right = part(to_zero, everything, slice(n)), part(to_zero, everything, slice(n, None))
+    left, right = (right.transpose() * left).mid(), (right.transpose() * right).mid()
+    return -part(right.solve(left), slice(n))

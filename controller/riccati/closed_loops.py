@@ -18,7 +18,7 @@ import numpy as np
 from controller.riccati.balls import (
     ATTEMPTS,
     ROUNDOFF,
-    UP,
+    above,
     ball_matrix,
     identity,
     midpoints,
@@ -26,7 +26,6 @@ from controller.riccati.balls import (
     precision,
     scaled_balls,
     symmetric_part,
-    upper_ends,
 )
 from controller.riccati.enclosure import Enclosure, enclosed_in_bits
 from controller.riccati.l2_gain import DisturbedLoop, GainBounds, gain_of
@@ -114,8 +113,8 @@ def enclosed_poles(loop: arb_mat) -> Poles:
     radii = []
     for i, row in enumerate(rows):
         others = [abs(entry) for j, entry in enumerate(row) if j != i]
-        radii.append(sum(others, row[i].rad() + arb(0)))
-    radius = UP * upper_ends(radii)
+        radii.append(above(sum(others, row[i].rad() + arb(0))))
+    radius = np.array(radii)
     # An isolated disc that meets the real axis contains a real eigenvalue.
     is_real = np.abs(values.imag) <= radius
     radius = np.where(is_real, radius + np.abs(values.imag), radius)

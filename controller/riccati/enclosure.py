@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any
@@ -14,16 +15,14 @@ from controller.game.zero_sum import SYMMETRIC, Game, least_scaled_eigenvalue
 from controller.riccati.balls import (
     ATTEMPTS,
     BITS,
-    UP,
-    Balls,
-    DoubleBalls,
-    Matrix,
     ball_matrix,
     bits,
-    identity,
+    is_positive_definite,
     make_balls_picklable,
     midpoints,
+    part,
     precision,
+    radii,
     scaled_balls,
 )
 from controller.riccati.candidate import (
@@ -31,24 +30,17 @@ from controller.riccati.candidate import (
     Candidate,
     candidate_in_bits,
     candidate_in_doubles,
-    corrected_in_bits,
+    corrected,
     first_units,
     sizes_of,
 )
 from controller.riccati.equation import Units, equation_of
-from controller.riccati.lyapunov import (
-    FailedError,
-    Lyapunov,
-    NotProvedError,
-    change_along,
-    lyapunov_in_bits,
-)
-from controller.riccati.rationals import Zeros, zeros_of
+from controller.riccati.lyapunov import FailedError, Lyapunov, NotProvedError, change_along
+from controller.riccati.rationals import zeros_of
 from controller.riccati.refusal import (
     Stabilizing,
     has_semidefinite_weights,
-    prove_control_loop,
-    prove_weights,
+    prove_value,
     refuse_modes,
     stabilizing,
     why_at_boundary,
@@ -73,101 +65,75 @@ DIGITS = 2.0**-56
 class Enclosure:
     """Matrices of balls, in the user's units, that contain the exact solution of a game.
 
-    proved: ball of the stabilizing solution
+    game: the game, with its exact entries
+    units: units and states of the proof
+    proved: ball of the stabilizing solution, in these
     bits: of the proof
     """
 
-    proved: Stabilizing[Any]
+    game: Game
+    units: Units
+    proved: Stabilizing
     bits: int
 
-    def __post_init__(self) -> None:
-        make_balls_picklable()  # of results that hold an enclosure
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        make_balls_picklable()
-        vars(self).update(state)
-
-    @property
-    def game(self) -> Game:
-        """The game, with its exact entries."""
-        return self.proved.bounds.game
-
-    @property
-    def units(self) -> Units:
-        """Units and states of the proof."""
-        return self.proved.bounds.units
-
-    @cached_property
-    def value_in_units(self) -> Balls:
-        """P, (n, n), in the units of the proof."""
-        with precision(self.bits):
-            return Balls(self.units.value(self.proved.P_in_balls.matrix))
-
-    @cached_property
-    def gain_in_units(self) -> Balls:
-        """K, (m, n), in the units of the proof."""
-        with precision(self.bits):
-            return Balls(self.units.gain(self.proved.K.matrix))
+    def __getstate__(self) -> dict[str, Any]:
+        make_balls_picklable()  # of results that hold an enclosure, when they are stored
+        return vars(self)
 
     @cached_property
     def P(self) -> arb_mat:
         """P of the value z'P z, (n, n)."""
-        states = self.units.states
         with precision(self.bits):
-            return scaled_balls(self.value_in_units.matrix, -states, -states)
+            return self.units.value_of_user(self.proved.P)
 
     @cached_property
     def K(self) -> arb_mat:
         """K of the policy u = -K z, (m, n)."""
+        inputs = self.units.inputs
         with precision(self.bits):
-            return scaled_balls(self.gain_in_units.matrix, self.units.inputs, -self.units.states)
+            return self.units.gain_of_user(part(self.proved.gains, slice(len(inputs))), inputs)
 
     @cached_property
     def L(self) -> arb_mat:
         """L of the worst disturbance d = L z, (k, n); 0 without a disturbance."""
-        equation, units = self.proved.equation, self.units
+        equation, P, gains = self.proved
         with precision(self.bits):
-            if not equation.is_disturbed:
-                return ball_matrix(np.zeros(self.game.E.T.shape))
-            P = self.proved.P_in_balls
-            weight = equation.disturbance_weight(P)
+            weight, to_L = equation.disturbance_weight(P), equation.E.transpose() * P
             if weight is None:
-                L = (equation.E.T @ P * equation.w).matrix
+                L = to_L * equation.w
             else:  # (δ² - E'P E) L = E'P (A - B K) keeps the digits of a small L.
-                ahead = P @ equation.control_loop(P, self.proved.gains)
-                L = weight.matrix.solve((equation.E.T @ ahead).matrix)
-            return scaled_balls(units.gain(L), units.disturbances, -units.states)
+                L = weight.solve(to_L * equation.control_loop(P, gains))
+            return self.units.gain_of_user(L, self.units.disturbances)
 
     def relative_radius(self) -> float:
-        """Return the largest relative radius of P and K, rounded up; inf if a number is not known.
+        """Return the largest relative radius of P and K; inf if a number is not known.
 
         The radius of P_ij is relative to √(P_ii P_jj), and that of K_ij to √P_jj times the largest
         K_ik / √P_kk of its row, with |P| in place of an indefinite P, or to K_ij where P_jj is 0.
         Row i of P where P_ii may be 0, and K_ij where its scale may be 0, are known only if zeros
         of the game prove that they are 0 or, with many bits, if their nearest doubles are 0.
         """
-        zeros = zeros_of(self.game)
-        if self.bits < ATTEMPTS[-2]:
-            return self._relative_radius(zeros)
-        states = zeros.states | _rounds_to_zero(self.P).all(1)
-        return self._relative_radius(Zeros(states, zeros.gains | _rounds_to_zero(self.K)))
-
-    def _relative_radius(self, zeros: Zeros) -> float:
-        """Return the `relative_radius` with these numbers known to be 0."""
-        P, gain = self.value_in_units, self.gain_in_units
+        zero_states, zero_gains = zeros_of(self.game)
+        if self.bits >= ATTEMPTS[-2]:
+            zero_states = zero_states | _rounds_to_zero(self.P).all(1)
+            zero_gains = zero_gains | _rounds_to_zero(self.K)
+        states, inputs = self.units.states, self.units.inputs
+        with precision(self.bits):
+            P, K = scaled_balls(self.P, states, states), scaled_balls(self.K, -inputs, states)
+        P_radius = radii(P)
         with np.errstate(all="ignore"):
-            sizes = sizes_of(P.midpoint)
-            has_value = sizes > UP * np.diag(P.radius)
-            if not (has_value | zeros.states).all():
+            sizes = sizes_of(midpoints(P))
+            has_value = sizes > np.diag(P_radius)
+            if not (has_value | zero_states).all():
                 return math.inf
             roots = np.sqrt(sizes[has_value])
-            of_P = P.radius[np.ix_(has_value, has_value)] / np.outer(roots, roots)
-            K_radius = np.where(zeros.gains, 0.0, gain.radius)
-            scales = np.where(zeros.gains, 0.0, np.abs(gain.midpoint))
+            of_P = P_radius[np.ix_(has_value, has_value)] / np.outer(roots, roots)
+            K_radius = np.where(zero_gains, 0.0, radii(K))
+            scales = np.where(zero_gains, 0.0, np.abs(midpoints(K)))
             rows = scales[:, has_value] / roots
             scales[:, has_value] = rows.max(1, keepdims=True, initial=0.0) * roots
             of_K = np.where(K_radius > 0.0, K_radius / scales, 0.0)
-        worst = UP * float(max(of_P.max(initial=0.0), of_K.max(initial=0.0)))
+        worst = float(max(of_P.max(initial=0.0), of_K.max(initial=0.0)))
         return worst if math.isfinite(worst) else math.inf
 
 
@@ -229,41 +195,31 @@ def _outcomes(
     game: Game, delta: float, near: Units | None, frequency: float | None, *, digits: bool
 ) -> Iterator[Enclosure | str]:
     """Yield what candidates prove, with more and more bits, and what rationals decide, or ""."""
-    candidate = None
     with precision(BITS), np.errstate(all="ignore"):
         try:
             candidate = candidate_in_doubles(game, delta, near)
-            yield _outcome(candidate, DoubleBalls, digits=digits, in_bits=False)
         except FailedError:
-            equation = equation_of(game, near or first_units(game, delta), Balls, delta)
+            equation = equation_of(game, near or first_units(game, delta), delta)
             yield why_no_value(equation, None, frequency, in_bits=False)
-    for n_bits in ATTEMPTS[:2]:
-        if candidate is not None:
-            yield _corrected_outcome(candidate, n_bits, digits=digits)
+        else:
+            yield _outcome(candidate, digits=digits, in_bits=False)
+            with precision(2 * BITS), suppress(FailedError):
+                equation = equation_of(game, candidate.equation.units, delta)
+                yield _outcome(corrected(equation, candidate.X), digits=digits, in_bits=False)
     refuse_modes(game)
     for n_bits in ATTEMPTS:
         with precision(n_bits), np.errstate(all="ignore"):
             try:
-                in_bits = candidate_in_bits(game, delta)
+                candidate = candidate_in_bits(game, delta)
             except FailedError:
                 if len(game.A) > MOST_STATES_IN_BITS:
                     return
-                equation = equation_of(game, first_units(game, delta), Balls, delta)
+                equation = equation_of(game, first_units(game, delta), delta)
                 yield why_no_value(equation, None, in_bits=True)
             else:
-                yield _outcome(in_bits, Balls, digits=digits, in_bits=True)
+                yield _outcome(candidate, digits=digits, in_bits=True)
         if n_bits == 2 * BITS and len(game.A) <= MOST_STATES:
             yield why_at_boundary(game, delta)
-
-
-def _corrected_outcome(candidate: Candidate, n_bits: int, *, digits: bool) -> Enclosure | str:
-    """Return what a candidate proves if it is corrected in balls, or ""."""
-    with precision(n_bits), np.errstate(all="ignore"):
-        try:
-            corrected = corrected_in_bits(candidate)
-        except FailedError:
-            return ""
-        return _outcome(corrected, Balls, digits=digits, in_bits=False)
 
 
 @lru_cache(maxsize=8)
@@ -274,60 +230,40 @@ def enclosed_in_bits(enclosure: Enclosure, n_bits: int) -> Enclosure:
     """
     if n_bits <= enclosure.bits:
         return enclosure
-    found = enclosure.proved
-    candidate = Candidate(found.equation, found.X, np.eye(found.bounds.n))
-    outcome = _corrected_outcome(candidate, n_bits, digits=False)
-    if isinstance(outcome, str):
-        raise NotProvedError(f"the value with {n_bits} bits")
-    return outcome
+    delta = enclosure.proved.equation.delta
+    with precision(n_bits), np.errstate(all="ignore"):
+        equation = equation_of(enclosure.game, enclosure.units, delta)
+        try:
+            return proved_enclosure(corrected(equation, enclosure.proved.P.mid()))
+        except FailedError as failure:
+            raise NotProvedError(str(failure)) from None
 
 
-def _outcome(
-    candidate: Candidate, arithmetic: type[Matrix], *, digits: bool, in_bits: bool
-) -> Enclosure | str:
+def proved_enclosure(candidate: Candidate) -> Enclosure:
+    """Return what a candidate proves, in the bits of `precision`, if there is a value without
+    disturbance.
+
+    Raises NotProvedError.
+    """
+    found = stabilizing(candidate)
+    prove_value(found)
+    return Enclosure(found.equation.game, found.equation.units, found, bits())
+
+
+def _outcome(candidate: Candidate, *, digits: bool, in_bits: bool) -> Enclosure | str:
     """Return what a candidate proves: an enclosure, a reason why there is no value, or "".
 
     digits: whether P and K must be right to the last digit of doubles
     in_bits: as for `why_no_value`
     """
-    ball = None
+    found = None
     try:
-        ball = stabilizing(candidate.equation, candidate.X, candidate.Y, arithmetic)
-        prove_value(ball)
-    except (FailedError, NotProvedError):
-        if arithmetic is DoubleBalls and ball is None:
-            return ""  # determinants in balls take longer than another proof
-        return why_no_value(candidate.equation, ball, in_bits=in_bits)
-    enclosure = Enclosure(ball, bits())
-    if digits and not enclosure.relative_radius() < DIGITS:
-        return ""
-    return enclosure
-
-
-def proved_ball(candidate: Candidate, arithmetic: type[Matrix]) -> Stabilizing[Matrix]:
-    """Return the ball of a value that a candidate proves, where there is one without disturbance.
-
-    Raises FailedError or NotProvedError.
-    """
-    ball = stabilizing(candidate.equation, candidate.X, candidate.Y, arithmetic)
-    prove_value(ball)
-    return ball
-
-
-def prove_value(ball: Stabilizing[Any]) -> None:
-    """Prove that the players pay and that the loop without disturbance is stable.
-
-    Raises FailedError or NotProvedError.
-    """
-    prove_weights(ball)
-    if ball.bounds.is_disturbed:
-        loop, is_discrete = ball.control_loop, ball.bounds.is_discrete
-        if isinstance(loop, Balls):
-            one = identity(loop.rows)
-            Y = Balls(lyapunov_in_bits(loop.matrix.mid(), one, is_discrete=is_discrete))
-        else:
-            Y = Lyapunov(loop.midpoint, is_discrete=is_discrete).shape()
-        prove_control_loop(ball, Y)
+        found = stabilizing(candidate)
+        prove_value(found)
+    except NotProvedError:
+        return why_no_value(candidate.equation, found, in_bits=in_bits)
+    enclosure = Enclosure(found.equation.game, found.equation.units, found, bits())
+    return "" if digits and not enclosure.relative_radius() < DIGITS else enclosure
 
 
 #: Largest relative change of P and K that their data determine: two digits are known.
@@ -382,8 +318,7 @@ def _sentences(certificate: Certificate) -> Iterator[str]:
     regularized weights.
     """
     enclosure = certificate.enclosure
-    equation = enclosure.proved.bounds
-    game = equation.game
+    equation, game = enclosure.proved.equation, enclosure.game
     stable = "stable" if game.is_discrete else "Hurwitz"
     loops: tuple[str, ...] = ("A - B K + E L", "A - B K") if equation.is_disturbed else ("A - B K",)
     if game.discount != 1.0:
@@ -393,7 +328,8 @@ def _sentences(certificate: Certificate) -> Iterator[str]:
         f" {certificate.radius:.1g}, {enclosure.bits} bits)"
     )
     is_value = has_semidefinite_weights(game)
-    is_positive = is_value or enclosure.proved.P.is_positive_definite()
+    with precision(enclosure.bits):
+        is_positive = is_value or is_positive_definite(enclosure.proved.P)
     value = ", and P is positive semidefinite" if is_positive else ""
     yield f"{' and '.join(loops)} {'are' if len(loops) > 1 else 'is'} {stable}{value}"
     if has_indefinite_weights(game):
@@ -410,12 +346,11 @@ def _radius_of_L(enclosure: Enclosure) -> float:
     """Return the largest radius of L, relative to the largest entry of its row in units of the
     proof; inf if no digit of a row is known.
     """
-    with precision(enclosure.bits):
-        L = Balls(enclosure.L)
+    L, radius = midpoints(enclosure.L), radii(enclosure.L)
     sizes = np.exp2(enclosure.units.states.astype(float))
     with np.errstate(all="ignore"):
-        largest = (np.abs(L.midpoint) * sizes).max(1, keepdims=True)
-        relative = np.where(L.radius > 0.0, L.radius * sizes / largest, 0.0)
+        largest = (np.abs(L) * sizes).max(1, keepdims=True)
+        relative = np.where(radius > 0.0, radius * sizes / largest, 0.0)
     worst = float(relative.max())
     return worst if math.isfinite(worst) else math.inf
 
@@ -450,26 +385,26 @@ def data_change(enclosure: Enclosure) -> float:
 
 def _data_change(enclosure: Enclosure) -> float:
     """Return `data_change`."""
-    found, game = enclosure.proved, enclosure.game
-    equation, (states, inputs, disturbances, exact_T) = found.bounds, enclosure.units
-    of = equation.arithmetic.of
-    F = equation.loop(of(found.X), of(found.gains)).midpoint
-    P = enclosure.value_in_units
-    sizes = sizes_of(P.midpoint)
-    is_known = sizes > np.diag(P.radius)
+    game, (states, inputs, disturbances, exact_T) = enclosure.game, enclosure.units
+    balls = scaled_balls(enclosure.P, states, states)
+    P, K, L = map(
+        midpoints,
+        (
+            balls,
+            scaled_balls(enclosure.K, -inputs, states),
+            scaled_balls(enclosure.L, -disturbances, states),
+        ),
+    )
+    sizes = sizes_of(P)
+    is_known = sizes > np.diag(radii(balls))
     weights = np.where(is_known, 1.0 / np.where(is_known, sizes, 1.0), 0.0)
+    equation = enclosure.proved.equation
+    F = midpoints(equation.loop(enclosure.proved.P, enclosure.proved.gains))
     T = T_inverse = np.eye(len(F))  # V, P, K and L are of the states y, F of T y
     if exact_T is not None:
         T, T_inverse = midpoints(exact_T), midpoints(exact_T.inv())
     V = T_inverse @ _adjoint(F, (T * weights) @ T.T, is_discrete=equation.is_discrete) @ T_inverse.T
-    gains = found.gains.midpoint @ T
-    K, L = gains[: len(inputs)], -gains[len(inputs) :]
-    E = np.ldexp(game.E, np.add.outer(-states, disturbances))
-    if not equation.is_disturbed:
-        L = 0.0 * E.T
-    elif not equation.is_discrete:
-        L = float(equation.w) * E.T @ P.midpoint
-    of_F = P.midpoint @ (T_inverse @ F @ T @ V if equation.is_discrete else V)
+    of_F = P @ (T_inverse @ F @ T @ V if equation.is_discrete else V)
     twice = 2.0 * math.sqrt(game.discount) * of_F
     terms = (  # what a change of the matrix is multiplied by, the matrix, units of both sides
         (twice, game.A, -states, states),
@@ -489,7 +424,8 @@ def _data_change(enclosure: Enclosure) -> float:
 def _adjoint(F: np.ndarray, W: np.ndarray, *, is_discrete: bool) -> np.ndarray:
     """Return V of F V + V F' + W = 0, in discrete time F V F' - V + W = 0, in bits if necessary."""
     V = Lyapunov(F.T, is_discrete=is_discrete).solve(-W)
-    rest = change_along(F.T, V, is_discrete=is_discrete) + W
+    loop, balls = ball_matrix(F.T), ball_matrix(W)
+    rest = midpoints(change_along(loop, ball_matrix(V), is_discrete=is_discrete) + balls)
     if np.abs(rest).max() < 0.1 * np.abs(W).max() and (np.diag(V) >= 0.0).all():
         return V
-    return midpoints(lyapunov_in_bits(ball_matrix(F.T), ball_matrix(W), is_discrete=is_discrete))
+    return midpoints(Lyapunov(loop, is_discrete=is_discrete).solve(-balls))

@@ -12,7 +12,7 @@ import numpy as np
 from controller.game.basis import q_function
 from controller.game.linear_game import game
 from controller.game.zero_sum import Game
-from controller.riccati.balls import BITS, Balls, ball_matrix, midpoints, precision
+from controller.riccati.balls import BITS, ball_matrix, midpoints, precision, radii
 from controller.riccati.closed_loops import ClosedLoops, Poles, poles_of
 from controller.riccati.enclosure import Certificate, Enclosure, data_change, decided
 from controller.riccati.l2_gain import GainBounds
@@ -36,6 +36,7 @@ from trim.linear.margins import (
 
 if TYPE_CHECKING:
     import control
+    from flint import arb_mat
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -72,9 +73,7 @@ class Solution(Result, Reported):
     @cached_property
     def disturbance_gain(self) -> Matrix:
         """L of the worst disturbance d = L z, (k, n)."""
-        L = _rounded(Balls(self.enclosure.L))
-        L.setflags(write=False)
-        return L
+        return _rounded(self.enclosure.L)
 
     @property
     def L(self) -> Matrix:
@@ -290,23 +289,15 @@ def solve(game: Game) -> Solution:
         advice = minimum_delta(game).advice(game.delta)
         raise NoSolutionError(f"no value of the game: {enclosure}; {advice}")
     certificate = Certificate(enclosure, data_change(enclosure))
-    return Solution(game, enclosure, certificate, *_value(enclosure))
+    return Solution(game, enclosure, certificate, _rounded(enclosure.P), _rounded(enclosure.K))
 
 
-def _value(enclosure: Enclosure) -> tuple[np.ndarray, np.ndarray]:
-    """Return P, (n, n), and K, (m, n), read-only and in user's units, 0 where a ball contains 0."""
-    units = enclosure.units
-    P, K = map(_rounded, (enclosure.value_in_units, enclosure.gain_in_units))
-    P = np.ldexp((P + P.T) / 2.0, -np.add.outer(units.states, units.states))
-    K = np.ldexp(K, np.add.outer(units.inputs, -units.states))
-    for matrix in (P, K):
-        matrix.setflags(write=False)
-    return P, K
-
-
-def _rounded(matrix: Balls) -> np.ndarray:
-    """Return the midpoints, 0 where a ball contains 0."""
-    return np.where(np.abs(matrix.midpoint) <= matrix.radius, 0.0, matrix.midpoint)
+def _rounded(matrix: arb_mat) -> np.ndarray:
+    """Return the midpoints, read-only, 0 where a ball contains 0."""
+    middle = midpoints(matrix)
+    rounded = np.where(np.abs(middle) <= radii(matrix), 0.0, middle)
+    rounded.setflags(write=False)
+    return rounded
 
 
 def lqr(

@@ -14,22 +14,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balls import (
-    Balls,
-    DoubleBalls,
-    bits,
-    identity,
-    midpoints,
-    norm,
-    scaled_balls,
-)
-from controller.riccati.candidate import (
-    Candidate,
-    candidate_in_bits,
-    candidate_in_doubles,
-    corrected_in_bits,
-)
-from controller.riccati.enclosure import Enclosure, proved_ball
+from controller.riccati.balls import ball_matrix, identity, midpoints, norm, scaled_balls
+from controller.riccati.candidate import candidate_in_bits, candidate_in_doubles
+from controller.riccati.enclosure import Enclosure, proved_enclosure
 from controller.riccati.equation import Entries, users_units
 from controller.riccati.lyapunov import FailedError, NotProvedError, loop_units
 from hfa_support.errors import BadInputError
@@ -97,7 +84,8 @@ class DisturbedLoop(NamedTuple):
         """Return the enclosure of D as the value of a game."""
         F, E, C = map(midpoints, (self.F, self.E, self.C))
         zero = np.zeros((len(F), 1))
-        balls = Entries(self.F, zero, self.E, self.C, np.eye(1), zero)
+        none = ball_matrix(zero)
+        balls = Entries(self.F, none, self.E, self.C, identity(1), none)
         dt = True if self.is_discrete else None
         try:
             game = LoopGame(
@@ -115,18 +103,8 @@ class DisturbedLoop(NamedTuple):
         )
         for candidate_of in candidates:
             with suppress(FailedError, NotProvedError):
-                return _enclosure_of(candidate_of())
+                return proved_enclosure(candidate_of())
         raise NotProvedError("the value of the loop")
-
-
-def _enclosure_of(candidate: Candidate) -> Enclosure:
-    """Return what a candidate proves, by bounds in doubles or in balls.
-
-    Raises FailedError or NotProvedError.
-    """
-    with suppress(NotProvedError):
-        return Enclosure(proved_ball(candidate, DoubleBalls), bits())
-    return Enclosure(proved_ball(corrected_in_bits(candidate), Balls), bits())
 
 
 #: Largest relative difference of the bounds of a gain, if nothing prevents it.

@@ -7,26 +7,24 @@ Basar and Bernhard, H-infinity Optimal Control, Theorems 3.7 and 4.11.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Generic
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balls import (
-    UNDERFLOW,
-    UP,
-    Balls,
-    DoubleBalls,
-    Matrix,
+    BITS,
     ball_matrix,
+    identity,
     is_positive_definite,
+    norm,
+    precision,
+    symmetric,
 )
-from controller.riccati.candidate import half_plane_in_doubles
-from controller.riccati.equation import ContinuousEquation, Equation, Sensitivity, StepEquation
-from controller.riccati.lyapunov import NotProvedError, proves_stable, stability_of, symmetric_in
+from controller.riccati.candidate import Candidate, half_plane_in_doubles
+from controller.riccati.equation import ContinuousEquation, Equation, StepEquation
+from controller.riccati.lyapunov import NotProvedError, change_along, stability_of
 from controller.riccati.rationals import (
     MOST_STATES,
     Boundary,
@@ -40,100 +38,46 @@ from controller.riccati.rationals import (
 from hfa_support.errors import NoSolutionError
 
 if TYPE_CHECKING:
-    from flint import acb, arb, arb_mat
+    from flint import acb, arb_mat
 
 
 #: Largest |F'Y + Y F + 1| of the loop F at X. With the 3/4 that remain, |Z| <= ζ Y.
 DEFECT = 0.25
 
 
-@dataclass(frozen=True, eq=False)
-class Stabilizing(Generic[Matrix]):
+class Stabilizing(NamedTuple):
     """Ball that contains the stabilizing solution P: the loop of both players is stable.
 
-    bounds: the Riccati equation in exact units, in the arithmetic of the bounds
-    X: middle of the ball, (n, n), exact
-    spread: s, (n,); |P_ij - X_ij| <= s_i s_j
+    P: (n, n)
     gains: of P, (m, n), in discrete time (m + k, n)
     """
 
-    bounds: Equation[Matrix]
-    X: Balls
-    spread: tuple[arb, ...]
-    gains: Balls
-
-    @cached_property
-    def P(self) -> Matrix:
-        """P, (n, n), in the arithmetic of the bounds."""
-        return self.bounds.arithmetic.around(self.X, self.spread)
-
-    @cached_property
-    def control_loop(self) -> Matrix:
-        """A - B K, (n, n), in the arithmetic of the bounds."""
-        return self.bounds.control_loop(self.P, self.bounds.arithmetic.of(self.gains))
-
-    @property
-    def P_in_balls(self) -> Balls:
-        """P, (n, n), in `Balls`, with the bits of `precision`."""
-        return Balls.around(self.X, self.spread)
-
-    @property
-    def K(self) -> Balls:
-        """K of the policy u = -K z, (m, n)."""
-        return self.gains.block(slice(len(self.bounds.units.inputs)), slice(None))
-
-    @property
-    def equation(self) -> Equation[Balls]:
-        """The Riccati equation of `bounds`, in `Balls`."""
-        return self.bounds.with_arithmetic(Balls)
+    equation: Equation
+    P: arb_mat
+    gains: arb_mat
 
 
-def stabilizing(
-    equation: Equation[Balls], X: Balls, Y: Balls | np.ndarray, arithmetic: type[Matrix]
-) -> Stabilizing[Matrix]:
+def stabilizing(candidate: Candidate) -> Stabilizing:
     """Return the ball about X that is proved to contain the stabilizing solution.
 
-    equation: the Riccati equation
-    X: (n, n), candidate solution; only the midpoint of its symmetric part counts
-    Y: (n, n), candidate solution of F'Y + Y F = -1, in discrete time F'Y F - Y = -1, likewise
-    arithmetic: of the bounds
+    Of X and Y, only the midpoints of the symmetric parts count.
 
     Raises NotProvedError if the candidate does not prove it.
     """
-    bounds = equation.with_arithmetic(arithmetic)
-    X = X.symmetric()
+    from flint import arb
+
+    equation, X, Y = candidate.equation, symmetric(candidate.X), symmetric(candidate.Y)
     try:
         gains, residual = equation.gains_and_residual(X)
+        loop = equation.loop(X, gains)
+        sensitivity = equation.sensitivity(X, loop)
     except ZeroDivisionError:
         raise NotProvedError("the weight at X may be singular") from None
-    middle, shape = arithmetic.of(X), symmetric_in(arithmetic, Y)
-    loop = bounds.loop(middle, arithmetic.of(gains))
-    sensitivity = bounds.sensitivity(middle, loop)
-    residual_norm = arithmetic.of(residual).norm()
-    zeta = proved_zeta(loop, shape, residual_norm, sensitivity, is_discrete=bounds.is_discrete)
-    diagonal = UP * np.diag(shape.midpoint) + UNDERFLOW
-    spread = tuple((zeta * size).sqrt().upper() for size in diagonal.tolist())
-    root_of_trace = sum((radius**2 for radius in spread), zeta * 0).sqrt()
-    of_gains = sensitivity.gains * root_of_trace
-    return Stabilizing(bounds, X, spread, gains.wider([of_gains * radius for radius in spread]))
-
-
-def proved_zeta(
-    loop: Matrix, Y: Matrix, residual_norm: arb, sensitivity: Sensitivity, *, is_discrete: bool
-) -> arb:
-    """Return ζ for which the stabilizing solution is proved to be X + Z with -ζ Y <= Z <= ζ Y.
-
-    loop: F of both players at X, (n, n)
-    Y: candidate solution of F'Y + Y F = -1, in discrete time F'Y F - Y = -1, (n, n), symmetric
-    residual_norm: bound of the residual of X
-    sensitivity: of the loop to changes of X
-
-    Raises NotProvedError if the candidate does not prove it.
-    """
-    if not proves_stable(loop, Y, DEFECT, is_discrete=is_discrete):
+    defect = norm(change_along(loop, Y, is_discrete=equation.is_discrete) + identity(equation.n))
+    if not (defect < DEFECT and is_positive_definite(Y)):
         raise NotProvedError("the loop of both players at X")
-    size = Y.norm()
-    zeta = 4 * residual_norm
+    # The solution is proved to be X + Z with -ζ Y <= Z <= ζ Y.
+    size, zeta = norm(Y), 4 * norm(residual)
     largest_change = zeta * size  # of X
     loop_change = sensitivity.loop * largest_change
     if not sensitivity.weight * largest_change <= 0.5:
@@ -141,32 +85,30 @@ def proved_zeta(
     # The loop F + G of X + Z has the defect of F and |G'Y + Y G|, in discrete time
     # |G'Y F + F'Y G + G'Y G|: less than 1 together. Half of the latter, times ζ, bounds q(Z), as
     # |q(Z)| <= |Z| |G|, in discrete time |Z| |G| |F|: |r| + |q(Z)| is then at most 1/2 ζ.
-    twice_through = 2 * loop.norm() + loop_change if is_discrete else 2
+    twice_through = 2 * norm(loop) + loop_change if equation.is_discrete else 2
     if not size * loop_change * twice_through < 0.5:
         raise NotProvedError("the loop of both players near X")
-    return zeta
+    # |Z_ij| <= s_i s_j with the roots s of the diagonal of ζ Y, and [-1, 1] is a ball.
+    s = ball_matrix([[(zeta * Y[i, i]).sqrt().upper() for i in range(equation.n)]])
+    unknown, ones = arb(0, 1), ball_matrix(np.ones((gains.nrows(), 1)))
+    of_gains = ones * s * (sensitivity.gains * norm(s) * unknown)
+    return Stabilizing(equation, X + s.transpose() * s * unknown, gains + of_gains)
 
 
-def prove_weights(found: Stabilizing[Matrix]) -> None:
-    """Prove that both players pay: R + B'P B > 0, in continuous time R > 0, and δ² - E'P E > 0.
+def prove_value(found: Stabilizing) -> None:
+    """Prove that the stabilizing solution is the value, if there is one without disturbance.
+
+    Both players pay: R + B'P B > 0, in continuous time R > 0, and δ² - E'P E > 0; and the loop
+    without disturbance, A - B K, is stable.
 
     Raises NotProvedError if the ball does not prove it.
     """
-    bounds = found.bounds
-    for weight in (bounds.input_weight(found.P), bounds.disturbance_weight(found.P)):
-        if weight is not None and not weight.is_positive_definite():
+    equation, P, gains = found
+    for weight in (equation.input_weight(P), equation.disturbance_weight(P)):
+        if weight is not None and not is_positive_definite(weight):
             raise NotProvedError("a player pays")
-
-
-def prove_control_loop(found: Stabilizing[Matrix], Y: Balls | np.ndarray) -> None:
-    """Prove that the loop without disturbance, A - B K, is stable, for all P of the ball.
-
-    Y: as in `stabilizing`, for that loop
-
-    Raises NotProvedError if Y does not prove it.
-    """
-    shape = symmetric_in(found.bounds.arithmetic, Y)
-    if not proves_stable(found.control_loop, shape, is_discrete=found.bounds.is_discrete):
+    control_loop = equation.control_loop(P, gains)
+    if not stability_of(control_loop, is_discrete=equation.is_discrete):
         raise NotProvedError("the loop without disturbance")
 
 
@@ -182,15 +124,15 @@ class ModeError(NoSolutionError):
 
 
 def why_no_value(
-    equation: Equation[Balls],
-    found: Stabilizing[Matrix] | None,
+    equation: Equation,
+    found: Stabilizing | None,
     frequency: float | None = None,
     *,
     in_bits: bool,
 ) -> str:
     """Return a reason, proved, why the game has no value, or "".
 
-    equation: of the game, in `Balls`
+    equation: of the game
     found: the ball of the stabilizing solution, None if there is no proof of one
     frequency: at which the gain from the disturbance may be too large, rad/s or rad/step
     in_bits: whether eigenvalues are computed in many bits, for what doubles do not see
@@ -203,7 +145,7 @@ def why_no_value(
     return next(filter(None, (too_large_at(equation, place) for place in between)), "")
 
 
-def too_large_at(equation: Equation[Balls], frequency: float) -> str:
+def too_large_at(equation: Equation, frequency: float) -> str:
     """Return that the gain from the disturbance is proved too large at a frequency, or "".
 
     The determinant of the pencil at a frequency is real. It has another sign than without
@@ -223,7 +165,7 @@ def too_large_at(equation: Equation[Balls], frequency: float) -> str:
     )
 
 
-def _between_eigenvalues(equation: Equation[Balls], *, in_bits: bool) -> list[float]:
+def _between_eigenvalues(equation: Equation, *, in_bits: bool) -> list[float]:
     """Return frequencies between those of the eigenvalues that may be on the stability boundary.
 
     Those in the widest gaps come first, rad/s, in discrete time rad/step.
@@ -242,7 +184,7 @@ def _between_eigenvalues(equation: Equation[Balls], *, in_bits: bool) -> list[fl
     return [0.0, *between, ends[-1]][: 2 * equation.n + 2]
 
 
-def _half_plane_eigenvalues(equation: Equation[Balls], *, in_bits: bool) -> np.ndarray:
+def _half_plane_eigenvalues(equation: Equation, *, in_bits: bool) -> np.ndarray:
     """Return the eigenvalues of `half_plane_matrix`, rounded to doubles, or none if that fails.
 
     in_bits: whether they are computed with the bits of `precision`
@@ -254,13 +196,12 @@ def _half_plane_eigenvalues(equation: Equation[Balls], *, in_bits: bool) -> np.n
             if in_bits:
                 values = acb_mat(equation.half_plane_matrix()).eig(algorithm="approx")
                 return np.array([complex(value) for value in values])
-            matrix = half_plane_in_doubles(equation.with_arithmetic(DoubleBalls))
-            return np.linalg.eigvals(matrix)
+            return np.linalg.eigvals(half_plane_in_doubles(equation))
         except (np.linalg.LinAlgError, ValueError, ZeroDivisionError):
             return np.zeros(0, dtype=complex)
 
 
-def _relative_sign(equation: Equation[Balls], frequency: float) -> int:
+def _relative_sign(equation: Equation, frequency: float) -> int:
     """Return the sign of the determinant at a frequency, relative to that without disturbance.
 
     In continuous time, relative to that at infinite frequency. 0 if it is not proved.
@@ -270,18 +211,17 @@ def _relative_sign(equation: Equation[Balls], frequency: float) -> int:
     if isinstance(equation, StepEquation):
         if not equation.is_disturbed:
             return 0
-        undisturbed = StepEquation(equation.game, equation.units, Balls, math.inf)
+        undisturbed = StepEquation(equation.game, equation.units, math.inf)
         z = acb(0, frequency).exp()
         to_real = acb(0, -frequency * equation.n).exp()  # z^-n: the product is real
         usual = _sign_of(_determinant(*undisturbed.pencil(), z) * to_real)
         # Each column of E has the entry -1/w in the pencil.
-        usual *= (-1) ** equation.E.matrix.ncols()
+        usual *= (-1) ** equation.E.ncols()
         return usual * _sign_of(_determinant(*equation.pencil(), z) * to_real)
     assert isinstance(equation, ContinuousEquation)
     H = equation.hamiltonian()
-    one = ball_matrix(np.eye(2 * equation.n))
     at_infinity = (-1) ** equation.n
-    return at_infinity * _sign_of(_determinant(H, one, acb(0, frequency)))
+    return at_infinity * _sign_of(_determinant(H, identity(2 * equation.n), acb(0, frequency)))
 
 
 def _determinant(L: arb_mat, M: arb_mat, z: acb) -> acb:
@@ -296,26 +236,23 @@ def _sign_of(value: acb) -> int:
     return 1 if value.real > 0 else -1 if value.real < 0 else 0
 
 
-def _unpaid(found: Stabilizing[Matrix]) -> str:
+def _unpaid(found: Stabilizing) -> str:
     """Return that the disturbance, or an input, does not pay, proved by one of them, or ""."""
-    equation = found.equation
-    of_inputs = equation.input_weight(found.P_in_balls)
-    if is_positive_definite(of_inputs.matrix) is False:
+    equation, P, _ = found
+    if is_positive_definite(equation.input_weight(P)) is False:
         return "in one step, an input gains cost: R + B'P B is indefinite"
-    weight = equation.disturbance_weight(found.P_in_balls)
-    if weight is not None and is_positive_definite(weight.matrix) is False:
+    weight = equation.disturbance_weight(P)
+    if weight is not None and is_positive_definite(weight) is False:
         return (
             f"in one step, the disturbance gains more than {equation.delta:.6g} squared of its cost"
         )
     return ""
 
 
-def _unstable_without_disturbance(found: Stabilizing[Matrix]) -> str:
+def _unstable_without_disturbance(found: Stabilizing) -> str:
     """Return that A - B K is proved unstable for the only stabilizing solution, or ""."""
-    equation = found.equation
-    if not equation.is_disturbed:
-        return ""
-    loop = equation.control_loop(found.P_in_balls, Balls.of(found.gains)).matrix
+    equation, P, gains = found
+    loop = equation.control_loop(P, gains)
     if stability_of(loop, is_discrete=equation.is_discrete) is False:
         return f"for every input, the gain from the disturbance is at least {equation.delta:.6g}"
     return ""
@@ -394,4 +331,5 @@ def has_semidefinite_weights(game: Game) -> bool:
     inner = weights[np.ix_(has_weight, has_weight)]
     if not inner[~np.eye(len(inner), dtype=bool)].any():
         return bool((np.diag(inner) >= 0.0).all())
-    return DoubleBalls.of(inner).is_positive_definite()
+    with precision(BITS):
+        return is_positive_definite(ball_matrix(inner)) is True

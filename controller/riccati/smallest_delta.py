@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balls import BITS, DoubleBalls, precision
+from controller.riccati.balls import BITS, midpoints, precision, scaled_balls
 from controller.riccati.candidate import (
     disturbance_units,
     loop_in_doubles,
     stabilizing_in_doubles,
 )
 from controller.riccati.enclosure import Enclosure, UndecidedError, decided_at
-from controller.riccati.equation import Equation, Units, equation_of
+from controller.riccati.equation import Entries, Equation, Units, equation_of
 from controller.riccati.lyapunov import FailedError, Lyapunov
 from controller.riccati.rationals import disturbance_costs_nothing
 from hfa_support.errors import NoSolutionError
@@ -250,35 +249,35 @@ class _Search:
 
     There, doubles have the digits that they lose in the user's states.
 
-    rounded: the game in these states, in doubles
+    entries: of the game, in these states
     P: of the game without disturbance, in these states, (n, n)
     """
 
     def __init__(self, game: Game, undisturbed: Enclosure) -> None:
         self.game = game
         self.units = undisturbed.units
-        self.P = undisturbed.proved.X.midpoint
-        with precision(undisturbed.bits):
-            self.rounded = undisturbed.proved.bounds.entries.rounded
+        self.P = midpoints(undisturbed.proved.P)
+        with precision(BITS):
+            self.entries = Entries.of(game, undisturbed.units)
 
     def _units_at(self, delta: float) -> Units:
         """Return the units and states at a delta."""
         return self.units._replace(disturbances=disturbance_units(self.game, delta))
 
-    def equation(self, w: float) -> Equation[DoubleBalls]:
-        """Return the Riccati equation at w = 1/δ², with rounded entries."""
+    def equation(self, w: float) -> Equation:
+        """Return the Riccati equation at w = 1/δ²."""
         delta = math.inf if w == 0.0 else w**-0.5
         units = self._units_at(delta)
-        E = np.ldexp(np.asarray(self.rounded.E), units.disturbances)
-        entries = replace(self.rounded, E=E)
-        return equation_of(self.game, units, DoubleBalls, delta, entries)
+        no_change = 0 * units.states
+        E = scaled_balls(self.entries.E, no_change, units.disturbances - self.units.disturbances)
+        return equation_of(self.game, units, delta, self.entries._replace(E=E))
 
     def first_w(self) -> float:
         """Return the w = 1/δ² at which P has grown by half its size, to the first order, or 1."""
         with precision(BITS), np.errstate(all="ignore"):
             equation = self.equation(0.0)
             try:
-                F, E = loop_in_doubles(equation, self.P), equation.E.midpoint
+                F, E = loop_in_doubles(equation, self.P), midpoints(equation.E)
                 push = F.T @ self.P @ E if equation.is_discrete else self.P @ E
                 growth = Lyapunov(F, is_discrete=equation.is_discrete).solve(-push @ push.T)
                 rate = float(np.linalg.eigvalsh(growth)[-1])
@@ -294,7 +293,7 @@ class _Search:
                 X = stabilizing_in_doubles(equation)
                 poles, weight = np.linalg.eigvals(loop_in_doubles(equation, X)), None
                 if equation.is_disturbed and equation.is_discrete:
-                    E = equation.E.midpoint * np.exp2(-equation.units.disturbances.astype(float))
+                    E = midpoints(equation.E) * np.exp2(-equation.units.disturbances.astype(float))
                     weight = np.eye(E.shape[1]) / w - E.T @ X @ E
                 return self.reserves(w, X, poles, weight)
             except (np.linalg.LinAlgError, ValueError, FailedError):

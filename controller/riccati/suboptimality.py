@@ -34,7 +34,6 @@ from controller.riccati.balls import (
     is_positive_definite,
     midpoints,
     precision,
-    scaled_balls,
     symmetric,
     symmetric_part,
 )
@@ -176,7 +175,7 @@ def _bounded(
         largest = float(np.abs(np.linalg.eigvalsh(sizes)).max())
         reference = ball_matrix(np.diag(largest / box**2))
         return _with_ratio(replace(suboptimality, is_relative=False), solved.D, reference, [], box)
-    free = None if enclosure.proved.P.is_positive_definite() else free_states(game)
+    free = None if is_positive_definite(enclosure.proved.P) else free_states(game)
     if free is None:
         return _with_ratio(suboptimality, solved.D, enclosure.P, [], box)
     error = free.error_of(K)
@@ -228,9 +227,8 @@ def _solved(optimum: Enclosure, K: arb_mat) -> LoopValue | None:
     except (FailedError, NotProvedError, ZeroDivisionError):
         return None
     units = optimum.units
-    D = scaled_balls(units.value(D), -units.states, -units.states)
-    L = scaled_balls(units.gain(L), 0 * units.disturbances, -units.states)
-    return LoopValue(D, W_inverse.transpose() * (L + M))
+    L = units.gain_of_user(L, 0 * units.disturbances)
+    return LoopValue(units.value_of_user(D), W_inverse.transpose() * (L + M))
 
 
 def _cholesky(matrix: arb_mat) -> arb_mat | None:

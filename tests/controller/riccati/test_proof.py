@@ -2,20 +2,11 @@
 
 import numpy as np
 import pytest
+from flint import arb
 
-from controller.riccati.balls import (
-    Balls,
-    DoubleBalls,
-    ball_matrix,
-    precision,
-)
+from controller.riccati.balls import ball_matrix, norm, precision
 from controller.riccati.equation import equation_of, users_units
-from controller.riccati.lyapunov import (
-    Lyapunov,
-    change_along,
-    lyapunov_in_bits,
-    proves_stable,
-)
+from controller.riccati.lyapunov import Lyapunov, change_along, stability_of
 from hfa import Game
 
 BITS = 256
@@ -35,39 +26,38 @@ def test_the_residual_of_a_step_contains_the_exact_one(seed):
 
     def residual(bits):
         with precision(bits):
-            equation = equation_of(game, users_units(game), Balls)
-            _, residual = equation.gains_and_residual(Balls.of(np.zeros((1, 1))))
-            return residual.matrix[0, 0]
+            equation = equation_of(game, users_units(game), game.delta)
+            return equation.gains_and_residual(ball_matrix(np.zeros((1, 1))))[1][0, 0]
 
     found, exact = residual(53), residual(500)
     assert found.contains(exact)
     assert found.rad() < 1e-12 * exact
 
 
-def test_an_indefinite_Y_proves_no_stability():
-    """The Y of an unstable loop solves its Lyapunov equation exactly, but is not positive.
+@pytest.mark.parametrize("is_discrete", [False, True])
+def test_loops_are_judged_by_their_slowest_mode(is_discrete):
+    """A loop is stable or not by its slowest mode, also if its ball hardly decides it.
 
-    A positive Y proves no stability of it either, but that of the stable loop -|F|.
+    Neither is proved of a ball that contains stable and unstable loops.
     """
-    F, Y = np.diag([-1.0, 2.0]), np.diag([0.5, -0.25])
-    for balls in (Balls, DoubleBalls):
-        assert not proves_stable(balls.of(F), balls.of(Y), is_discrete=False)
-        assert not proves_stable(balls.of(F), balls.of(np.abs(Y)), is_discrete=False)
-        assert proves_stable(balls.of(-np.abs(F)), balls.of(np.abs(Y)), is_discrete=False)
+    for slowest, expected in ((-1e-9, True), (1e-9, False), (0.0, None)):
+        for radius in (0.0, 1e-12):
+            F = np.array([[slowest, 1.0], [0.0, -0.5]]) + is_discrete * np.eye(2)
+            with precision(BITS):
+                balls = ball_matrix(F) + ball_matrix(np.full((2, 2), radius)) * arb(0, 1)
+                assert stability_of(balls, is_discrete=is_discrete) is expected
 
 
 @pytest.mark.parametrize("is_discrete", [False, True])
 def test_a_lyapunov_equation_is_solved_in_bits(is_discrete):
-    """The residual is in the last bits, corrected in doubles and solved in bits."""
+    """The residual is in the last bits."""
     with precision(BITS):
         F, C = (
             ball_matrix(np.array(each))
             for each in ([[-0.5, 1.0], [0.0, -0.25]], [[1.0, 2.0], [2.0, -3.0]])
         )
-        in_bits = Lyapunov(Balls(F), is_discrete=is_discrete)
-        for D in (Balls(lyapunov_in_bits(F, C, is_discrete=is_discrete)), in_bits.solve(-Balls(C))):
-            residual = change_along(Balls(F), D, is_discrete=is_discrete) + Balls(C)
-            assert residual.norm() < 1e-70
+        D = Lyapunov(F, is_discrete=is_discrete).solve(-C)
+        assert norm(change_along(F, D, is_discrete=is_discrete) + C) < 1e-70
 
 
 def test_the_number_of_bits_is_restored():
