@@ -125,11 +125,6 @@ def _matrix_of_file(matrix: str, model: Model) -> np.ndarray:
     return weight
 
 
-def default_delta(model: Model) -> float:
-    """Return the default disturbance weight δ: that of the model, else inf (LQR)."""
-    return float(model.about.weights.get("delta", np.inf))
-
-
 def default_disturbance(model: Model, states: Sequence[str]) -> np.ndarray:
     """Return the default E, (n, k): a column for each state that the model names, or for all.
 
@@ -244,7 +239,7 @@ def game(
         else in_order("E", E, linear.states, ()),
         Q=default("Q") if Q is None else _weights("Q", Q, linear.states),
         R=default("R") if R is None else _weights("R", R, linear.inputs),
-        delta=default_delta(linear.model) if delta is None else delta,
+        delta=float(linear.model.about.weights.get("delta", math.inf)) if delta is None else delta,
         N=in_order("N", N, linear.states, linear.inputs),
         names=names,
         half_widths=widths_within_limits(linear),

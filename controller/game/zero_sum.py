@@ -121,29 +121,35 @@ class Game(ByValue, Reported):
         if self.E is None:
             vars(self)["E"] = np.eye(len(np.atleast_1d(numbers_in("A", self.A))))
         for name in ("Q", "R"):
-            vars(self)[name] = _with_diagonal(name, self._by_name(name, getattr(self, name)))
+            vars(self)[name] = self._weight_matrix(name, getattr(self, name))
         for name in ("A", "B", "E", "Q", "R"):
             vars(self)[name] = checked_matrix(name, getattr(self, name), LARGEST)
         N = np.zeros(self.B.shape) if self.N is None else self.N
         vars(self)["N"] = checked_matrix("N", N, LARGEST)
         _refuse_other_shapes(self)
-        vars(self)["dt"] = _checked_dt(self.dt)
-        refuse_asymmetric("Q", self.Q)
-        refuse_asymmetric("R", self.R)
+        vars(self).update(_checked_numbers(self.delta, self.dt, self.discount))
+        for name, weight in (("Q", self.Q), ("R", self.R)):
+            if np.abs(weight - weight.T).max() > SYMMETRIC * np.abs(weight).max():
+                raise BadInputError(f"{name} is not symmetric; give a symmetric matrix")
         if self.dt is None and not is_definite(self.R):
             raise BadInputError(
                 "R is not positive definite (smallest eigenvalue"
                 f" {np.linalg.eigvalsh(self.R)[0]:.3g}); give a matrix with positive eigenvalues"
             )
-        _check_discount(self.dt, self.discount)
-        vars(self)["discount"] = float(self.discount)
-        names = self.names.completed(*self.B.shape)
-        vars(self).update(delta=_checked_delta(self.delta), names=names)
+        vars(self)["names"] = self.names.completed(*self.B.shape)
 
-    def _by_name(self, matrix: str, given: Any) -> Any:
-        """Return Q or R as a matrix if it is a mapping name -> weight, and otherwise unchanged."""
+    def _weight_matrix(self, matrix: str, given: Any) -> np.ndarray:
+        """Return Q or R as a matrix, given as such, by its diagonal, or as name -> weight.
+
+        matrix: "Q" or "R"
+        """
+        if isinstance(given, (int, float, np.number)):
+            raise BadInputError(
+                f"{matrix} is the number {shown(given)}; give a matrix, or its diagonal"
+            )
         if not isinstance(given, Mapping):
-            return given
+            weights = numbers_in(matrix, given)
+            return np.diag(weights) if weights.ndim == 1 else weights
         n, m = np.atleast_2d(numbers_in("B", self.B)).shape
         completed = self.names.completed(n, m)
         names = completed.states if matrix == "Q" else completed.inputs
@@ -475,30 +481,24 @@ def _refuse_other_shapes(game: Game) -> None:
             raise BadInputError(f"{name} is {shape_text(actual)}; {rule}")
 
 
-def _with_diagonal(name: str, weights: Any) -> Any:
-    """Return Q or R as a matrix if it is given by its diagonal, (n,), and otherwise unchanged."""
-    if isinstance(weights, (int, float, np.number)):
+def _checked_numbers(delta: Any, dt: Any, discount: Any) -> dict[str, float | bool | None]:
+    """Return delta, dt and the discount of a game, name -> value, of which dt = 0 is None.
+
+    Raises BadInputError unless each is valid, as described for `Game`.
+    """
+    least, most = LARGEST**-0.5, LARGEST**0.5  # delta² is then within `LARGEST`
+    is_number = isinstance(delta, (int, float, np.floating))
+    if not is_number or not (least <= delta <= most or delta == np.inf):
         raise BadInputError(
-            f"{name} is the number {shown(weights)}; give a matrix, or its diagonal"
+            f"delta is {shown(delta)}; give a number from {least:g} to {most:g}, or inf"
         )
-    matrix = numbers_in(name, weights)
-    return np.diag(matrix) if matrix.ndim == 1 else matrix
-
-
-def _checked_dt(dt: Any) -> float | bool | None:
-    """Return the sample time, s, True if it is unknown, or None for continuous time."""
-    if dt is None or dt is True:
-        return dt
-    if is_finite(dt) and dt is not False and dt >= 0.0:
-        return float(dt) or None
-    raise BadInputError(
-        f"dt is {shown(dt)}; give the sample time in s, True if it is unknown, or None for"
-        " continuous time"
-    )
-
-
-def _check_discount(dt: float | bool | None, discount: Any) -> None:
-    """Raise BadInputError if the discount is not valid."""
+    if dt is not None and dt is not True:
+        if not is_finite(dt) or dt is False or dt < 0.0:
+            raise BadInputError(
+                f"dt is {shown(dt)}; give the sample time in s, True if it is unknown, or None for"
+                " continuous time"
+            )
+        dt = float(dt) or None
     if not (is_finite(discount) and 0.0 < discount <= 1.0):
         raise BadInputError(
             f"discount is {shown(discount)}; give the factor per step, a number above 0 and at "
@@ -506,25 +506,7 @@ def _check_discount(dt: float | bool | None, discount: Any) -> None:
         )
     if dt is None and discount != 1.0:
         raise BadInputError("discount requires a game in discrete time; add dt, or remove discount")
-
-
-def _checked_delta(delta: float) -> float:
-    """Return delta as a float. Raises BadInputError unless delta² is within `LARGEST`, or inf."""
-    least = LARGEST**-0.5
-    most = LARGEST**0.5
-    is_number = isinstance(delta, (int, float, np.floating))
-    if not is_number or not (least <= delta <= most or delta == np.inf):
-        raise BadInputError(
-            f"delta is {shown(delta)}; give a number from {least:g} to {most:g}, or inf"
-        )
-    return float(delta)
-
-
-def refuse_asymmetric(name: str, matrix: np.ndarray) -> None:
-    """Raise BadInputError unless a weight matrix is symmetric up to rounding."""
-    scale = np.abs(matrix).max(initial=0.0)
-    if np.abs(matrix - matrix.T).max(initial=0.0) > SYMMETRIC * scale:
-        raise BadInputError(f"{name} is not symmetric; give a symmetric matrix")
+    return {"delta": float(delta), "dt": dt, "discount": float(discount)}
 
 
 def is_definite(matrix: np.ndarray) -> bool:

@@ -22,15 +22,16 @@ from controller.riccati.equation import (
     StepEquation,
     Units,
     equation_of,
+    pencil_blocks,
     users_units,
 )
 from controller.riccati.lyapunov import (
     NEWTON_STEPS,
     FailedError,
     Lyapunov,
-    Middle,
     SignFunction,
     half_the_bits,
+    solved_in_bits,
 )
 from controller.riccati.rationals import states_without_cost
 from hfa_support.matrices import balanced
@@ -186,8 +187,8 @@ def corrected(equation: Equation, X: arb_mat) -> Candidate:
         for _ in range(NEWTON_STEPS):
             gains, residual = equation.gains_and_residual(X)
             if lyapunov is None:
-                F = midpoints(equation.loop(X, gains))
-                lyapunov = Lyapunov(F, is_discrete=equation.is_discrete)
+                F = equation.loop(X, gains)
+                lyapunov = Lyapunov(midpoints(F), is_discrete=equation.is_discrete)
             correction = lyapunov.solve(-midpoints(residual))
             correction[has_no_cost] = correction[:, has_no_cost] = 0.0
             largest = np.abs(correction).max() / size
@@ -198,7 +199,9 @@ def corrected(equation: Equation, X: arb_mat) -> Candidate:
                 lyapunov = None
         if lyapunov is None or not largest < NEAR:
             raise FailedError("the corrections do not shrink")
-        return Candidate(equation, X, ball_matrix(lyapunov.shape()))
+        F, is_discrete = equation.loop(X, gains), equation.is_discrete
+        Y = solved_in_bits(F, identity(equation.n), lyapunov, is_discrete=is_discrete)
+        return Candidate(equation, X, Y)
 
 
 def stabilizing_in_doubles(equation: Equation) -> np.ndarray:
@@ -209,8 +212,10 @@ def stabilizing_in_doubles(equation: Equation) -> np.ndarray:
 
     Raises FailedError, LinAlgError or ValueError.
     """
-    n, sign = equation.n, _sign_of(half_plane_in_doubles(equation), equation.n)
-    to_zero = sign + np.eye(len(sign))
+    n, found = equation.n, SignFunction(half_plane_in_doubles(equation))
+    if found.stable != n:
+        raise FailedError(f"there are {found.stable} stable eigenvalues instead of {n}")
+    to_zero = found.sign + np.eye(len(found.sign))
     basis, triangle = np.linalg.qr(to_zero[:, n:])
     X = -np.linalg.solve(triangle, basis.T @ to_zero[:, :n])[:n]
     X = (X + X.T) / 2.0
@@ -221,17 +226,6 @@ def stabilizing_in_doubles(equation: Equation) -> np.ndarray:
     return X
 
 
-def _sign_of(matrix: Middle, n: int) -> Middle:
-    """Return the sign of a `half_plane_matrix`.
-
-    Raises FailedError unless it has n stable eigenvalues.
-    """
-    found = SignFunction(matrix)
-    if found.stable != n:
-        raise FailedError(f"there are {found.stable} stable eigenvalues instead of {n}")
-    return found.sign
-
-
 def half_plane_in_doubles(equation: Equation) -> np.ndarray:
     """Return the `half_plane_matrix` of an equation in doubles.
 
@@ -240,7 +234,8 @@ def half_plane_in_doubles(equation: Equation) -> np.ndarray:
     if isinstance(equation, ContinuousEquation):
         return midpoints(equation.hamiltonian())
     assert isinstance(equation, StepEquation)
-    L, M = map(midpoints, equation.pencil())
+    A, G, Q, W, C = map(midpoints, (equation.A, equation.G, equation.Q, equation.W, equation.C))
+    L, M = map(np.block, pencil_blocks(A, G, Q, W, C, np.eye(equation.n)))
     return np.linalg.solve(L + M, L - M)
 
 
@@ -308,8 +303,9 @@ def candidate_in_bits(game: Game, delta: float) -> Candidate:
             inverse = ball_matrix(root).inv()
             X = _without_noise(inverse.transpose() * X * inverse, game)
         equation = equation_of(game, units, delta)
-        F = equation.loop(X, equation.gains_and_residual(X)[0]).mid()
-        return Candidate(equation, X, Lyapunov(F, is_discrete=equation.is_discrete).shape())
+        F = equation.loop(X, equation.gains_and_residual(X)[0])
+        Y = solved_in_bits(F, identity(equation.n), is_discrete=equation.is_discrete)
+        return Candidate(equation, X, Y)
 
 
 def _without_noise(X: arb_mat, game: Game) -> arb_mat:
@@ -327,8 +323,10 @@ def _of_stable_subspace(equation: Equation) -> arb_mat:
     Raises FailedError or ZeroDivisionError.
     """
     n, everything = equation.n, slice(None)
-    sign = _sign_of(equation.half_plane_matrix(), n)
-    to_zero = (sign + identity(sign.nrows())).mid()
+    found = SignFunction(equation.half_plane_matrix())
+    if found.stable != n:
+        raise FailedError(f"there are {found.stable} stable eigenvalues instead of {n}")
+    to_zero = (found.sign + identity(found.sign.nrows())).mid()
     left, right = part(to_zero, everything, slice(n)), part(to_zero, everything, slice(n, None))
     left, right = (right.transpose() * left).mid(), (right.transpose() * right).mid()
     return -part(right.solve(left), slice(n))

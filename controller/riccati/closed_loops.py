@@ -200,28 +200,21 @@ class ClosedLoops:
             return GainBounds(math.inf, math.inf)
         if disturbance_costs_nothing(game, K):
             return GainBounds(0.0, 0.0)
+        Q, N, R = map(ball_matrix, (game.Q, game.N, game.R))
         best = GainBounds(0.0, math.inf)
         for bits in ATTEMPTS[:2]:
             with precision(bits), suppress(FailedError, NotProvedError):
                 gain = enclosed_in_bits(self.enclosure, bits).K if K is None else ball_matrix(K)
-                bounds = gain_of(self._disturbed(gain))
+                crossed = N * gain
+                cost = Q + gain.transpose() * R * gain - crossed - crossed.transpose()
+                F = discounted(loop_with(game, gain), game)
+                E = discounted(ball_matrix(game.E), game)
+                bounds = gain_of(self.in_new_states(F, E, cost))
                 best = min(best, bounds, key=lambda found: (found.high, -found.low))
             if best.is_narrow:
                 break
         # The value at delta proves that the gain is below it.
         return best if K is not None else best._replace(high=min(best.high, game.delta))
-
-    def _disturbed(self, K: arb_mat) -> DisturbedLoop:
-        """Return the loop with u = -K z in the new states, with its disturbances and its cost.
-
-        K: (m, n), balls in the user's units
-        """
-        game = self.enclosure.game
-        Q, N, R = map(ball_matrix, (game.Q, game.N, game.R))
-        crossed = N * K
-        cost = Q + K.transpose() * R * K - crossed - crossed.transpose()
-        F, E = (discounted(matrix, game) for matrix in (loop_with(game, K), ball_matrix(game.E)))
-        return self.in_new_states(F, E, cost)
 
     def in_new_states(self, F: arb_mat, E: arb_mat, cost: arb_mat) -> DisturbedLoop:
         """Return a loop of the user's states, its disturbances and its cost in the new states."""

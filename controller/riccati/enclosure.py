@@ -35,7 +35,7 @@ from controller.riccati.candidate import (
     sizes_of,
 )
 from controller.riccati.equation import Units, equation_of
-from controller.riccati.lyapunov import FailedError, Lyapunov, NotProvedError, change_along
+from controller.riccati.lyapunov import FailedError, NotProvedError, solved_in_bits
 from controller.riccati.rationals import zeros_of
 from controller.riccati.refusal import (
     Stabilizing,
@@ -98,7 +98,7 @@ class Enclosure:
         """L of the worst disturbance d = L z, (k, n); 0 without a disturbance."""
         equation, P, gains = self.proved
         with precision(self.bits):
-            weight, to_L = equation.disturbance_weight(P), equation.E.transpose() * P
+            (_, weight), to_L = equation.weights(P), equation.E.transpose() * P
             if weight is None:
                 L = to_L * equation.w
             else:  # (δ² - E'P E) L = E'P (A - B K) keeps the digits of a small L.
@@ -234,18 +234,17 @@ def enclosed_in_bits(enclosure: Enclosure, n_bits: int) -> Enclosure:
     with precision(n_bits), np.errstate(all="ignore"):
         equation = equation_of(enclosure.game, enclosure.units, delta)
         try:
-            return proved_enclosure(corrected(equation, enclosure.proved.P.mid()))
+            return enclosure_of(stabilizing(corrected(equation, enclosure.proved.P.mid())))
         except FailedError as failure:
             raise NotProvedError(str(failure)) from None
 
 
-def proved_enclosure(candidate: Candidate) -> Enclosure:
-    """Return what a candidate proves, in the bits of `precision`, if there is a value without
-    disturbance.
+def enclosure_of(found: Stabilizing) -> Enclosure:
+    """Return the enclosure of a stabilizing solution that is proved to be the value, if there is
+    one without disturbance.
 
     Raises NotProvedError.
     """
-    found = stabilizing(candidate)
     prove_value(found)
     return Enclosure(found.equation.game, found.equation.units, found, bits())
 
@@ -259,10 +258,9 @@ def _outcome(candidate: Candidate, *, digits: bool, in_bits: bool) -> Enclosure 
     found = None
     try:
         found = stabilizing(candidate)
-        prove_value(found)
+        enclosure = enclosure_of(found)
     except NotProvedError:
         return why_no_value(candidate.equation, found, in_bits=in_bits)
-    enclosure = Enclosure(found.equation.game, found.equation.units, found, bits())
     return "" if digits and not enclosure.relative_radius() < DIGITS else enclosure
 
 
@@ -403,7 +401,9 @@ def _data_change(enclosure: Enclosure) -> float:
     T = T_inverse = np.eye(len(F))  # V, P, K and L are of the states y, F of T y
     if exact_T is not None:
         T, T_inverse = midpoints(exact_T), midpoints(exact_T.inv())
-    V = T_inverse @ _adjoint(F, (T * weights) @ T.T, is_discrete=equation.is_discrete) @ T_inverse.T
+    loop, W = ball_matrix(F.T), ball_matrix((T * weights) @ T.T)
+    V = midpoints(solved_in_bits(loop, W, is_discrete=equation.is_discrete))
+    V = T_inverse @ V @ T_inverse.T
     of_F = P @ (T_inverse @ F @ T @ V if equation.is_discrete else V)
     twice = 2.0 * math.sqrt(game.discount) * of_F
     terms = (  # what a change of the matrix is multiplied by, the matrix, units of both sides
@@ -419,13 +419,3 @@ def _data_change(enclosure: Enclosure) -> float:
         for factor, matrix, rows, columns in terms
     )
     return np.finfo(float).eps * total
-
-
-def _adjoint(F: np.ndarray, W: np.ndarray, *, is_discrete: bool) -> np.ndarray:
-    """Return V of F V + V F' + W = 0, in discrete time F V F' - V + W = 0, in bits if necessary."""
-    V = Lyapunov(F.T, is_discrete=is_discrete).solve(-W)
-    loop, balls = ball_matrix(F.T), ball_matrix(W)
-    rest = midpoints(change_along(loop, ball_matrix(V), is_discrete=is_discrete) + balls)
-    if np.abs(rest).max() < 0.1 * np.abs(W).max() and (np.diag(V) >= 0.0).all():
-        return V
-    return midpoints(Lyapunov(loop, is_discrete=is_discrete).solve(-balls))

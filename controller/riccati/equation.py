@@ -164,14 +164,11 @@ class Equation(ABC):
         """
 
     @abstractmethod
-    def input_weight(self, X: arb_mat) -> arb_mat:
-        """Return R, in discrete time R + B'X B, (m, m), which must be positive definite."""
+    def weights(self, X: arb_mat) -> tuple[arb_mat, arb_mat | None]:
+        """Return the weights of the inputs and of the disturbances, which must be positive.
 
-    @abstractmethod
-    def disturbance_weight(self, X: arb_mat) -> arb_mat | None:
-        """Return δ² - E'X E, (k, k), of discrete time, which must be positive definite.
-
-        None in continuous time, where the weight is δ², and without a disturbance.
+        They are R, (m, m), and None for δ², in discrete time R + B'X B and δ² - E'X E, (k, k).
+        Without a disturbance, the second is None.
         """
 
     @abstractmethod
@@ -232,12 +229,9 @@ class ContinuousEquation(Equation):
         """Return A - B R⁻¹ N' - B R⁻¹ B'X."""
         return self.open_loop - self.of_control * X
 
-    def input_weight(self, X: arb_mat) -> arb_mat:
-        """Return R."""
-        return self.R
-
-    def disturbance_weight(self, X: arb_mat) -> None:
-        """Return None: in continuous time, d costs δ²."""
+    def weights(self, X: arb_mat) -> tuple[arb_mat, None]:
+        """Return R and None: d costs δ²."""
+        return self.R, None
 
     def sensitivity(self, X: arb_mat, loop: arb_mat) -> Sensitivity:
         """Return |S|, |R⁻¹ B'| and 0: the equation is quadratic."""
@@ -302,17 +296,13 @@ class StepEquation(Equation):
         """Return A - B K."""
         return self.A - self.B * part(gains, slice(self.R.nrows()))
 
-    def input_weight(self, X: arb_mat) -> arb_mat:
-        """Return R + B'X B, (m, m)."""
-        of_inputs = slice(self.R.nrows())
-        return part(self.weight(X), of_inputs, of_inputs)
-
-    def disturbance_weight(self, X: arb_mat) -> arb_mat | None:
-        """Return δ² - E'X E, (k, k), or None without a disturbance."""
+    def weights(self, X: arb_mat) -> tuple[arb_mat, arb_mat | None]:
+        """Return R + B'X B, and δ² - E'X E or None without a disturbance: blocks of `weight`."""
+        weight, m = self.weight(X), self.R.nrows()
         if not self.is_disturbed:
-            return None
-        of_disturbance = slice(self.R.nrows(), None)
-        return -part(self.weight(X), of_disturbance, of_disturbance)
+            return weight, None
+        inputs, disturbances = slice(m), slice(m, None)
+        return part(weight, inputs, inputs), -part(weight, disturbances, disturbances)
 
     def sensitivity(self, X: arb_mat, loop: arb_mat) -> Sensitivity:
         """Return bounds for |V⁻¹| |G'Z G| <= 1/2, with the weight V = W + G'X G.

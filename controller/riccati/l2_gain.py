@@ -16,9 +16,10 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.balls import ball_matrix, identity, midpoints, norm, scaled_balls
 from controller.riccati.candidate import candidate_in_bits, candidate_in_doubles
-from controller.riccati.enclosure import Enclosure, proved_enclosure
+from controller.riccati.enclosure import Enclosure, enclosure_of
 from controller.riccati.equation import Entries, users_units
 from controller.riccati.lyapunov import FailedError, NotProvedError, loop_units
+from controller.riccati.refusal import stabilizing
 from hfa_support.errors import BadInputError
 from trim.linear.frequency_response import (
     System,
@@ -28,7 +29,7 @@ from trim.linear.frequency_response import (
 )
 
 if TYPE_CHECKING:
-    from flint import acb_mat, arb_mat
+    from flint import arb_mat
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -103,7 +104,7 @@ class DisturbedLoop(NamedTuple):
         )
         for candidate_of in candidates:
             with suppress(FailedError, NotProvedError):
-                return proved_enclosure(candidate_of())
+                return enclosure_of(stabilizing(candidate_of()))
         raise NotProvedError("the value of the loop")
 
 
@@ -159,7 +160,8 @@ def _at_least(loop: DisturbedLoop) -> float:
         z = (acb_mat(identity(len(F))) * s - acb_mat(loop.F)).solve(acb_mat(loop.E) * d)
     except ZeroDivisionError:
         return 0.0
-    square = (_adjoint(z) * acb_mat(loop.C) * z)[0, 0].real / (_adjoint(d) * d)[0, 0].real
+    z_adjoint, d_adjoint = z.conjugate().transpose(), d.conjugate().transpose()
+    square = (z_adjoint * acb_mat(loop.C) * z)[0, 0].real / (d_adjoint * d)[0, 0].real
     return math.nextafter(float(square.sqrt().lower()), 0.0) if square > 0 else 0.0
 
 
@@ -170,8 +172,3 @@ def is_below(loop: DisturbedLoop, bound: float) -> bool:
     except (FailedError, NotProvedError):
         return False
     return True
-
-
-def _adjoint(matrix: acb_mat) -> acb_mat:
-    """Return the conjugate transpose."""
-    return matrix.conjugate().transpose()

@@ -169,6 +169,33 @@ def change_along(loop: arb_mat, Y: arb_mat, *, is_discrete: bool) -> arb_mat:
     return YF + YF.transpose()
 
 
+def solved_in_bits(
+    F: arb_mat, C: arb_mat, solver: Lyapunov[np.ndarray] | None = None, *, is_discrete: bool
+) -> arb_mat:
+    """Return a candidate for D of F'D + D F + C = 0, in discrete time of F'D F - D + C = 0.
+
+    In doubles, corrected by residuals in balls until one is a hundredth of C; in bits if they do
+    not shrink.
+
+    F, C: (n, n), of which only the midpoints count
+    solver: for a loop near F, if it is known
+
+    Raises FailedError.
+    """
+    F, C = F.mid(), C.mid()
+    D, rest = 0 * C, C
+    with suppress(FailedError):
+        solver = solver or Lyapunov(midpoints(F), is_discrete=is_discrete)
+        for _ in range(NEWTON_STEPS):
+            D = (D + ball_matrix(solver.solve(-midpoints(rest)))).mid()
+            before, rest = rest, change_along(F, D, is_discrete=is_discrete) + C
+            if norm(rest) < norm(C) * 0.01:
+                return D
+            if not norm(rest) < norm(before) * 0.5:
+                break
+    return Lyapunov(F, is_discrete=is_discrete).solve(-C)
+
+
 def discounted(loop: arb_mat, game: Game) -> arb_mat:
     """Return √α times a loop, (n, n), on which the cost depends."""
     from flint import arb

@@ -104,12 +104,13 @@ def prove_value(found: Stabilizing) -> None:
     Raises NotProvedError if the ball does not prove it.
     """
     equation, P, gains = found
-    for weight in (equation.input_weight(P), equation.disturbance_weight(P)):
+    for weight in equation.weights(P):
         if weight is not None and not is_positive_definite(weight):
             raise NotProvedError("a player pays")
-    control_loop = equation.control_loop(P, gains)
-    if not stability_of(control_loop, is_discrete=equation.is_discrete):
-        raise NotProvedError("the loop without disturbance")
+    if equation.is_disturbed:  # otherwise, it is the loop of both players
+        control_loop = equation.control_loop(P, gains)
+        if not stability_of(control_loop, is_discrete=equation.is_discrete):
+            raise NotProvedError("the loop without disturbance")
 
 
 #: An eigenvalue whose real part is below this fraction of its size may be on the axis. It proposes
@@ -239,10 +240,10 @@ def _sign_of(value: acb) -> int:
 def _unpaid(found: Stabilizing) -> str:
     """Return that the disturbance, or an input, does not pay, proved by one of them, or ""."""
     equation, P, _ = found
-    if is_positive_definite(equation.input_weight(P)) is False:
+    of_inputs, of_disturbances = equation.weights(P)
+    if is_positive_definite(of_inputs) is False:
         return "in one step, an input gains cost: R + B'P B is indefinite"
-    weight = equation.disturbance_weight(P)
-    if weight is not None and is_positive_definite(weight) is False:
+    if of_disturbances is not None and is_positive_definite(of_disturbances) is False:
         return (
             f"in one step, the disturbance gains more than {equation.delta:.6g} squared of its cost"
         )

@@ -174,10 +174,11 @@ def _bounded(
         sizes = midpoints(enclosure.P) * np.outer(box, box)
         largest = float(np.abs(np.linalg.eigvalsh(sizes)).max())
         reference = ball_matrix(np.diag(largest / box**2))
-        return _with_ratio(replace(suboptimality, is_relative=False), solved.D, reference, [], box)
+        ratio = _largest_ratio(solved.D, reference, [], box)
+        return replace(suboptimality, is_relative=False, **ratio._asdict())
     free = None if is_positive_definite(enclosure.proved.P) else free_states(game)
     if free is None:
-        return _with_ratio(suboptimality, solved.D, enclosure.P, [], box)
+        return replace(suboptimality, **_largest_ratio(solved.D, enclosure.P, [], box)._asdict())
     error = free.error_of(K)
     if error.is_wrong:
         costs = _costs_at(solved.D, free, box)
@@ -187,7 +188,8 @@ def _bounded(
     without_error = _solved(enclosure, error.without_error)
     if without_error is None:
         return suboptimality
-    return _with_ratio(suboptimality, without_error.D, enclosure.P, free.pivots, box)
+    ratio = _largest_ratio(without_error.D, enclosure.P, free.pivots, box)
+    return replace(suboptimality, **ratio._asdict())
 
 
 def _solved(optimum: Enclosure, K: arb_mat) -> LoopValue | None:
@@ -274,27 +276,17 @@ def _costs_at(D: arb_mat, free: FreeStates, box: np.ndarray) -> _Costs:
 
 
 class _Ratio(NamedTuple):
-    """Bounds and mean of z'D z / z'P z, and a state z (n,) with the ratio `low`."""
+    """Bounds and mean of z'D z / z'P z, and a state (n,) with the ratio `low`, at the edge of the
+    box; fields as in `Suboptimality`.
+    """
 
     low: float
     high: float
     mean: float
-    state: np.ndarray
+    worst: np.ndarray
 
 
-def _with_ratio(
-    suboptimality: Suboptimality, D: arb_mat, P: arb_mat, without: list[int], box: np.ndarray
-) -> Suboptimality:
-    """Return a suboptimality with the bounds and the mean of z'D z / z'P z, and its worst state.
-
-    without: as for `_largest_ratio`
-    """
-    ratio = _largest_ratio(D, P, without)
-    worst = _at_edge(ratio.state, box)
-    return replace(suboptimality, low=ratio.low, high=ratio.high, mean=ratio.mean, worst=worst)
-
-
-def _largest_ratio(D: arb_mat, P: arb_mat, without: list[int]) -> _Ratio:
+def _largest_ratio(D: arb_mat, P: arb_mat, without: list[int], box: np.ndarray) -> _Ratio:
     """Return bounds of sup z'D z / z'P z.
 
     without: numbers of states that are left out, (d,): P and D vanish on d vectors, of which each
@@ -314,7 +306,7 @@ def _largest_ratio(D: arb_mat, P: arb_mat, without: list[int]) -> _Ratio:
     low, high = ratio_bounds(D, P, direction, float(ratios[-1]))
     state = np.zeros(n)
     state[kept] = midpoints(direction)[:, 0]
-    return _Ratio(low, high, max(float(ratios.mean()), 0.0), state)
+    return _Ratio(low, high, max(float(ratios.mean()), 0.0), _at_edge(state, box))
 
 
 def ratio_bounds(
