@@ -64,11 +64,11 @@ def ordinary_box(
         return None
     widths = np.array(ORDINARY_DEVIATIONS)
     speed = f"{widths[0]:g} ft/s"
-    if state_units == tuple(si_unit(unit) for unit in LINEAR_UNITS):
+    if any(state_units) and state_units != LINEAR_UNITS:
+        if state_units != tuple(si_unit(unit) for unit in LINEAR_UNITS):
+            return None
         widths = widths * [si_factor(unit) for unit in LINEAR_UNITS]
         speed = f"{widths[0]:.4g} m/s"
-    elif any(state_units) and state_units != LINEAR_UNITS:
-        return None
     about = f"typical deviations of the aircraft, {speed}, 0.1 rad, 0.1 rad/s"
     return Box(widths, about, "typical box")
 

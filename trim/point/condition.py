@@ -25,7 +25,7 @@ from hfa_support.files import NUMBER, checked, read_named
 from hfa_support.matrices import LinearTable
 from hfa_support.public_arguments import check_fields
 from hfa_support.reporting.text import shown_values, with_shown_unit
-from hfa_support.units import si_unit
+from hfa_support.units import conversion_factor
 from trim.point.status import FREE, HELD, LIMIT
 
 
@@ -253,7 +253,7 @@ class TrimCondition:
             for name in names
             if name in signals
             and signals[name].min == -math.inf
-            and si_unit(signals[name].unit) == "kg"
+            and conversion_factor(signals[name].unit, "kg") is not None
         }
         return Limits.of(self.model, names, {**masses, **self.limits})
 
