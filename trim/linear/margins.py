@@ -126,6 +126,7 @@ class ClosedLoop:
         """Modes of A, which is changed by rounding if its eigenvectors are nearly dependent."""
         values, vectors = np.linalg.eig(self.A)
         if not np.linalg.cond(vectors) < 1.0 / CHANGE:
+            # random entries of the size of rounding, which part equal eigenvectors
             change = spread(len(self.A)) * CHANGE * np.linalg.norm(self.A)
             values, vectors = np.linalg.eig(self.A + change)
         return Modes(values, vectors, np.linalg.inv(vectors))

@@ -206,13 +206,15 @@ def _mean_along(
     """Return slopes (N, n) along a state or input, means where sides differ, and notes by point."""
     name, signal = [*model.states.items(), *model.inputs.items()][column]
     rate_scales = _rate_scales(model)
-    step = _BESIDE * STEP * signal.nominal
+    step = _BESIDE * STEP * signal.nominal  # three steps: a switch is at most two away
     below = _side(model, z, p, column, -step)
     above = _side(model, z, p, column, step)
     curvature = below.changes + above.changes  # change of the slopes in a step
+    # The slopes extrapolated from one side differ by less where the rates are smooth.
     allowed = _APART * (rate_scales / signal.nominal + np.abs(slopes)) + curvature
     differences = np.maximum(np.abs(below.slopes - slopes), np.abs(above.slopes - slopes))
     is_nonsmooth = differences > allowed
+    # A jump is what the rates change by beyond the slopes of both sides.
     gap = np.abs(above.rates - below.rates - step * (above.slopes + below.slopes))
     by_slopes = step * (np.abs(above.slopes) + np.abs(below.slopes))
     jumps = gap > _JUMP * by_slopes + step * curvature + _LEAST_JUMP * rate_scales

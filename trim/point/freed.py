@@ -39,6 +39,7 @@ def with_parameters_as_inputs(model: Model, names: tuple[str, ...]) -> Model:
         return model.trimming.initial({**loaded, **imposed})
 
     computed = None if model.trimming.begin is None else begin
+    # values before a change, of the parameters that remain
     declared = {name: value for name, value in model.source.declared.items() if name not in names}
     return replace(
         model,

@@ -168,7 +168,7 @@ class TrimProblem:
     def __reduce__(self) -> tuple[Any, ...]:
         """Return the arguments from which pickle restores the problem.
 
-        Compiled functions are created again.
+        Compiled functions are created again. The start of the search, which is over, is not kept.
         """
         return TrimProblem, (self.model, self.asked, None, self.kept)
 
@@ -282,7 +282,7 @@ class TrimProblem:
         starts: initial points, (k,) each
         """
         c = np.repeat(self.c, len(starts), axis=0)
-        begin = np.reshape(starts, (len(starts), len(self.free)))
+        begin = np.reshape(starts, (len(starts), len(self.free)))  # (0, k) without starts
         with np.errstate(over="ignore"):
             z, _ = newton(self.system, begin, c, bounded=True)
         return z

@@ -119,7 +119,7 @@ def _stored_points(
 ) -> dict[str, Any]:
     """Return the results of `run_points`, with eigenvalues, limits reached and stalls."""
     rows = run_points(model, variables, values, condition, start)
-    trimmed = rows["status"] == TRIMMED
+    trimmed = rows["status"] == TRIMMED  # other points may have states, from beyond their limits
     eigenvalues = np.full(rows["A"].shape[:2], complex(np.nan, np.nan))
     eigenvalues[trimmed] = fastest_first(np.linalg.eigvals(rows["A"][trimmed]))
     reached = at_limit(condition, rows["states"], rows["inputs"])

@@ -191,7 +191,7 @@ class SweepPlan:
         if self.listed:  # a point outside a limit has no trim
             return
         self._check_parameters()
-        for corner in np.array(list(self._ends.values())).T:
+        for corner in np.array(list(self._ends.values())).T:  # all lowest, then all highest values
             condition_at(self.condition, self.variables, corner)
 
     def _checked_axis(self, name: str, values: Any) -> Steps | tuple[float, ...]:
