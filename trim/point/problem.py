@@ -149,7 +149,7 @@ class TrimProblem:
         layout = self.model.layout
         x, u, p = layout.symbols("x", "u", "p")
         _, output = layout.expressions((x, u, p), (name,))
-        used = ca.which_depends(output, ca.vertcat(p, x, u), 1, False)
+        used = ca.which_depends(output, ca.vertcat(p, x, u), 1, False)  # whether on each of these
         names = (*layout.names.parameters, *layout.variables)
         deciding = [name for name, is_used in zip(names, used, strict=True) if is_used]
         parameters = [name for name in deciding if name in layout.names.parameters]

@@ -472,7 +472,7 @@ def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> Comma
     try:
         found = _trim_without_limits(point, command)
     except (TrimError, BadInputError) as error:
-        return CommandedTrim(command, {}, {}, point.model, str(error))
+        return CommandedTrim(command, {}, {}, point.model, reason=str(error))
     needed = {name: found[name] for name in found.trim_problem.asked.free}
     beyond = {}
     for name, value in needed.items():

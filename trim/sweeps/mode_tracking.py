@@ -219,7 +219,7 @@ def neighbors_in_grid(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
     sizes: number of points along each axis
     trimmed: (N,), mask of the points with a trim
     """
-    numbers = np.cumsum(trimmed) - 1
+    numbers = np.cumsum(trimmed) - 1  # of each point among the trimmed ones
     index = np.arange(trimmed.size).reshape(sizes)
     pairs = []
     for axis, size in enumerate(sizes):
