@@ -146,7 +146,7 @@ def autocorrelation(residual: np.ndarray, present: np.ndarray) -> np.ndarray:
         correlate(series, series, method="fft")[len(series) - 1 :]
         for series in (values, present.astype(float))
     )
-    means = sums / np.maximum(np.round(pairs), 1.0)
+    means = sums / np.maximum(np.round(pairs), 1.0)  # the FFT leaves whole numbers of pairs inexact
     return np.asarray(means / max(means[0], 1e-300))
 
 

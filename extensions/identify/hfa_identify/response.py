@@ -217,7 +217,7 @@ class Responses:
                 steps = slice(first * count, (first + samples) * count)
                 change = self._step_slopes(simulated, theta, steps)
                 of_states = sensitivities_at_samples(change, count, S)
-                S = of_states[-1]
+                S = of_states[-1]  # at the first sample of the next part
                 slopes = self._observed_slopes(at_samples[rows], record.inputs[rows], theta)
                 total[rows] = slopes[:, :, :n] @ of_states[: len(slopes)]
                 total[rows, :, :p] += slopes[:, :, n:]

@@ -82,7 +82,7 @@ def _expressions(
     seen = tuple(dict.fromkeys((*outputs, *(name for name in limited if name in model.outputs))))
     x, u, f, y_seen = model.layout.in_variables(values, p, seen)
     y = dict(zip(seen, ca.vertsplit(y_seen) if seen else (), strict=True))
-    _, _, A, B, *_ = model.functions(())(x, u, p)
+    _, _, A, B, *_ = model.functions(())(x, u, p)  # after rates and outputs
     states = list(model.states)
     balanced = [f[states.index(name)] for name in model.steady]
     balanced += [y[name] - values[name] for name in outputs]
@@ -94,11 +94,11 @@ def _expressions(
         w,
         s,
         numbers,
-        G[np.flatnonzero(depends_on_w).tolist()],
-        G[np.flatnonzero(~depends_on_w).tolist()],
-        ca.vertcat(*(signals[name] for name in limited)),
-        A[linear, linear],
-        B[linear, :],
+        G=G[np.flatnonzero(depends_on_w).tolist()],
+        kept=G[np.flatnonzero(~depends_on_w).tolist()],
+        limited=ca.vertcat(*(signals[name] for name in limited)),
+        A=A[linear, linear],
+        B=B[linear, :],
     )
 
 

@@ -59,6 +59,7 @@ class Family:
     def condition(self, scheduling_value: float | None = None) -> TrimCondition:
         """Return the trim condition at a scheduling value, by default at the model's own value."""
         flights = usual_condition(self.model) if self.flights is None else self.flights
+        # A parameter is not in the condition: `point` changes it in the model.
         if scheduling_value is None or self.model.schedule in self.model.parameters:
             return flights.at(None)
         return flights.at(in_model_unit(self.model, scheduling_value))
@@ -329,11 +330,12 @@ def _motions(
     flight, gains, rate = statement.flight, statement.gains, statement.decay_rate
 
     def motion(speed: float, nodes: Any, P: Any) -> tuple[ScheduleStatement, ScheduleWitness]:
-        claim = ScheduleStatement(flight, gains, rate, speed)
+        claim = ScheduleStatement(flight, gains, decay_rate=rate, scheduled_rate=speed)
         nominal = flight.model.nominal(flight.model.linear)
         P_in_units = np.array(P) / np.outer(nominal, nominal)
         return claim, ScheduleWitness(_MOST, np.array(nodes, dtype=float), P_in_units)
 
+    # A constant P permits any rate.
     W = _weight(samples[:: max(1, len(samples) // 16)])
     middle = samples[len(samples) // 2]
     for weight in (W, _first_weight(middle.C)):
