@@ -139,6 +139,7 @@ def test_panels_add_up_to_the_uniform_wind(aircraft):
     np.testing.assert_allclose(
         column["headwind"], model.A[:, STATES.index("speed")], rtol=1e-9, atol=1e-12
     )
+    # With outputs, the first disturbance, the updraft, is the default one.
     assert np.array_equal(
         linearize(aircraft, point, full=True, outputs=("alpha",)).E[:, 0], column["updraft"]
     )

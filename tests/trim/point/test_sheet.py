@@ -426,7 +426,10 @@ def test_a_large_bank_per_sideslip_asks_for_more_damping():
 
 
 def test_phugoid_of_level_three_doubles_in_55_seconds():
-    """MIL-F-8785C permits a time to double of 55 s in level 3: ζ = -ln 2 / (55 ω); here ω is 0.2 rad/s."""
+    """MIL-F-8785C permits a time to double of 55 s in level 3; ζ = -ln 2 / (t ω) doubles in t.
+
+    Level 4 is that beyond level 3. The frequency ω is 0.2 rad/s.
+    """
     for seconds, level in ((56.0, 3), (54.0, 4)):
         damping = -math.log(2.0) / (seconds * 0.2)
         found = levels(Airplane(), {"phugoid frequency": 0.2, "phugoid damping": damping})

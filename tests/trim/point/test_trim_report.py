@@ -49,7 +49,8 @@ GLIDE = release(LEVEL, free=("gamma",), hold={"throttle": 0.0})
 
 @pytest.mark.parametrize("condition", [LEVEL, GLIDE], ids=["level", "glide"])
 def test_performance_follows_from_the_loads(published_aircraft, condition):
-    """Pressure and Mach number are those of the standard air, and the hinge moments balance.
+    """In level flight at 70 ft/s and 20,000 ft, and in a glide with the throttle at 0, pressure and Mach
+    number are those of the standard air, and the hinge moments balance.
 
     Forces balance along and across the path: T cos α - D = W sin γ, L + T sin α = W cos γ.
     """
