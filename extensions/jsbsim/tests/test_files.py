@@ -100,7 +100,7 @@ def test_declared_commands_become_inputs(tmp_path):
     ],
 )
 def test_wrong_inputs_are_refused(query, fault, tmp_path):
-    """Properties without effect, unknown properties and the pilot's commands are refused."""
+    """A property without effect, a misspelled one, and no property after inputs= are refused."""
     with pytest.raises(BadInputError, match=fault):
         load_model(f"{written(tmp_path, DECLARED)}?{query}")
 
@@ -244,7 +244,7 @@ def test_a_property_that_nothing_sets_is_a_constant(tmp_path):
     x, u = STATES, [0.0] * 3
     still, pushed = (model.with_parameters(gust=value).rates_at(x, u)["beta"] for value in (0, 1))
     assert still == pytest.approx(load_model(written(tmp_path, glider())).rates_at(x, u)["beta"])
-    # SIDE = 2 q S, where the lift coefficient at 0.1 rad is 0.5
+    # beta' = SIDE / (m V) and SIDE = 2 q S; L = 0.5 q S at 0.1 rad
     outputs = model.outputs_at(x, u)
     side_to_momentum = outputs["lift_to_weight"] * 32.174049 / 0.5 * 2.0 / 120.0
     assert pushed - still == pytest.approx(side_to_momentum, rel=1e-9)

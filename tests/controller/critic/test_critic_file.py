@@ -120,8 +120,8 @@ def test_the_policy_of_a_value_is_that_of_its_symmetric_part():
 def test_the_files_basis_applies_unless_another_is_named():
     """The basis named in a critic file applies unless the caller names another basis.
 
-    It may be a list of functions. Beside P, an entry `basis` of another program is ignored, but a
-    listed basis of the caller requires W.
+    The basis in a file may be a list of functions. Beside P, an entry `basis` of another program is
+    ignored, but a list of functions of the caller requires W.
     """
     single = stored("w.npz", W=np.arange(5.0), basis="quadratic+linear")
     found = critic_in(single, GAME).basis

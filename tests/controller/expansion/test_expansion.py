@@ -198,7 +198,11 @@ REFUSED = {
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_has_no_expansion_is_refused(case):
-    """Each case is refused in one line that names its cause."""
+    """Equations with a table, with a switch or an infinite derivative at the trim, another degree
+    than 2 to 5, a game at another trim, a trim with a changing speed and a singular P are refused.
+
+    The message is one line that names the cause.
+    """
     call, says = REFUSED[case]
     with pytest.raises((BadInputError, NoSolutionError), match=says) as refusal:
         call()

@@ -38,7 +38,9 @@ def test_q_learning_finds_the_exact_q_function(seed, margin):
 
 
 def test_games_without_a_solution_are_refused():
-    """A delta below the smallest, and an unstable plant with B = 0, are refused."""
+    """A random game in discrete time with a delta 10 % below the smallest is refused, and so is an
+    unstable plant that no input reaches (B = 0).
+    """
     smallest = minimum_delta(_problem(2)).value
     unreached = Game([[1.2]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=np.inf, dt=True)
     for game, named in (

@@ -83,7 +83,9 @@ def test_a_little_excitation_beside_a_policy_suffices_without_noise(share):
 
 
 def test_samples_of_a_known_hold_give_the_game_in_continuous_time():
-    """Samples at steps of 0.05 s with held inputs determine P and K in continuous time."""
+    """Samples of a random plant in continuous time at steps of 0.05 s, with held inputs, determine
+    P and K of its game in continuous time.
+    """
     step = RATES.sampled(0.05)
     data = recorded(step) | {"dt": 0.05}
     run = learn(blind(RATES), data=data)
@@ -108,8 +110,8 @@ def test_successive_samples_of_several_episodes_are_read():
     Without a matrix of ends, a row ends at the next one. Times of the rows change nothing.
     """
     parts = [trajectory(STEPS, 30, seed) for seed in range(3)]
-    x, u = (np.array(each) for each in zip(*parts, strict=True))
-    u = np.concatenate([u, np.zeros((3, 1, 2))], axis=1)
+    x, u = (np.array(each) for each in zip(*parts, strict=True))  # (3, 31, 3) and (3, 30, 2)
+    u = np.concatenate([u, np.zeros((3, 1, 2))], axis=1)  # a row for each x; the last is not used
     time = np.tile(np.round(0.1 * np.arange(31), 1), 3)
     flat = {"x": x.reshape(-1, 3), "u": u.reshape(-1, 2), "episode": np.repeat([7, 8, 9], 31)}
     separate = [{"x": x, "u": u} for x, u in parts]
@@ -197,7 +199,8 @@ def test_bands_hold_the_exact_entries_in_95_percent(game, hold):
         found = np.array([getattr(run, name) for run in runs])
         bands = np.array([getattr(run, f"{name}_band") for run in runs])
         assert 0.90 < np.mean(np.abs(found - getattr(exact, name)) <= bands) < 0.99
-        ratio = bands.mean(axis=0) / (2.004 * found.std(axis=0))  # Student's t of 55 rows
+        # 2.004: half-width of 95 % by Student's t with 55 degrees of freedom, of 60 rows.
+        ratio = bands.mean(axis=0) / (2.004 * found.std(axis=0))
         assert 0.9 < ratio.mean() < 1.15
     assert 0.3 * noise < runs[-1].data.noise.mean() < 2.0 * noise
 
@@ -271,7 +274,9 @@ REFUSED = {
 
 @pytest.mark.parametrize("said", REFUSED)
 def test_data_that_cannot_tell_are_refused_by_cause(said):
-    """Data that do not determine P and K are refused in one line with the cause."""
+    """Data with wrong shapes, times, units or names, and data that do not determine the plant, such
+    as inputs that are a policy of the states, are refused in one line with the cause.
+    """
     data = REFUSED[said]
     game, data = data if isinstance(data, tuple) else (STEPS, data)
     with pytest.raises(BadInputError) as refused:

@@ -413,9 +413,8 @@ ASKED = {
 
 @pytest.mark.parametrize("name", ASKED)
 def test_each_example_of_a_refusal_is_accepted(name):
-    """The option that a refusal proposes is added, until the file is read.
-
-    The policy then has 2 actions and two hidden layers of tanh.
+    """For a file with several networks, the options that refusals propose, one after the other,
+    select a policy with 2 actions and two hidden layers of tanh.
     """
     path = torch_file("asked.pt", ASKED[name])
     typed = {}

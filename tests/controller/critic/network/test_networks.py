@@ -68,7 +68,9 @@ def test_scale_applies_to_the_inputs_of_a_basis(game):
 
 
 def test_kind_of_an_npy_file_follows_from_shape(game):
-    """The shape of the array in an .npy file determines whether the array is W, P or K."""
+    """An array in an .npy file is W, P or K of the paper's game, 21 weights, 6 x 6 or 5 x 6, by its
+    shape. Another shape is refused.
+    """
     exact = {"weights": weights_of(value(game)), "P": value(game), "K": gain(game)}
     for name, right in exact.items():
         np.save("mine.npy", right)
@@ -79,9 +81,9 @@ def test_kind_of_an_npy_file_follows_from_shape(game):
 
 
 def test_networks_with_unsuitable_output_numbers_are_refused(game):
-    """A network is refused if its number of outputs fits no quantity.
+    """Three outputs are neither V, ∂V/∂z nor u of the paper's game with 6 states and 5 inputs.
 
-    A single output on a plant with one input is read as the policy.
+    A single output, which may be V or u of a plant with one input, is read as the policy.
     """
     path = torch_file("policy.pt", {"weight": np.zeros((3, 6))})
     with pytest.raises(

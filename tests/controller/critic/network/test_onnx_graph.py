@@ -27,7 +27,10 @@ def assert_as_onnx_runtime(path, **tolerance):
 
 @pytest.mark.parametrize("opset", [9, 11, 13, 20])
 def test_old_and_new_operator_sets_equal_onnxruntime(opset):
-    """Graphs of old and of new operator sets give the results of onnxruntime."""
+    """A graph of each operator set gives the results of ONNX Runtime.
+
+    Axes are attributes before set 13, and limits of Clip before set 11; later, they are inputs.
+    """
     axes = {"axes": [0]} if opset < 13 else {}
     nodes = [
         ("Flatten", "x", "f", {"axis": 1}),
@@ -139,7 +142,9 @@ def test_unsupported_graphs_are_refused(name):
 
 
 def test_damaged_graphs_and_weights_in_other_files_are_refused():
-    """An activation that is given beside a graph is refused, too."""
+    """A graph with weights in another file and a damaged graph are refused, and so is an activation
+    that is given beside a graph.
+    """
     assert "stored in another file; export the weights in" in refusal(external("a.onnx"))
     content = Path(onnx_file("good.onnx", QUADRATIC, _SINGLES)).read_bytes()
     Path("damaged.onnx").write_bytes(content[:-40])
