@@ -53,6 +53,7 @@ def linearize(
     point._refuse_other(model)
     if states or inputs:
         positions("state", states or (), tuple(model.states))
+        # The linear model of all states is reduced to the chosen ones.
         kept = states or model.linear
         shown = outputs or tuple(kept)
         whole = linearize(model, point, full=True, outputs=shown, disturbances=disturbances or ())

@@ -86,6 +86,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         at = problem.at(z)
         scaled = zip(problem.system.equations.rows, at.residual.tolist(), strict=True)
         by_name = {row.name: residual * row.scale for row, residual in scaled}
+        # in the order of the states and outputs, whichever equations the unknowns affect
         residuals = {row.name: by_name[row.name] for row in problem.system.structure.rows}
         return cls(
             states=at.x,

@@ -58,7 +58,9 @@ def test_eigenvalues_that_cross_keep_their_columns(shapes, turn, grid):
 @pytest.mark.parametrize("pair", [1j, -1.0 + 0.3j])
 @pytest.mark.parametrize("seed", range(4))
 def test_eigenvalues_far_apart_keep_their_columns_whatever_their_shapes_do(seed, pair):
-    """Of a pair, 1 and -1, on a grid, also where the path to a point leads back along an axis."""
+    """The eigenvalues 1, -1 and a pair, with other random mode shapes at each point of a grid, keep
+    their columns, also where the path to a point leads back along an axis.
+    """
     phase, by_s, by_t = map(ca.DM, np.random.default_rng(seed).normal(size=(3, 4, 4)))
     real, imaginary = pair.real, pair.imag
     dynamics = ca.diagcat(1.0, -1.0, ca.DM([[real, imaginary], [-imaginary, real]]))
