@@ -22,7 +22,7 @@ from hfa_flight.policies.estimate import (
 from hfa_flight.policies.filtered_policy import FilteredPolicy, sample_of
 from hfa_flight.policies.policy import FunctionPolicy, GainPolicy, Policy
 from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
-from hfa_support.files import written_whole
+from hfa_support.files import folder_written_whole, written_whole
 from hfa_support.native.c_code import c_function
 from trim.linear.linear_model import LinearModel
 
@@ -115,10 +115,11 @@ def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:
 
     texts: file name -> text
     """
-    folder.mkdir(exist_ok=True)
-    with ExitStack() as written:  # the files are replaced when all are written
+    with ExitStack() as written:  # the files are in the folder when all are written
+        is_new = not folder.exists()
+        place = written.enter_context(folder_written_whole(folder)) if is_new else folder
         for name, text in texts.items():
-            stream = written.enter_context(written_whole(folder / name))
+            stream = written.enter_context(written_whole(place / name))
             stream.write(text.encode("utf-8"))
             stream.flush()
     return [folder / name for name in texts]

@@ -17,7 +17,8 @@ from project import ROOT
 
 import hfa
 from hfa_flight import ActuatorBank, GainSchedule, Scenario, Waveform
-from hfa_model import LINEAR_STATES, STATES, Input
+from hfa_flight.export.c_text import write_texts
+from hfa_model import LINEAR_STATES, STATES, Input, Parameters, State
 
 pytestmark = needs_gcc
 #: Lag, s, and rate limit, deg/s, of the actuators.
@@ -54,9 +55,7 @@ def test_exported_rates_equal_the_model(folder):
         x = np.array(point.states) + random.uniform(-0.2, 0.2, 7) * [9, 1, 99, 1, 1, 1, 1]
         u = np.array(point.inputs) + random.uniform(-0.2, 0.2, 5)
         w = winds(*(updraft if name == "updraft" else 0.0 for name in model.disturbances))
-        rates, _ = model.equations(
-            type(point.states)(*x), type(point.inputs)(*u), _parameters(model), w
-        )
+        rates, _ = model.equations(State(*x), Input(*u), Parameters(*model.p), w)
         dx = np.empty(7)
         called(place, "hfa_rates", x, u, np.array(w), dx)
         np.testing.assert_allclose(dx, [float(rates[name]) for name in STATES], rtol=1e-12)
@@ -72,9 +71,11 @@ def test_an_export_over_an_older_one_is_whole_or_refused(folder):
     assert (folder / "c" / "hfa_aircraft.c").read_bytes() == before
 
 
-def _parameters(model):
-    """Return the parameters of a model as numbers, each an attribute by its name."""
-    return namedtuple("parameters", tuple(model.parameters))(*model.p.tolist())
+def test_a_new_folder_is_written_whole_or_not_at_all(folder):
+    """The second file cannot be written, because its folder does not exist."""
+    with pytest.raises(hfa.BadInputError, match="cannot write"):
+        write_texts(folder / "c", {"first.h": "", "none/second.c": ""})
+    assert not (folder / "c").exists()
 
 
 @pytest.fixture
