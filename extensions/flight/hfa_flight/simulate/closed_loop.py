@@ -219,7 +219,7 @@ class FlightLoop:
             self.scenario.actuators.refuse_trim(self.plant.point.u)
         self.policy.refuse_other_sizes(self.plant.point)
         signals = {name: getattr(self.scenario, name) for name in ("reference", "disturbance")}
-        sizes = {name: len(wave.constant) for name, wave in signals.items() if wave is not None}
+        sizes = {name: signal.size for name, signal in signals.items() if signal is not None}
         if self.scenario.samples is not None:
             sizes["noise"] = np.shape(self.scenario.samples)[1]
         for name, size in sizes.items():
