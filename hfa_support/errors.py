@@ -120,7 +120,8 @@ def refuse_unknown(what: str, name: object, known: Iterable[str]) -> None:
     known: the known names
     """
     choices = tuple(known)
-    if type(name).__hash__ is None or name not in choices:  # an array is no name
+    # An array, which has no hash, cannot be compared with a name.
+    if type(name).__hash__ is None or name not in choices:
         raise BadInputError(f"{what} {shown(name)}; {choice_of(str(name), choices)}")
 
 
@@ -256,7 +257,7 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
         )
     if isinstance(values, str):
         raise BadInputError(f"{what} is {shown(values)}; give numbers, as in [1.0, 2.0]")
-    try:
+    try:  # a tensor of PyTorch may have gradients, or be in the memory of a GPU
         array = np.asarray(values.detach().cpu() if hasattr(values, "detach") else values)
     except (ValueError, TypeError, RuntimeError):  # rows that differ in length; CasADi
         array = np.empty(0, dtype=object)

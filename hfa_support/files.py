@@ -42,7 +42,7 @@ _INPUTS: set[str] | None = None
 
 @contextmanager
 def inputs_kept() -> Iterator[None]:
-    """Protect all files that are read in the `with` block from being overwritten in it."""
+    """Protect the files that are read in the `with` block from being overwritten in it."""
     global _INPUTS
     _INPUTS = set()
     try:
@@ -248,9 +248,11 @@ def read_xml(
     depth, count = 0, 0
 
     def fault(what: str) -> BadInputError:
+        """Return an error with the present line of the file."""
         return BadInputError(f"{file}:{parser.CurrentLineNumber}: {what}")
 
     def opened(name: str, attributes: dict[str, str]) -> None:
+        """Count an element, and refuse one that is too deep or one too many."""
         nonlocal depth, count
         depth, count = depth + 1, count + 1 + len(attributes)
         if depth > _DEEPEST:
@@ -265,6 +267,7 @@ def read_xml(
         end(name)
 
     def entity(name: str, is_parameter: int, value: str | None, *_: object) -> None:
+        """Refuse an entity other than a short text; `value` is None if it refers to a file."""
         if value is None or is_parameter or "&" in value or len(value) > _LONGEST_ENTITY:
             raise fault(
                 f"the entity {shortened(name)} refers to a file, is too long or contains other "
@@ -355,9 +358,10 @@ POSITIVE = Number(0.0, above=True)
 def checked(where: str, value: Any, declared: Any, entry: str = "") -> Any:
     """Return a value of a user's file, with numbers converted to floats.
 
-    where: the file, for the message value: the value declared: declaration of the value: a
-        `Number`; `str` for any text; a tuple of permitted texts; a
-        list with the declaration of all its items; for a table, name -> declaration of its entry,
+    where: the file, for the message
+    value: the value
+    declared: declaration of the value: a `Number`; `str` for any text; a tuple of permitted texts;
+        a list with the declaration of all its items; for a table, name -> declaration of its entry,
         where "name*" is required, `str` stands for all other names, and ... permits these
         unchecked; or None for any value
     entry: name of the entry, for the message
@@ -399,7 +403,7 @@ def _table(where: str, value: Any, declared: dict[Any, Any], entry: str) -> dict
         raise _refusal(where, entry or "file", value, wanted)
     prefix = f"{entry}." if entry else ""
     takes_other_names = str in declared or ... in declared
-    of_names = {
+    of_names = {  # a required name ends with *
         name.removesuffix("*"): kind for name, kind in declared.items() if isinstance(name, str)
     }
     entries = {}

@@ -90,6 +90,7 @@ def balanced(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             column, row = math.hypot(*scaled[:, i].tolist()), math.hypot(*scaled[i].tolist())
             if not column or not row:
                 continue
+            # The power of two nearest sqrt(row / column), which makes both equally long.
             unit = 2.0 ** math.ceil((math.log2(row) - math.log2(column) - 1.0) / 2.0)
             if column * unit + row / unit < 0.95 * (column + row):
                 scaled[:, i] *= unit

@@ -68,12 +68,15 @@ class _Alternative(NamedTuple):
         """What a refusal calls the kind, "a list of texts"."""
         what = " of texts" if self.elements == "str" else ""
         if self.arguments is not None:
-            what = f" of {self.arguments} argument{'s' * (self.arguments != 1)}"
+            what = " of 1 argument" if self.arguments == 1 else f" of {self.arguments} arguments"
         word, _ = _KINDS.get(self.name) or (f"a {self.name.rpartition('.')[2]}", None)
         return word + what
 
     def accepts(self, value: Any, module: str) -> bool:
-        """Return whether a value is of this kind, which an annotation of a module names."""
+        """Return whether a value is of this kind.
+
+        module: name of the module with the annotation, which may import the kind
+        """
         if not _is_of(type(value), self.name, module):
             return False
         if self.name in ("int", "float"):
@@ -99,17 +102,18 @@ def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Calla
 
     @wraps(function)
     def called(*args: Any, **options: Any) -> Any:
-        if sys._getframe(1).f_globals.get("__name__", "").startswith(OWN):
+        caller = sys._getframe(1).f_globals.get("__name__", "")
+        if caller.startswith(OWN):
             return function(*args, **options)
         if not accepted:
             accepted.update({name: set() for name in inspect.signature(function).parameters})
         for name, value in chain(zip(accepted, args, strict=False), options.items()):
-            # The type of an array states that of its elements; another collection is checked each
-            # time, except a text.
-            kind = value.dtype if type(value) is np.ndarray else type(value)
+            is_array = type(value) is np.ndarray
+            kind = value.dtype if is_array else type(value)
             if name in accepted and kind not in accepted[name]:
                 _check(name, value, function.__annotations__.get(name, "Any"), function, makers)
-                if kind is not type(value) or not isinstance(value, Collection) or kind is str:
+                # Another list may have elements of other types, and is checked again.
+                if is_array or kind is str or not isinstance(value, Collection):
                     accepted[name].add(kind)
         made = function(*args, **options)
         if type(made) not in _with_checks:
@@ -120,7 +124,9 @@ def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Calla
 
 
 def check_methods(kind: type, makers: Callable[[str], str]) -> None:
-    """Let the public methods of a class of the project check their arguments (`checked`), once."""
+    """Let the public methods of a class of the project, and of its bases, check their arguments, as
+    functions of `checked` do. Each class is changed once.
+    """
     for base in kind.__mro__:
         if base in _with_checks:
             continue

@@ -97,7 +97,7 @@ def coherent_unit(unit: str, bases: tuple[str, str, str]) -> str:
     measured = _measured(unit)
     if measured is None:
         return unit
-    others = {**measured.powers}
+    others = {**measured.powers}  # finally of K and of words that are unknown
     m, kg, s, rad = (others.pop(base, 0) for base in ("m", "kg", "s", "rad"))
     has_force = kg == 1 and s <= -2
     if has_force:  # 1 N = 1 kg m/s²

@@ -40,11 +40,14 @@ RELATIONS: Mapping[str, Callable[[float, float], bool]] = {
 class Check(Result):
     """A number that must satisfy `value relation limit`.
 
-    name: name of the quantity value: the measured number limit: the limit ok: whether the relation
-        is satisfied reason: reason for a failure, or "" if `ok`. relation: "<=", "<", ">=", ">" or
-        "==" kind: what the check is about: "error", "rest" (an equilibrium), "stability", "game
-        loop", "cost",
-        "gain", "data" or ""
+    name: name of the quantity
+    value: the measured number
+    limit: the limit
+    ok: whether the relation is satisfied
+    reason: reason for a failure, or "" if `ok`.
+    relation: "<=", "<", ">=", ">" or "=="
+    kind: what the check is about: "error", "rest" (an equilibrium), "stability", "game loop",
+        "cost", "gain", "data" or ""
     """
 
     name: str

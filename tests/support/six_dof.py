@@ -50,8 +50,8 @@ def equivalent(speed, at):
 class SixDof:
     """An aircraft with the entries of a table in SI units and rad, about body axes.
 
-    cg: center of gravity, chords, or None for that of the table; the table's moments are about its
-        own warmer: deviation of the temperature from the standard, K
+    cg: center of gravity, chords, or None for that of the table, about which its moments are
+    warmer: deviation of the temperature from the standard, K
     """
 
     def __init__(self, table, cg=None, warmer=0.0):

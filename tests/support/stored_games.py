@@ -35,10 +35,11 @@ EACH = 200
 class Stored(NamedTuple):
     """A game with its answers.
 
-    game: the game with its delta exists: whether it has a value P, K: its answers, empty without a
-        value change: largest change of P and K by changes of 1 of its entries, in units in which
-        the diagonals
-        of P and of R + B'PB (R in continuous time) are 1
+    game: the game with its delta
+    exists: whether it has a value
+    P, K: its answers, empty without a value
+    change: largest change of P and K by changes of 1 of its entries, in units in which the
+        diagonals of P and of R + B'PB (R in continuous time) are 1
     delta_min: nan if no delta has a solution
     """
 

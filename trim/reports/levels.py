@@ -124,7 +124,8 @@ def graded(rows: Sequence[Row], airplane: Airplane) -> list[Row]:
     graded_rows = []
     for row in rows:
         if row.name == "spiral time to half":  # a stable spiral never doubles
-            level, note = 1, f"level 1: stable ({rules['spiral time to double'][0]})"
+            paragraph, _ = rules["spiral time to double"]
+            level, note = 1, f"level 1: stable ({paragraph})"
         elif row.name in rules:
             paragraph, limits = rules[row.name]
             level = level_of(row.value, limits)
@@ -142,8 +143,8 @@ def graded(rows: Sequence[Row], airplane: Airplane) -> list[Row]:
 def level_of(value: float, limits: Limits) -> int:
     """Return the best level whose limits contain a value, or `NO_LEVEL`.
 
-    A quality below 0 is that of an unstable mode. No span without a least value contains it: it has
-    a level only where the standard states a least value, which is then below 0.
+    A quality below 0 is that of an unstable mode. An upper limit alone, as that of a time constant,
+    does not contain it: it has a level only where the standard states a least value below 0.
     """
     for level, span in enumerate(limits, start=1):
         if span.least <= value <= span.most and (value >= 0.0 or math.isfinite(span.least)):
@@ -199,8 +200,10 @@ def _least(*values: float) -> Limits:
 
 
 def _products(airplane: Airplane, qualities: Mapping[str, float]) -> Limits:
-    """Return the limits of ζω of the Dutch roll, which increase with ω² |φ/β| above 20 (rad/s)²."""
-    # For class III, a damping of 0.7 satisfies each of them.
+    """Return the limits of ζω of the Dutch roll, rad/s, which increase with ω² |φ/β| above 20
+    (rad/s)².
+    """
+    # For class III, a damping ratio of 0.7 satisfies each of them.
     class_, category = airplane
     least_1 = {"A": 0.35, "B": 0.15, "C": 0.15 if class_ in _AGILE else 0.1}[category]
     omega = qualities.get("dutch roll frequency", 0.0)
@@ -273,6 +276,7 @@ def graded_modes(trimmed: Trimmed, airplane: Airplane) -> Iterator[tuple[Mode, l
         qualities = graded(qualities, chosen_airplane(trimmed, airplane).airplane)
     for mode in trimmed.modes:
         family = mode.name.partition(" (")[0]
+        # Two qualities of the short period have names of their own.
         others = ("CAP", "n/alpha") if family == "short period" else ()
         of_mode = [
             row for row in qualities if row.name in others or row.name.startswith(f"{family} ")

@@ -87,12 +87,12 @@ def _limits_text(margin: Margin, is_input: bool) -> str:
     """Return the limits of an input as "±25, 12 % used", of another variable as "0* to 60*, margin
     5", or "" if it has none. A star marks assumed limits.
     """
-    star = "*" * margin.assumed
+    if not margin.nearer:
+        return ""
+    star = "*" if margin.assumed else ""
     low, high = (
         f"{shown_value(end, margin.unit)}{star}" for end in (margin.lowest, margin.highest)
     )
-    if not margin.nearer:
-        return ""
     if math.isinf(margin.lowest):
         limits = f"up to {high}"
     elif math.isinf(margin.highest):
@@ -184,7 +184,9 @@ def _margin_row(margin: Margin) -> Row:
 
 
 def _verdict(margin: Margin) -> str:
-    """Return that a variable is at its limit, as held or as found by the trim, or ""."""
+    """Return "held there" or "BINDS" of a variable at its limit, which the condition or the trim
+    has put there, or "".
+    """
     if not margin.at_limit:
         return ""
     return "held there" if margin.role == "held" else _BINDS

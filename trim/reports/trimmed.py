@@ -143,9 +143,9 @@ class Search(NamedTuple):
 def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoint) -> str:
     """Return a sentence on another trim, with an initial point that leads to it."""
     model = problem.model
+    # Differences of at most `MINOR` of the largest one are left out.
     differences = np.abs(problem.system.scaled(other.values) - problem.system.scaled(point.values))
     different = np.flatnonzero(differences > MINOR * differences.max())
-    # A change of at most `MINOR` of the largest one is left out.
     names = [problem.free[i] for i in different]
     values = ", ".join(f"{name} {model.describe(name, other.values[name])}" for name in names)
     # States decide which trim is found; the search chooses the inputs that balance them.
@@ -408,8 +408,8 @@ class Trimmed:
         """Return the indices of the lags: linear states that are no motion, such as those of
         engines and unsteady lift; none if they have no steady state.
         """
-        # States of motion are those that `recognized` names, and each position, whose rate is one
-        # other state, with this state.
+        # States of motion are those that `recognized` names, and each position with its rate: a
+        # state whose rate depends on one other state alone.
         slopes = self.slopes
         names = slopes.states
         of_motion = {*self.roles.values(), "altitude"}  # also of a model that is no aircraft
