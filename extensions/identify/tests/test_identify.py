@@ -169,10 +169,12 @@ def test_parameters_far_from_the_start_are_named():
 @pytest.mark.slow
 @pytest.mark.parametrize("lag", [100.0, 0.1])
 def test_right_records_in_turbulence_pass_the_residual_test(lag):
-    """White noise drives alpha and, through a lag in s, rotates the air: no residual is said to
-    follow the elevator in 16 records of a linear short period.
+    """In 16 records of a linear short period in turbulence, no residual is said to follow the elevator.
+
+    White noise drives alpha, and through a lag of 100 s or 0.1 s the pitch rate.
     """
     true = {"Z_alpha": -2.0, "M_alpha": -12.0, "M_q": -3.0, "M_elevator": -20.0}
+    # alpha, pitch rate, and the lagged noise
     A = np.array([[-2.0, 1.0, 0.0], [-12.0, -3.0, 3.0 / lag], [0.0, 0.0, -1.0 / lag]])
     step = 0.02
     Phi = expm(A * step)
@@ -272,7 +274,9 @@ def lag(rates, start):
 
 
 def test_the_band_of_a_dynamic_parameter_is_that_of_its_closed_form():
-    """x' = u - k x: the band follows from the derivatives of the closed form by k and x(0)."""
+    """x' = u - k x with k = 1: the band is 1.96 times the standard error of a linear least-squares fit
+    with the derivatives of the closed form by k and x(0).
+    """
     model, columns = lag(lambda u, k, x: u - k * x, 1.2)
     result = identify(model, columns, ["k"], inputs="steps")
     time = columns["time"]

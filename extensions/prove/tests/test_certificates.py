@@ -64,7 +64,7 @@ def test_different_equations_have_different_digests():
     """Models that differ in an operation, an output, a disturbance, a name or a trim variable have
     different digests.
 
-    The name of a built-in aircraft is no digest.
+    A model with the name of a built-in aircraft, "published", has the digest of its own equations.
     """
 
     def changed_rates(**more):

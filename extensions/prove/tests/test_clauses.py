@@ -170,7 +170,9 @@ def test_an_equation_without_free_variable_holds_at_every_pull(balance, is_prove
     ("ends", "is_proved"), [((-57, 57), True), ((-57, 58), False), ((-58, 57), False)]
 )
 def test_the_interval_is_within_the_limits_of_its_variable(ends, is_proved):
-    """An angle within 1 rad = 57.3 deg: an interval of which one end is beyond is refused."""
+    """The angle is limited to ± 1 rad = 57.3 deg: an interval with one end beyond is refused, and so is
+    an imposed value of the scheduling variable.
+    """
 
     def equations(x, u, p, w):
         return {"angle": x.turn, "turn": u.push - x.angle - x.turn}, {}
