@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,6 +31,7 @@ from hfa.options.trims import (
     at_name,
     trim_input,
 )
+from hfa_aircraft.model import Model
 from hfa_model import choice
 from hfa_model.variants import variant_named
 from hfa_page.flights import load_flights
@@ -115,25 +117,10 @@ def report(request: ReportRequest) -> Outcome:
     if place is not None:
         plotly_script()  # refused before anything is computed if Plotly is missing
     asked = trim_input(request)
-    model, hold = asked.model, asked.held()
-    if not model.schedule:
-        raise BadInputError(
-            f"{model.name} declares no schedule, the variable of the page's slider; declare it"
-        )
-    by = model.schedule
-    if by in (*request.free, *hold):
-        raise BadInputError(
-            f"{by} is held or free, but --{at_name(model)} and --sweep define its values in a "
-            f"report; remove --hold {by} or --free {by}"
-        )
-    swept = None
-    if request.sweep is not None:
-        with option_errors("--sweep"):
-            values = value_range(model, by, request.sweep)
-        swept = np.unique(array_of("--sweep", values, MOST_SWEPT))
-    condition = asked.common_condition(hold)
+    hold = asked.held()
+    swept = _swept(request, asked.model, hold)
     job = (_own_job if request.aircraft else _paper_job)(request, asked, swept)
-    source = asked.source(condition, hold)
+    source = asked.source(asked.common_condition(hold), hold)
     sections = sections_of(job)
     whole = with_provenance(request, main_report(job, sections), source)
     lines = []
@@ -154,6 +141,28 @@ def report(request: ReportRequest) -> Outcome:
         printed=None if request.json else Report("\n".join(lines)),
         is_written=True,
     )
+
+
+def _swept(request: ReportRequest, model: Model, hold: Mapping[str, Any]) -> np.ndarray | None:
+    """Return the values of --sweep, of the scheduling variable, or None without this option.
+
+    Raises BadInputError for a model without this variable, and if it is held or free.
+    """
+    by = model.schedule
+    if not by:
+        raise BadInputError(
+            f"{model.name} declares no schedule, the variable of the page's slider; declare it"
+        )
+    if by in (*request.free, *hold):
+        raise BadInputError(
+            f"{by} is held or free, but --{at_name(model)} and --sweep define its values in a "
+            f"report; remove --hold {by} or --free {by}"
+        )
+    if request.sweep is None:
+        return None
+    with option_errors("--sweep"):
+        values = value_range(model, by, request.sweep)
+    return np.unique(array_of("--sweep", values, MOST_SWEPT))
 
 
 def _paper_job(request: ReportRequest, asked: TrimInput, swept: np.ndarray | None) -> MainJob:
@@ -191,6 +200,7 @@ def _own_job(request: ReportRequest, asked: TrimInput, swept: np.ndarray | None)
     refuse(request, ["flights"], "has flights of the paper's aircraft; remove it or --aircraft")
     model, hold = asked.model, asked.held()
     at = None if asked.at is None else np.unique(array_of("--at", asked.at, MOST_ASKED))
+    # What no option states follows from the trim, that of the model or at the first value of --at.
     if at is None or swept is None:
         point = trimmed(asked.trim(None if at is None else float(at[0]), hold))
         swept = values_about(point) if swept is None else swept

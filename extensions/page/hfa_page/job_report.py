@@ -106,7 +106,7 @@ def sections_of(job: MainJob) -> Sections:
     """
     swept = job.slider.sweep.report()
     tables = [part for part in swept.parts if not isinstance(part, Picture)]
-    modes = Report(f"Modes over {job.slider.sweep.variables[-1]}", (replace(swept, parts=tables),))
+    modes = Report(f"Modes over {job.slider.sweep.model.schedule}", (replace(swept, parts=tables),))
     of_slider = Report(subject(job.slider.sweep.model), pictures_over(job.slider))
     angles = tuple(angle_report(angle) for angle in job.angles)
     if job.regeneration is None or job.parameters is None:
@@ -131,7 +131,10 @@ def sections_of(job: MainJob) -> Sections:
 
 
 def _book(conditions: Sequence[Condition], *, with_sheets: bool) -> Report:
-    """Return the section with the matrix of conditions, its figure, and sheets on no slider."""
+    """Return the section with the table of conditions and its figure.
+
+    with_sheets: whether to add the sheets, because the slider does not show them
+    """
     points = [condition.point for condition in conditions if condition.point is not None]
     if not points:
         return Report("Book", ("No condition has a trim.",), data={"book": {}})
@@ -377,10 +380,11 @@ def slider_html(slider: Slider, drawn: Report, verdicts: str) -> str:
         beside.append(f'<section class="point" {place}>{shown.beside.html(3)}</section>')
         below.append(f'<section class="point below" {place}>{shown.sheet.html(3)}</section>')
         below.append(f'<section class="point" {place}>{shown.pair.html(3)}</section>')
+    # The aircraft, if there is something to draw, and the root locus.
     plots = [part.html() for part in drawn.parts if isinstance(part, InteractivePlot)]
     aircraft, locus = "".join(plots[:1]), "".join(plots[1:])
     label = slider.points[slider.first].label
-    name = html.escape(slider.sweep.variables[-1])
+    name = html.escape(slider.sweep.model.schedule)
     return f"""<div><h2>{html.escape(drawn.title)}</h2>
 <p class="slider"><label for="slider-{name}">{name}</label>
 <input type="range" id="slider-{name}" min="0" max="{len(slider.points) - 1}" value="{slider.first}" aria-valuetext="{label}">

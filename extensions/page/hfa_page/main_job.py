@@ -207,7 +207,7 @@ def with_game(angle: Position, weights: Mapping[str, Any] | None) -> Position:
     weights: as for `weighted_game`, or None for those of the paper
     """
     model = angle.model
-    if model is None or weights == {}:
+    if model is None or weights == {}:  # of another aircraft without --Q and --R
         return angle
     try:
         game = published_game(model) if weights is None else weighted_game(weights, model).game
@@ -263,7 +263,7 @@ def games_over(
 
     weights: as for `with_game`
     """
-    (variable,) = slider.sweep.variables
+    variable = slider.sweep.model.schedule
     requested = []
     for count, position in enumerate(point for point in slider.points if point.value in asked):
         progress(0.1 + 0.9 * count / len(asked), 1.0, f"{variable} {position.label}")
