@@ -70,8 +70,8 @@ def usual_sample_time(model: Model, points: Sequence[OperatingPoint]) -> float:
         except NoSolutionError:
             continue
         fastest = max(fastest, spectral_radius(linear.A - linear.B @ K))
-    within = [dt for dt in _SAMPLE_TIMES if dt * fastest <= _FASTEST]
-    return max(within, default=_SAMPLE_TIMES[-1])
+    resolving = (dt for dt in _SAMPLE_TIMES if dt * fastest <= _FASTEST)
+    return next(resolving, _SAMPLE_TIMES[-1])
 
 
 def surviving_boxes(
