@@ -273,8 +273,9 @@ def names_of_linear(linear: LinearModel) -> PlantNames:
     The `origin` of the result names the model and its flight condition.
     """
     origin = f"{linear.model.title} {linear.point.at_scheduled}".rstrip()
-    names = linear.states, linear.inputs
-    return PlantNames(*names, *map(linear.model.units, names), origin)
+    units = linear.model.units
+    names = linear.states, linear.inputs, units(linear.states), units(linear.inputs)
+    return PlantNames(*names, origin)
 
 
 MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta", "N")
