@@ -260,24 +260,6 @@ def symbolic(layout: Layout, *, undisturbed: bool) -> _Symbolic:
         values.append([0.0 for _ in layout.names.disturbances])
     # layout.names also has the outputs, which are no arguments
     arguments = [record(of)(*vector) for of, vector in zip(layout.names[:4], values, strict=True)]
-    rates, returned = _called(layout, arguments)
-    f = [_scalar(layout, "rate of", name, rates[name]) for name in layout.names.states]
-    outputs = {
-        name: _scalar(layout, "output", name, returned[name]) for name in layout.names.outputs
-    }
-    # Two symbols of one name are different, so symbols are compared by their hashes.
-    known = {symbol.element_hash() for symbol in ca.symvar(ca.vertcat(*symbols))}
-    for symbol in ca.symvar(ca.SX(ca.vertcat(*f, *outputs.values()))):
-        if symbol.element_hash() not in known:
-            raise BadInputError(
-                f"{layout.name}: the equations use the symbol {shown(symbol.name())}, which has no "
-                "value; write a number, or a name of x, u, p or w"
-            )
-    return _Symbolic(symbols, ca.densify(ca.SX(ca.vertcat(*f))), outputs)
-
-
-def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
-    """Return the results of a model's equations, state -> rate and output -> value."""
     try:
         with warnings.catch_warnings(action="ignore", category=FutureWarning):
             # CasADi issues a FutureWarning for functions of NumPy.
@@ -290,39 +272,46 @@ def _called(layout: Layout, arguments: list[Any]) -> tuple[Mapping[str, Any], Ma
             f"{layout.name}: the equations return {shown(returned)}; return two dicts, rates by "
             "state and outputs by name (for algebraic equations, solve for the unknowns)"
         )
-    rates, outputs = returned
-    for kind, values, names in (
-        ("rate of", rates, layout.names.states),
-        ("output", outputs, layout.names.outputs),
-    ):
-        for name in names:
-            if name not in values:
-                raise BadInputError(
-                    f"{layout.name}: the equations return no {kind} {name}; return one"
-                )
-        for name in values:
-            refuse_unknown(
-                f"{layout.name}: the equations return the undeclared {kind}", name, names
+    rates = _scalars(layout, "rate of", returned[0], layout.names.states)
+    outputs = _scalars(layout, "output", returned[1], layout.names.outputs)
+    # Two symbols of one name are different, so symbols are compared by their hashes.
+    known = {symbol.element_hash() for symbol in ca.symvar(ca.vertcat(*symbols))}
+    for symbol in ca.symvar(column([*rates.values(), *outputs.values()])):
+        if symbol.element_hash() not in known:
+            raise BadInputError(
+                f"{layout.name}: the equations use the symbol {shown(symbol.name())}, which has no "
+                "value; write a number, or a name of x, u, p or w"
             )
-    return rates, outputs
+    return _Symbolic(symbols, ca.densify(column(rates.values())), outputs)
 
 
-def _scalar(layout: Layout, kind: str, name: str, value: Any) -> ca.SX:
-    """Return a rate or an output as a scalar CasADi expression.
+def _scalars(
+    layout: Layout, kind: str, values: Mapping[str, Any], names: Sequence[str]
+) -> dict[str, ca.SX]:
+    """Return name -> scalar CasADi expression of the rates or outputs that equations return.
 
     kind: "rate of" or "output", for messages
+    names: the declared names, in order
+
+    Raises BadInputError for a missing or undeclared name, and for a value that is no number.
     """
-    try:
-        expression = ca.SX(value)
-    except (NotImplementedError, TypeError, ValueError) as error:
-        raise BadInputError(
-            f"{layout.name}: the {kind} {name} is {shown(value)}; return a number"
-        ) from error
-    if expression.numel() != 1:
-        raise BadInputError(
-            f"{layout.name}: the {kind} {name} has {expression.numel()} entries; return one number"
-        )
-    return expression
+    scalars: dict[str, ca.SX] = {}
+    for name in names:
+        if name not in values:
+            raise BadInputError(f"{layout.name}: the equations return no {kind} {name}; return one")
+        try:
+            scalars[name] = ca.SX(values[name])
+        except (NotImplementedError, TypeError, ValueError) as error:
+            raise BadInputError(
+                f"{layout.name}: the {kind} {name} is {shown(values[name])}; return a number"
+            ) from error
+        if (count := scalars[name].numel()) != 1:
+            raise BadInputError(
+                f"{layout.name}: the {kind} {name} has {count} entries; return one number"
+            )
+    for name in values:
+        refuse_unknown(f"{layout.name}: the equations return the undeclared {kind}", name, names)
+    return scalars
 
 
 def _failure_of_equations(error: Exception, layout: Layout, arguments: list[Any]) -> BadInputError:

@@ -75,13 +75,13 @@ class Limits:
         array = np.asarray(values)
         return (array >= self.least) & (array <= self.most)
 
-    def at_lowest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
-        """Return the mask of the values (..., k) at or below their lowest limit, up to `NEAR`."""
-        return np.asarray(values) <= self.low
+    def at_limits(self, values: np.ndarray | Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
+        """Return masks of the values (..., k) at or beyond their lowest and their highest limit.
 
-    def at_highest(self, values: np.ndarray | Sequence[float]) -> np.ndarray:
-        """Return the mask of the values (..., k) at or above their highest limit, up to `NEAR`."""
-        return np.asarray(values) >= self.high
+        A value within `NEAR` of a limit is at the limit.
+        """
+        array = np.asarray(values)
+        return array <= self.low, array >= self.high
 
     def between(self, name: str) -> str:
         """Return the limits of one signal as text: "-60 deg and 60 deg"."""

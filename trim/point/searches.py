@@ -147,8 +147,7 @@ def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
     """Return the unknowns (k,) after Newton's method from z, (k,), with those at a limit fixed."""
     system = problem.system
     z = problem.clip(z)
-    at_lowest = system.limits.at_lowest(z * system.scales)
-    at_highest = system.limits.at_highest(z * system.scales)
+    at_lowest, at_highest = system.limits.at_limits(z * system.scales)
     z[at_lowest] = system.lowest[at_lowest]
     z[at_highest] = system.highest[at_highest]
     moving = np.flatnonzero(~(at_lowest | at_highest))

@@ -120,8 +120,7 @@ def binding_limits(problem: TrimProblem, nearest: np.ndarray) -> dict[str, str]:
     describe = problem.model.describe
     values = z * problem.system.scales
     required = (nearest if problem.balanced(nearest) else z) * problem.system.scales
-    at_lowest = limits.at_lowest(values)
-    at_highest = limits.at_highest(values)
+    at_lowest, at_highest = limits.at_limits(values)
     beyond = ~limits.within(required)
     sentences = {}
     for i, name in enumerate(problem.free):

@@ -78,7 +78,8 @@ def at_limit(condition: TrimCondition, states: np.ndarray, inputs: np.ndarray) -
     limits = condition.limits_on(names)
     places = [[*condition.model.states, *condition.model.inputs].index(name) for name in names]
     values = np.hstack([states, inputs])[:, places]
-    return limits.at_highest(values).astype(np.int8) - limits.at_lowest(values).astype(np.int8)
+    at_lowest, at_highest = limits.at_limits(values)
+    return at_highest.astype(np.int8) - at_lowest.astype(np.int8)
 
 
 def coordinates_of(condition: TrimCondition) -> dict[str, tuple[str, np.ndarray]]:

@@ -37,8 +37,8 @@ def refuse_edges(points: Sequence[OperatingPoint]) -> None:
         model = point.model
         envelope = flight_envelope(model, point)
         values = point.x
-        at_lowest = envelope.at_lowest(values)
-        edges = np.flatnonzero(at_lowest | envelope.at_highest(values)).tolist()
+        at_lowest, at_highest = envelope.at_limits(values)
+        edges = np.flatnonzero(at_lowest | at_highest).tolist()
         if not edges:
             continue
         A = model.at(point.states, point.inputs).A

@@ -253,7 +253,7 @@ def share_at_limits(model: Model, inputs: np.ndarray) -> dict[str, float]:
     inputs: (N, m), absolute
     """
     limits = Limits.of(model, tuple(model.inputs))
-    reached = limits.at_lowest(inputs) | limits.at_highest(inputs)
+    reached = np.logical_or(*limits.at_limits(inputs))
     shares = reached.sum(axis=0) / max(len(inputs), 1)
     return dict(zip(model.inputs, shares.tolist(), strict=True))
 

@@ -237,7 +237,7 @@ class EquilibriumSearch:
         """
         U = np.array(unlimited).ravel()
         limits = Limits.of(self.model, tuple(self.model.inputs))
-        is_at = limits.at_lowest(U) | limits.at_highest(U)
+        is_at = np.logical_or(*limits.at_limits(U))
         commanded = zip(self.deployed.commanded, self.columns, strict=True)
         return [f"{name} at its limit" for name, column in commanded if is_at[column]]
 
