@@ -379,6 +379,7 @@ def from_functions(
     )
     if u is not None:
         return critic
+    # The value implies the policy.
     if game.is_discrete:
         return _with_one_step_policy(game, critic)
     F = game.F if game.N.any() else None

@@ -229,8 +229,8 @@ def _other_signals(entries: Mapping[str, Any], plant: PlantNames) -> Iterator[st
 
 
 def _other_matrices(entries: Mapping[str, Any], game: Game, scales: FileScales) -> Iterator[str]:
-    """Yield notes on A, B, E, Q, R, N, delta and discount of a file that the game does not have."""
-    x, u = scales
+    """Yield notes on A, B, E, Q, R, N, delta and discount of a file that differ from the game's."""
+    x, u = scales  # from the plant's units to the file's
     factors = {"A": x / x[:, None], "B": u / x[:, None], "E": 1.0 / x[:, None]}
     factors |= {"Q": np.outer(x, x), "R": np.outer(u, u), "N": np.outer(x, u)}
     for name in (name for name in _OF_THE_GAME if name in entries):
@@ -255,6 +255,7 @@ def gain_in(entries: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
 
     Raises BadInputError as `single_parts` does.
     """
+    # Without other matrices, which are not used, and need not fit the plant.
     of_gain = {name: entry for name, entry in entries.items() if name not in ("W", "P")}
     return single_parts(of_gain, file_scales(entries, plant), None)["K"]
 

@@ -191,7 +191,10 @@ def _on_basis(
     network: str,
     origin: str,
 ) -> Critic:
-    """Return the critic V of a single layer whose inputs are the functions of a basis."""
+    """Return the critic V of a single layer whose inputs are the functions of a basis.
+
+    scales, network: as for `from_network`
+    """
     layer = stored.on_basis
     assert layer is not None  # the caller has checked it
     if len(layer.weight) != 1:

@@ -100,7 +100,7 @@ class ActionBox(NamedTuple):
             return ca.tanh(output) if self.squash == "tanh" else output
         if not self.squash:
             return saturated(output, ca.DM(self.low), ca.DM(self.high))
-        share = output
+        share = output  # in [-1, 1]
         if self.squash == "tanh":
             share = ca.tanh(saturated(output, -self.clip_mean, self.clip_mean))
         return ca.DM(self.low) + 0.5 * (share + 1.0) * ca.DM(self.high - self.low)

@@ -143,7 +143,7 @@ def row_network(layers: Sequence[Layer]) -> RowNetwork | None:
     """
     if any(layer.activation in OF_CASADI for layer in layers):
         return None
-    kind = precision_of(max((layer.weight for layer in layers), key=np.size))
+    kind = precision_of(max((layer.weight for layer in layers), key=np.size))  # single if wide
     columns = [np.ascontiguousarray(layer.weight.T, dtype=kind) for layer in layers]
     biases = [layer.bias.astype(kind) for layer in layers]
     names = [layer.activation for layer in layers]
@@ -329,7 +329,10 @@ def _numbers(layer: Layer) -> list[int]:
 
 
 def _as_saved(layers: list[Layer]) -> list[Layer]:
-    """Return the layers in the order in which they were saved."""
+    """Return the layers in the order in which they were saved, as they are evaluated.
+
+    Raises BadInputError if the numbers of layers with one name contradict this order.
+    """
     last_of_kind: dict[str, Layer] = {}
     for layer in layers:
         before = last_of_kind.get(_kind(layer))

@@ -302,6 +302,7 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
             }
             refuse_others(others, inputs, layers[-1].outputs)
 
+    # Layers by kind, then what the file states of them, then their functions with activations.
     networks = {
         kind: layers_of(tensors, kind, part, contents.is_ordered, partial(check, kind), asked.sizes)
         for kind, part in parts.items()

@@ -218,7 +218,7 @@ def graph_functions(
     _refuse_model(onnx, model)
     traced = _traced(onnx, model, states, inputs)
     widths = [row.numel() for row in traced.inputs]
-    x = ca.MX.sym("x", sum(widths))
+    x = ca.MX.sym("x", sum(widths))  # a column; the values of the graph are rows
     parts = ca.horzsplit(x.T, np.cumsum([0, *widths]).tolist())
     functions = {}
     chosen = _outputs_of(model.graph, outputs)
@@ -271,6 +271,7 @@ def _traced(onnx: Any, model: Any, states: int, inputs: int) -> _Traced:
     rows = {name: ca.MX.sym("x", 1, shape[-1]) for name, shape in shapes.items()}
     symbols = list(rows.values())
     operators = [" and ".join(str(row.numel()) for row in symbols)]
+    # Each value is an array at the state 0, with its shape; one that depends on the state, a row.
     for node in graph.node:
         step = _Operator(onnx, model.opset_import, node)
         results, precision_of_node = step.at_0(

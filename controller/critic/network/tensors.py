@@ -168,7 +168,7 @@ class _Restricted(pickle.Unpickler):
             return _CALLS[module, name]
         if module == "torch" and name in _STORAGES:
             return name  # persistent_load receives it as pid[1]
-        if module.split(".")[0] in _KEPT or module.startswith("numpy.random."):
+        if module.split(".")[0] in _KEPT or module.startswith("numpy.random."):  # kept as data
             return type("Inert", (Inert,), {"made_of": f"{module}.{name}"})
         whose = " (a class or function that you defined)" if "cloudpickle" in module else ""
         raise BadInputError(
@@ -328,9 +328,9 @@ def torch_content(content: bytes) -> Any:
     """
     if content[: len(_OLD_TORCH)] == _OLD_TORCH:
         return torch_stream(content)
-    if content[:1] == b"\x80":
+    if content[:1] == b"\x80":  # of a pickle
         return unpickled(content)
-    if content[:2] != b"PK":
+    if content[:2] != b"PK":  # of a zip
         raise _not_torch()
     of_zip = unpacked(content)
     if any(re.search(r"(^|/)(code/|constants\.pkl$)", name) for name in of_zip):

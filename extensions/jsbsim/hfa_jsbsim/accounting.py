@@ -61,11 +61,11 @@ def explain(
     advice = f"--free {' or '.join(held[:_MOST])} solves for a command that no file sets"
     throttles = [name for name in inputs if name.startswith("throttle") and name not in imposed]
     has_free_command = not imposed.keys() >= {*commands.values()}
-    if not set(inputs) - {*commands.values()}:
+    if not set(inputs) - {*commands.values()}:  # the inputs are such commands only
         reasons = ["no input of the pilot changes a force or a moment"]
     else:
         reasons = [*_of_thrust(parts, throttles, solve), *of_engine_files(parts)]
-        if not (reasons or "elevator" in inputs or has_free_command):
+        if not (reasons or "elevator" in inputs or has_free_command):  # which may pitch it
             reasons = ["no input changes pitch_rate"]
         reasons = reasons or [*_of_lift(throttles, imposed, solve)] or [*_of_moment(solve)]
     return "; ".join([*reasons, advice] if held else reasons)
@@ -304,6 +304,7 @@ def _reason_to_omit(parent: Element, child: Element) -> str:
     if is_named and not any(inner.taken for inner in parent.children):
         return _NO_FORCE  # one of an engine, marked as read by name only
     if any(other.name == name and other.taken for other in parent.children):
+        # Of most kinds, JSBSim reads the first only.
         return _NOT_READ if name not in _REPEATED else _NO_FORCE
     known = _elements().get(parent.name)
     if known is None:
@@ -359,6 +360,7 @@ def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
                 )
                 raise _refusal(in_files[-1], fault)
         elif not (name in properties.names_read or unnumbered.startswith(_IDLE)):
+            # JSBSim reads it in its own code, and this package nowhere.
             raise _refusal(
                 in_files[-1],
                 f"{shortened(name)} moves a force in JSBSim and cannot be set here",

@@ -261,7 +261,7 @@ class Reactions:
     def _force_or_moment(self, element: Element, axes: str, motion: Motion) -> ca.SX:
         """Return an external force, lb, or moment, ft lb, in body axes, (3,)."""
         names = [f"{_prefix(element)}/{axis}" for axis in axes]
-        self._properties.names_read.update(names)  # also if the magnitude is 0
+        self._properties.names_read.update(names)  # a file may set them, also with a magnitude of 0
         magnitude = self._magnitude(element)
         if is_zero(magnitude):
             return ca.SX.zeros(3)

@@ -331,7 +331,7 @@ class Equations:
                 full_name = f"inertia/pointmass-location-{axis}-inches[{number}]"
                 self.properties.define_initial(full_name, place)
         self.properties.define("inertia/empty-weight-lbs", self.parts.empty.weight)
-        for name in OF_MASS:
+        for name in OF_MASS:  # computed from `mass`, once its own properties are defined
             self._define_lazily(name, partial(lambda name: mass_properties(self.mass)[name], name))
         self._define_lazily("aero/h_b-mac-ft", self._reference_height)
 
@@ -386,7 +386,7 @@ class Equations:
         sections: list[tuple[Element, int | None]] = [(part, None) for part in loaded]
         sections += [(file.engine, file.number) for file in self.parts.engines]
         for section, number in sections:
-            for element in section.all("property"):
+            for element in section.all("property"):  # of the aircraft's file, after an included one
                 self._define_property(element, overrides=element.file != section.file)
             for part in property_definitions(section):
                 of_engine = part.attributes["name"] in OF_ENGINES
@@ -398,7 +398,8 @@ class Equations:
         # - A writable built-in property is set if the element has a value, with two exceptions.
         #   Pilot commands keep their symbols. A parameter keeps its symbol, and the value becomes
         #   its value at the start, except for the levers mixture and advance.
-        # - Another property is set if it has no value yet, or if the element overrides it.
+        # - Another property is set if it has no value yet, or if the element overrides it. One with
+        #   the name of a command becomes a constant, which may be an input.
         value = element.as_number(element.attributes.get("value", "0"))
         full_name = canonical(element.text)
         rights = access(full_name, self.parts.thrusters)
@@ -540,7 +541,9 @@ class Equations:
         self._substitute(symbols, angle_rates)
 
     def _name_constants(self) -> None:
-        """Make what nothing sets a parameter, or an input where it alone commands an axis."""
+        """Make each property that nothing sets a parameter, or an input if it turns an axis that no
+        command of the pilot turns.
+        """
         constants, used = self.properties.constants, self.used_inputs()
         axes = [axis for axis, command in _TURNED_BY.items() if command not in used]
         turning = ca.vertcat(*(self.rates[axis] for axis in axes))  # that no command changes

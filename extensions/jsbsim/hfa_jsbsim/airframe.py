@@ -286,7 +286,7 @@ def mass_in_file(element: Element, tanks: Sequence[Tank], points: Sequence[Point
     bodies = [Body(point.weight, point.location, point.inertia) for point in points]
     bodies += [tank.body(tank.contents) for tank in tanks]
     weight = empty.weight + sum(body.weight for body in bodies)
-    if weight <= 0.0:
+    if weight <= 0.0:  # a divisor below
         raise element.error(f"the weight of the aircraft is {weight:g} lb; give a positive weight")
     mass = mass_of(empty, bodies)
     weight = float(mass.weight)
@@ -326,7 +326,7 @@ def _point_mass(element: Element) -> PointMass:
         return PointMass(weight, location, _inertia(element), has_form=False)
     radius = form.value_of("radius", 0.0, "FT")
     length = form.value_of("length", 0.0, "FT")
-    slender = length**2 / 12.0
+    slender = length**2 / 12.0  # of a rod
     shape = form.attributes.get("shape", "")
     shapes = {
         "tube": (radius**2, radius**2 / 2.0 + slender),

@@ -493,7 +493,7 @@ def _integral(
         rate = ca.if_else(ca.fabs(trigger) < 1e-6, gain * value, 0.0)
         properties.set_rate(state, lambda: rate)
         return state
-    if ca.depends_on(value, commands) and not properties.centered:  # all commands are not 0
+    if ca.depends_on(value, commands) and not properties.centered:  # the stick may be held
         raise LoopError(component.where, "the integrator has no steady-state value")
     properties.leave_out(component, "its integral is 0")
     return 0.0

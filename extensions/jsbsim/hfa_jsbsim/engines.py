@@ -85,7 +85,7 @@ class EngineFile:
             return False
         lowest = self.thruster.value_of("minpitch", 0.0)
         highest = self.thruster.value_of("maxpitch", 0.0)
-        default = 0.0 if self.thruster.find("maxrpm") is None else 1.0
+        default = 0.0 if self.thruster.find("maxrpm") is None else 1.0  # as in JSBSim
         wants_governor = self.thruster.value_of("constspeed", default) != 0.0
         return wants_governor and lowest != highest
 
@@ -125,7 +125,7 @@ class EngineFile:
     def usual_lag(self) -> float:
         """Typical value of the state of the engine's lag."""
         if self.kind == "piston_engine":
-            return 24.0
+            return 24.0  # inHg
         low, high = self.shaft("n2" if self.kind == "turbine_engine" else "n1")
         return low + 0.6 * (high - low)
 
@@ -355,7 +355,7 @@ def spool_error(mounted: MountedEngine) -> Any:
 
 def windmilling_speed(mounted: MountedEngine, name: str) -> Any:
     """Return the windmilling speed of a turbine's shaft, %."""
-    # The speed is 0 if the property disable-windmill is set.
+    # The speed is 0 if the element disable-windmill is set. The divisors are those of JSBSim.
     if mounted.engine.value_of("disable-windmill", 0.0):
         return 0.0
     return mounted.motion.pressure_head / (10.0 if name == "n1" else 15.0)
@@ -450,7 +450,7 @@ def _with_afterburner(mounted: MountedEngine, dry: Any, bled: Any, strongest: An
     engine = mounted.engine
     position = mounted.throttle
     method = int(engine.value_of("augmethod", 0.0))
-    if method == 1 and engine.value_of("augmented", 0.0) == 1.0:  # lit by full throttle
+    if method == 1 and engine.value_of("augmented", 0.0) == 1.0:  # lit at full throttle and speed
         speed = mounted.lag_state
         if speed is None:
             speed = commanded_speed(mounted, "n2")
@@ -521,6 +521,7 @@ def _within_torque(mounted: MountedEngine, power: Any) -> Any:
     most = torque * ca.fmax(2.0 * np.pi * turns, 0.01) / HP
     statement = "the torque is limited to this value, about which JSBSim's limiter oscillates"
     mounted.properties.notes.append(Note(statement, f"{torque:g} ft lb", limiter.where))
+    # With a slope beyond the limit, by which a trim search returns below it.
     return ca.fmin(power, most + _BEYOND * (power - most))
 
 

@@ -79,7 +79,7 @@ def piston_power(mounted: MountedEngine) -> PistonPower:
     ambient = air.pressure * _PSF_TO_PA
     speed = mounted.rpm
     breathing = _Breathing(engine)
-    piston_speed = speed * breathing.stroke / 360.0
+    piston_speed = speed * breathing.stroke / 360.0  # ft/s: two strokes in inches per turn
     ratio = breathing.pressure_ratio(mounted.throttle, piston_speed)
     throttled = _ram_pressure(mounted, ambient) * ratio
     rates = {}
@@ -91,7 +91,7 @@ def piston_power(mounted: MountedEngine) -> PistonPower:
     manifold = _boosted(mounted, throttled, ambient, speed)
     efficiency = _settable(mounted, "volumetric-efficiency", 0.85)
     displacement = engine.value_of("displacement", 360.0, "IN3") * _IN3_TO_M3
-    swept = displacement * (speed / 60.0) / 2.0
+    swept = displacement * (speed / 60.0) / 2.0  # an intake every second turn
     volume_flow = swept * efficiency * _exhaust_factor(engine, ambient, manifold)
     air_flow = volume_flow * manifold / (_GAS_CONSTANT * (air.temperature / 1.8))
     own_friction = engine.value_of("static-friction", 1.5, "HP")
@@ -239,7 +239,7 @@ def _boosted(mounted: MountedEngine, throttled: Any, ambient: Any, speed: Any) -
         return result
     result = manifolds[0]
     for number in range(1, len(manifolds)):
-        switch = gears[number - 1].switch_pressure
+        switch = gears[number - 1].switch_pressure  # JSBSim changes gear 1000 Pa below it
         result = ca.if_else(ambient < switch - 1000.0, manifolds[number], result)
     return result
 
