@@ -18,6 +18,8 @@ from hfa_support.files import folder_written_whole
 
 pytestmark = pytest.mark.usefixtures("folder")
 AT_15 = "--dihedral 15"
+#: A result that can be saved.
+SOLUTION = hfa.solve(hfa.Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0]))
 NO_TEXT = ("is not a TOML file", "is not JSON")
 NO_FILE = "no parameters and no readable file of this name"
 #: Fault -> call that makes the file, and the reasons that `trim` and `verify` give, in this order.
@@ -108,8 +110,8 @@ def test_a_wrong_zip_file_is_refused_in_one_line(fault):
 
 
 def test_a_toml_key_of_many_parts_is_refused():
-    """A key a.a.a... of 30,000 parts is refused before Python's reader sees it, which would take
-    hours; a comment may have as many points.
+    """A key a.a.a... of 30,000 parts is refused before Python's reader, whose time is quadratic in
+    their number, sees it; a comment may have as many points.
     """
     for key in ("a" + ".a" * 30_000, '"b"' + " . 'c'" * 30_000):
         Path("a.toml").write_text(f"{key} = 1\n")
@@ -175,8 +177,7 @@ def test_an_output_replaces_no_input(words, kept, said):
 
 def test_an_interrupted_write_keeps_the_old_file(monkeypatch):
     """If writing is interrupted, the old file remains, and no temporary file is left."""
-    game = hfa.Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0])
-    hfa.solve(game).save("kept.npz")
+    SOLUTION.save("kept.npz")
     before = Path("kept.npz").read_bytes()
 
     def broken(stream, **arrays):
@@ -186,7 +187,7 @@ def test_an_interrupted_write_keeps_the_old_file(monkeypatch):
     with monkeypatch.context() as patched:
         patched.setattr(np, "savez", broken)  # Ctrl-C, which a test cannot send at this time
         with pytest.raises(KeyboardInterrupt):
-            hfa.solve(game).save("kept.npz")
+            SOLUTION.save("kept.npz")
     assert Path("kept.npz").read_bytes() == before
     assert [entry.name for entry in Path().iterdir()] == ["kept.npz"]
 
@@ -205,13 +206,14 @@ def test_an_interrupted_folder_is_not_written():
 
 
 def test_a_replaced_file_keeps_its_permissions():
-    """A file with the permissions 640 has them after it is written anew; a file in a folder that
-    does not exist is refused.
-    """
-    game = hfa.Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0])
-    Path("kept.npz").touch(mode=0o600)
+    """A file with the permissions 640, which no new file has, has them after it is written anew."""
+    Path("kept.npz").touch()
     Path("kept.npz").chmod(0o640)
-    hfa.solve(game).save("kept.npz")
+    SOLUTION.save("kept.npz")
     assert Path("kept.npz").stat().st_mode & 0o777 == 0o640
+
+
+def test_a_file_in_a_folder_that_does_not_exist_is_refused():
+    """A result that is saved in a folder that does not exist is refused with advice."""
     with pytest.raises(hfa.BadInputError, match="choose a writable folder"):
-        hfa.solve(game).save("no/state.npz")
+        SOLUTION.save("no/state.npz")

@@ -1,6 +1,6 @@
 """PDF documents: every row of a report is on its pages, which are numbered and not almost empty."""
 
-import dataclasses
+from dataclasses import replace
 
 import pypdf
 import pytest
@@ -72,7 +72,7 @@ def test_a_row_that_is_not_on_the_page_is_found(tmp_path):
     (text,) = pages(report, tmp_path)
     first = report.parts[0]
     planted = first._replace(rows=(*first.rows, Row("planted", 17.25)))
-    assert lost(dataclasses.replace(report, parts=[planted]), text) == ["planted", "17.25"]
+    assert lost(replace(report, parts=[planted]), text) == ["planted", "17.25"]
 
 
 def test_a_long_name_and_long_cells_are_wrapped(tmp_path):
@@ -80,9 +80,9 @@ def test_a_long_name_and_long_cells_are_wrapped(tmp_path):
     control character, as text.
     """
     title = f"{'Very long name of an aircraft ' * 8}\nCheck: a < b & <c>\x1b[31m"
-    report = dataclasses.replace(sheet(3, title), head={"aircraft": title[:200]})
+    report = replace(sheet(3, title), head={"aircraft": title[:200]})
     (text,) = pages(report, tmp_path)
-    escaped = dataclasses.replace(report, title=title.replace("\x1b", "\\x1b"))
+    escaped = replace(report, title=title.replace("\x1b", "\\x1b"))
     assert not lost(escaped, text)
 
 
@@ -133,7 +133,7 @@ def test_a_picture_has_a_page_where_it_does_not_fit(tmp_path):
     """
     picture = Picture("a.png", "a figure", lambda: new_figure(7.0, 9.0))
     report = sheet(16)
-    alone = dataclasses.replace(report, parts=[*report.parts, picture])
+    alone = replace(report, parts=[*report.parts, picture])
     assert len(pages(alone, tmp_path)) == 2
     nested = Report("book", [alone, sheet(3)])
     texts = pages(nested, tmp_path)
