@@ -497,12 +497,14 @@ def _with_all(linear: LinearModel, stored: Mapping[str, Any], name: str) -> Line
     of_plant = LINEAR if LINEAR in warnings else LINEAR_WITH_OFFSETS
     model = plant_about(
         name,
-        _signals(linear.states, words(stored, "state_units"), X0),
-        _signals(linear.inputs, words(stored, "input_units"), U0),
-        _signals(disturbances, words(stored, "disturbance_units"), np.zeros(len(disturbances))),
-        (linear.A, linear.B, E),
-        dict(zip(outputs, rows, strict=True)),
-        tuple(dict.fromkeys((of_plant, *warnings))),
+        states=_signals(linear.states, words(stored, "state_units"), X0),
+        inputs=_signals(linear.inputs, words(stored, "input_units"), U0),
+        disturbances=_signals(
+            disturbances, words(stored, "disturbance_units"), np.zeros(len(disturbances))
+        ),
+        matrices=(linear.A, linear.B, E),
+        outputs=dict(zip(outputs, rows, strict=True)),
+        notes=tuple(dict.fromkeys((of_plant, *warnings))),
     )
     point = point_of_plant(model)
     return replace(linear, E=E, F=F, disturbances=disturbances, output_offsets=Y0, point=point)

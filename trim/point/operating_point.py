@@ -275,7 +275,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
     def _refuse_other(self, model: Model) -> None:
         """Raise BadInputError if the point was not trimmed with this model's units and dynamics."""
-        if bool(self.model.source.native) != bool(model.source.native):
+        if bool(self.model.source.native) != bool(model.source.native):  # one is in SI units
             raise BadInputError(
                 "the operating point and the model have different units; trim this model"
             )

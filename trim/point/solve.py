@@ -250,7 +250,7 @@ def trim(
     40.27
     """
     condition = condition or usual_condition(model)
-    if bool(condition.model.source.native) != bool(model.source.native):
+    if bool(condition.model.source.native) != bool(model.source.native):  # one is in SI units
         raise BadInputError(OTHER_UNITS)
     held = {**(hold or {}), **held}
     if at is not None:

@@ -273,12 +273,13 @@ def linear_part(breakpoints: np.ndarray, values: np.ndarray, s: float) -> Linear
     values: matrices at the breakpoints, (g, rows, columns)
     """
     if len(breakpoints) == 1:
-        return LinearPart(ball_matrix(values[0]), ball_matrix(np.zeros(values[0].shape)), 0.0)
+        zero = ball_matrix(np.zeros(values[0].shape))
+        return LinearPart(ball_matrix(values[0]), slope=zero, origin=0.0)
     k = int(np.searchsorted(breakpoints, s, "right")) - 1
     k = min(max(k, 0), len(breakpoints) - 2)
     first, last = breakpoints[k : k + 2].tolist()
     slope = (ball_matrix(values[k + 1]) - ball_matrix(values[k])) / (exact(last) - exact(first))
-    return LinearPart(ball_matrix(values[k]), slope, first)
+    return LinearPart(ball_matrix(values[k]), slope, origin=first)
 
 
 @dataclass(frozen=True, eq=False)
