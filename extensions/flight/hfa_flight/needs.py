@@ -34,7 +34,7 @@ def needed_share(name: str, text: str) -> float:
 
 
 def is_enough(count: int, flights: int, share: float) -> bool:
-    """Return whether so many of some flights are the required share."""
+    """Return whether `count` of all flights are at least the required share of them."""
     return count >= share * flights - _ROUNDING
 
 
@@ -65,7 +65,10 @@ def band_text(outside: int, members: int, verb: str) -> str:
 
 
 def is_refuted(outside: int, flights: int, share: float) -> bool:
-    """Return whether so many flights outside contradict a share, beyond their 95 % band."""
+    """Return whether flights contradict the share that is required to stay inside.
+
+    They do if even the lower end of the 95 % band of the others exceeds the rest, 1 - share.
+    """
     return outside_band(outside, flights)[0] > 1.0 - share
 
 

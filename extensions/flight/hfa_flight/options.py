@@ -186,7 +186,7 @@ def require_policy(request: PolicyOptions, name: str) -> None:
 def check_policy(request: PolicyOptions, weights: Sequence[str] = ()) -> None:
     """Raise BadInputError for an option that has no effect with the chosen policy.
 
-    weights: weights of the flight's cost, which are not of the policy
+    weights: options that weigh the cost of the flight, and so have an effect with any policy
     """
     kind, options = request.kind, options_of(type(request))  # not every command has each option
     if kind == DEPLOYMENT and "delay" in options and is_given(request, "delay"):

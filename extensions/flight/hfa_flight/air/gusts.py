@@ -75,7 +75,7 @@ def gust_speed(point: OperatingPoint) -> float:
     value = point.values.get(name)
     if value is None:  # an output
         value = model.outputs_at(point.states, point.inputs, [name])[name]
-    in_feet = conversion_factor(model.unit(name), "ft/s")
+    in_feet = conversion_factor(model.unit(name), "ft/s")  # None: not a unit of speed
     return value if in_feet is None else value * in_feet * foot_in_length_unit(model)
 
 

@@ -306,6 +306,7 @@ class Scenario(Reported):
         if self.samples is not None:  # sensor noise lasts to the end of the flight
             return math.inf
         sources = (self.reference, self.disturbance, self.gust, *self.air.values())
+        # A source without `until`, such as turbulence, never ends.
         ends = [getattr(source, "until", math.inf) for source in sources if source is not None]
         return max(ends, default=0.0)
 
@@ -406,7 +407,7 @@ class Scenario(Reported):
 
 
 def with_errors(model: Model, scenario: Scenario) -> Model:
-    """Return the model with its parameters multiplied by the factors in `scenario.errors`."""
+    """Return the model with its nominal parameters times the factors in `scenario.errors`."""
     parameters = {
         name: model.parameters[name].start * factor for name, factor in scenario.errors.items()
     }

@@ -155,20 +155,21 @@ class Turbulence:
         this level there, if no speed is recognized, or if the model supports no component.
         """
         model = point.model
-        speed = state_of(model, "speed")
-        if not speed or conversion_factor("ft/s", model.unit(speed)) is None:
+        speed_name = state_of(model, "speed")
+        if not speed_name or conversion_factor("ft/s", model.unit(speed_name)) is None:
             raise BadInputError(
                 f"{model.name} has no state or output in a unit of speed that is recognized as its "
                 "speed, which turbulence requires; an aircraft in Python may declare a state or "
                 "output speed in m/s"
             )
         feet = foot_in_length_unit(model)
-        height = state_of(model, "altitude")
-        # An altitude may be in another unit of length than the speed.
-        foot_of_altitude = (height and conversion_factor("ft", model.unit(height))) or feet
+        altitude_name = state_of(model, "altitude")
+        # The altitude may be in another unit of length than the speed.
+        unit = model.unit(altitude_name) if altitude_name else ""
+        foot_of_altitude = conversion_factor("ft", unit) or feet
         altitude = trimmed_at = None
-        if height in model.states:
-            trimmed_at = float(point.values[height]) / foot_of_altitude
+        if altitude_name in model.states:
+            trimmed_at = float(point.values[altitude_name]) / foot_of_altitude
         if isinstance(self.level, str):
             typed = self._altitude_of_trim(point) if self.altitude is None else self.altitude
             altitude = typed / foot_of_altitude
@@ -375,7 +376,10 @@ class TurbulentAir(Gust):
         return np.array([self.interval * sample, *now, *((later - now) / self.interval)])
 
     def winds(self, t: Any, held: ca.SX) -> dict[str, Any]:
-        """Return the turbulence at time t, as disturbance of the model -> value."""
+        """Return the turbulence at time t, as disturbance of the model -> value.
+
+        held: [time; values; slopes] of `held_inputs`, as symbols
+        """
         count = len(self.names)
         begin, values, slopes = ca.vertsplit(held, [0, 1, 1 + count, 1 + 2 * count])
         now = values + (t - begin) * slopes
@@ -530,6 +534,7 @@ class AirFilter:
         from scipy.linalg import expm
 
         Phi = expm(self.A * time)
+        # From rest, the covariance at the time is P - Φ P Φ'.
         stationary = np.diag(self.C @ self.covariance @ self.C.T)[:3]
         missing = np.diag(self.C @ Phi @ self.covariance @ Phi.T @ self.C.T)[:3]
         return float(np.sqrt((1.0 - missing / stationary).min()))
@@ -605,5 +610,5 @@ def _with_gradient(known: _Filter, row: int, lag: float, gain: float) -> _Filter
     B = np.vstack([known.B, np.zeros((1, noises))])
     C = np.hstack([known.C, np.zeros((len(known.C), 1))])
     gradient = gain * C[row]
-    gradient[-1] = -gain
+    gradient[-1] = -gain  # of x, the last state
     return _Filter(A, B, np.vstack([C, gradient]))

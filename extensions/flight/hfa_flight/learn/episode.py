@@ -362,7 +362,7 @@ class Episode:
         actions, _, push = self._flight.held_sizes
         limits = (self.envelope.least, self.envelope.most, [self._penalties[owner]])
         self._held[:] = np.concatenate([np.zeros(actions), trim, np.zeros(push), *limits])
-        self._observed[:] = np.asarray(self._observe(state, trim[None])[0])
+        self._observed[:] = self._observe(state, trim[None])[0]
 
     def advance(self, action: np.ndarray) -> tuple[float, bool, bool]:
         """Advance by one sample; return the reward, and whether the aircraft left or time is over.
@@ -413,7 +413,10 @@ class Episode:
         return after[: len(self._X)]
 
     def _sample(self) -> ca.Function:
-        """Return the function (state, held) -> (state, outcome, observations) of one sample."""
+        """Return the function (state, held) -> (state, outcome, observations) of one sample.
+
+        The arguments are the rows of `_allocate`.
+        """
         flight = self._flight
         flown, of_flight = sum(flight.sizes), sum(flight.held_sizes)
         n, m = len(flight.deployed.model.states), len(flight.deployed.model.inputs)
@@ -424,7 +427,7 @@ class Episode:
         flying, limits, penalty = ca.vertsplit(held, ends)
         actions, trim, _ = (flying[part] for part in flight.held_slices)
         memory = flight.slices.memory
-        inputs = slice(memory.stop - m, memory.stop)
+        inputs = slice(memory.stop - m, memory.stop)  # those just before the sample
         X, before = now[:n], now[inputs]
         assert flight.commands_of is not None  # set by the constructor
         U = flight.commands_of(actions, X, before, trim)

@@ -193,7 +193,7 @@ class FilteredPolicy(SampledPolicy):
         self.reset()
 
     def reset(self) -> None:
-        """Forget the samples before: the next one is the first, in flight."""
+        """Forget the samples before: the next one is the first of a filter begun in flight."""
         object.__setattr__(self, "_memory", self._memory_at_trim())
 
     def begin(self, X: Any, following: NextSample | None = None) -> None:
@@ -253,6 +253,7 @@ class FilteredPolicy(SampledPolicy):
         """Linear state -> predicted value at the next sample, absolute."""
         return {
             name: float(getattr(self.point.states, name) + value)
+            # the states of the air follow in the memory
             for name, value in zip(self.filter.states, self._memory.estimate, strict=False)
         }
 
@@ -266,7 +267,7 @@ class FilteredPolicy(SampledPolicy):
         self._begin_flight()
         memory = self._memory
         memory.estimate = known_start(self.filter)
-        if memory.law is None:
+        if memory.law is None:  # `begin` was not called
             memory.law = self._prepared_law()
         rows = self.point.model.state_places(self.filter.sensors)
         return self._held_between_samples(lambda _, measured: self._command(memory, measured[rows]))

@@ -131,6 +131,7 @@ class KalmanFilter(Result):
         if isinstance(turbulence, str):
             turbulence = turbulence_of(turbulence)
         sensors = {name: float(noise[name]) for name in linear.states if name in noise}
+        # A state without a sensor drifts like one with a noise of a hundredth of its nominal value.
         drifts = {
             name: drift.get(
                 name, DRIFT * sensors.get(name, _UNMEASURED * point.model.states[name].nominal)
@@ -209,7 +210,7 @@ class KalmanFilter(Result):
     @property
     def estimated(self) -> dict[str, float]:
         """State -> standard deviation of the error of its estimate x̂."""
-        P = self.P - self.L @ self.C @ self.P
+        P = self.P - self.L @ self.C @ self.P  # of the linear states, then of the air
         return dict(zip(self.states, np.sqrt(np.diag(P)).tolist(), strict=False))
 
     @cached_property

@@ -85,8 +85,8 @@ def uncontrolled(plan: MonteCarlo) -> Mapping[str, np.ndarray] | None:
     """Return the results of the same flights with the inputs at trim, or None without a filter."""
     if not isinstance(plan.policy, FilteredPolicy):
         return None
-    policy, scenario = policy_and_scenario(None, plan.point, plan.scenario)
-    inputs_at_trim = replace(plan, policy=policy, scenario=scenario)
+    no_policy, scenario = policy_and_scenario(None, plan.point, plan.scenario)
+    inputs_at_trim = replace(plan, policy=no_policy, scenario=scenario)
     return run_monte_carlo(inputs_at_trim, 1, ProgressLine("simulate without control"))
 
 

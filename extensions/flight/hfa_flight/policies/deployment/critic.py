@@ -80,7 +80,7 @@ def _refuse_other_inputs(deployed: Deployed, game: Game) -> None:
         raise BadInputError(
             f"the policy moves {names.replace(',', ', ')}, and the game "
             f"{', '.join(game.names.inputs)}; add --inputs {names}",
-            ("--inputs", names),
+            ("--inputs", names),  # the option that mends it
         )
 
 

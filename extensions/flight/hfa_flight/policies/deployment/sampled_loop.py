@@ -113,6 +113,7 @@ class EquilibriumSearch:
     """
 
     def __init__(self, deployed: Deployed, point: OperatingPoint) -> None:
+        """Prepare the search for a deployment at a trim."""
         self.deployed = deployed
         self.point = point
         model = point.model
@@ -124,6 +125,7 @@ class EquilibriumSearch:
         # The trim as z = (X; U), and the places in z that the search changes.
         self.base = np.concatenate([point.states, point.inputs])
         self.moving = [*self.rows, *(len(model.states) + column for column in self.columns)]
+        # Nominal values of the linear states, the commanded inputs and the residuals.
         self.state_scales = model.nominal(model.linear)
         self.input_scales = model.nominal(deployed.commanded)
         rate_scales = [model.rate_scale(name) for name in model.linear]
@@ -378,7 +380,7 @@ def searched_delays(nominal: NominalLoop, dt: float, deployed_delay: float) -> D
     dt, deployed_delay: s
     """
     deployed = in_samples(deployed_delay, dt)
-    first = deployed.whole + (deployed.rest > 0.0)
+    first = deployed.whole + (deployed.rest > 0.0)  # whole samples, not below the deployed delay
     most = max(first, min(MOST_SAMPLES, math.ceil(MOST_SECONDS / dt)))
     radii: list[float] = []
     for samples in range(most + 1):
