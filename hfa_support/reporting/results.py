@@ -42,10 +42,9 @@ def jsonable(value: Any) -> Any:
 def json_text(value: Any) -> str:
     """Return a value as indented JSON text, with each innermost list and object on one line."""
     text = json.dumps(jsonable(value), indent=1, allow_nan=False)
-    return (
-        re.sub(r"[\[{][^][{}]*[]}]", lambda innermost: re.sub(r"\n *", " ", innermost[0]), text)
-        + "\n"
-    )
+    brackets_without_others = r"[\[{][^][{}]*[]}]"
+    on_lines = re.sub(brackets_without_others, lambda part: re.sub(r"\n *", " ", part[0]), text)
+    return on_lines + "\n"
 
 
 _MAT_TEXT = 116  # bytes of free text at the beginning of a .mat file

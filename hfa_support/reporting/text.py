@@ -236,7 +236,7 @@ def percent(value: float, count: int = 2, *, up: bool = False) -> str:
     is_whole = 100.0 <= abs(value) < 1e6
     last_digit = Decimal(1).scaleb(0 if is_whole else exact.adjusted() - count + 1)
     rounded = float(exact.quantize(last_digit, ROUND_CEILING if up else ROUND_HALF_EVEN))
-    is_whole = 10.0**count <= abs(rounded) < 1e6
+    is_whole = 10.0**count <= abs(rounded) < 1e6  # rounding may add a digit: 99.6 becomes 100
     return f"{rounded:.0f} %" if is_whole else f"{rounded:.{count}g} %"
 
 
@@ -375,6 +375,7 @@ class RowsMade(Sequence[tuple[Any, ...]]):
         return self._count
 
     def __getitem__(self, index: Any) -> Any:
+        """Return the row with a number. Raises IndexError beyond the last one, which ends loops."""
         if not 0 <= index < self._count:
             raise IndexError(index)
         return self._row(index)
