@@ -324,6 +324,7 @@ def is_within(states: Any, least: Any, most: Any) -> Any:
 
 def all_finite(column: Any) -> Any:
     """Return the expression that all entries of a CasADi column are finite numbers."""
+    # Comparisons with nan are false.
     finite: list[Any] = [ca.fabs(x) <= sys.float_info.max for x in ca.vertsplit(column)]
     return reduce(ca.logic_and, finite)
 

@@ -421,6 +421,7 @@ class Model(Reported):
         if self.time_unit in words:
             per_time = conversion_factor("1/s", f"1/{self.time_unit}") or 1.0
             return {name: size * per_time for name, size in nominal.items()}
+        # Without a unit of time, only the equations show how fast the states change.
         start = {name: signal.start for name, signal in self.signals.items()} | {**self.trim}
         x, u = ([start[name] for name in names] for names in (self.states, self.inputs))
         try:

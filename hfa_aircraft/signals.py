@@ -273,7 +273,8 @@ def identifiers(names: Iterable[str]) -> dict[str, str]:
     for name in names:
         plain = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_") or "variable"
         plain = f"v_{plain}" if plain[0].isdigit() else plain
-        # No plain name ends with "_", so that a second "a b" (a_b_) differs from all others.
+        # "a b" is a_b, and then "a.b" is a_b_, which no other name becomes: plain has no "_" at its
+        # end.
         found[name] = plain + "_" * seen[plain]
         seen[plain] += 1
     return found

@@ -150,8 +150,8 @@ def configuration(x: Any, u: Any, p: Any) -> dict[str, tuple[float, str]]:
     m, s = values.panel_mass, values.panel_span
     pitch, yaw = values.inertia_pitch, values.inertia_yaw
     sine, cosine = math.sin(eta), math.cos(eta)
-    outward = 2.0 * m * (s / 2.0 * (1.0 + cosine)) ** 2  # sum of m y² of the panels
-    upward = m * (s * sine) ** 2 / 6.0  # sum of m z² of the panels
+    outward = 2.0 * m * (s / 2.0 * (1.0 + cosine)) ** 2  # sum of m y² of the outer panels
+    upward = m * (s * sine) ** 2 / 6.0  # of m z²: one panel (s/3) sin η, two (s/6) sin η away
     inertia = "slug ft^2"
     return {
         "mass": (3.0 * m, "slug"),
@@ -174,14 +174,14 @@ def rigid_panels(
 
     The parameters are not checked.
 
-    describe_trim: as in `Trimming`
+    describe_trim: `Trimming.describe` of the model
     """
     paper = published_data()["trim"]
     return Model(
         name=variant.name,
-        # Named tuples of signals, whose classes become those of the vectors.
-        states=STATE_SIGNALS,  # type: ignore[arg-type]  # as above
-        inputs=INPUT_SIGNALS,  # type: ignore[arg-type]  # as above
+        # Points have states and inputs of the classes of these named tuples, `State` and `Input`.
+        states=STATE_SIGNALS,  # type: ignore[arg-type]  # a named tuple
+        inputs=INPUT_SIGNALS,  # type: ignore[arg-type]  # a named tuple
         equations=VariantEquations(variant),
         # The values are not checked: a fit of the printed matrices also tries impossible ones.
         parameters={

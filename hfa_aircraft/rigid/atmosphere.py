@@ -370,7 +370,7 @@ def _factor_to_model(model: Model, name: str, unit: str) -> float:
 
 
 def _evaluated(function: ca.Function, *arguments: Any) -> Any:
-    """Return the value of a function of scalars, for numbers or arrays of a common length."""
+    """Return the value of a function of scalars: a number for numbers, an array for arrays (N,)."""
     rows = np.broadcast_arrays(
         *(np.atleast_1d(np.asarray(argument, float)) for argument in arguments)
     )

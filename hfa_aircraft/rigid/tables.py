@@ -46,7 +46,8 @@ class Interpolator:
         arguments: d scalars, numbers or expressions
         """
         axes = [np.asarray(points, dtype=float) for points in breakpoints]
-        # Each axis of values is replaced by two: level and slope, and the cell.
+        # Each axis of values, by breakpoints, is replaced by two: (level, slope), and the cells. In
+        # a cell, the table is the line level + slope * offset.
         lines = np.asarray(values, dtype=float)
         for number, points in enumerate(axes):
             axis = 2 * number
@@ -96,7 +97,9 @@ def _middle(points: np.ndarray) -> float:
 
 def _value_of_lines(lines: ca.SX, cells: Sequence[Interval]) -> ca.SX:
     """Return the interpolated value of a table, a flat array (2, n1 - 1, 2, n2 - 1, ...)."""
-    # Levels and slopes along the first argument are themselves tables of the other arguments.
+    # Levels and slopes along the first argument are themselves tables of the other arguments. As
+    # CasADi reshapes column by column, each column contains the table of one cell, of which the
+    # indicator selects one.
     if not cells:
         return lines
     first, *others = cells

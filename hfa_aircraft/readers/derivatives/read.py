@@ -156,7 +156,7 @@ def _model(table: DerivativeTable) -> Model:
         },
         parameters=_parameters(table),
         outputs=outputs,
-        holds_beta=_turns_both_ways(table),
+        holds_beta=_can_hold_sideslip(table),
         source=table.source,
         about=About(
             notes=table.notes,
@@ -209,9 +209,9 @@ def _configuration(
     return found
 
 
-def _turns_both_ways(table: DerivativeTable) -> bool:
+def _can_hold_sideslip(table: DerivativeTable) -> bool:
     """Return whether two or more control surfaces have a derivative of the roll or yaw moment."""
-    # If so, a trim can impose the sideslip.
+    # If so, they can balance both moments of an imposed sideslip.
     lateral = {
         meaning.argument
         for meaning in table.meanings.values()
@@ -249,6 +249,7 @@ class _Equations:
     """Equations of the aircraft of a table, (x, u, p, w) -> (rates, outputs) by name."""
 
     def __init__(self, table: DerivativeTable) -> None:
+        """Compute what does not depend on the state: the reference condition, and directions."""
         self._table = table
         values = table.values
         self._reference_alpha = values.get("alpha", 0.0)
@@ -259,7 +260,7 @@ class _Equations:
         self._moments_to_body = wind_axes(
             self._reference_alpha if table.axes == "stability" else 0.0, 0.0
         )
-        angle = values.get("thrust_angle", 0.0)
+        angle = values.get("thrust_angle", 0.0)  # upward
         self._thrust_direction = ca.vertcat(ca.cos(angle), 0.0, -ca.sin(angle))
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:

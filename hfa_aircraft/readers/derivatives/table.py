@@ -291,7 +291,11 @@ def _numbers_of(
     texts: Mapping[str, str],
     system: str,
 ) -> _Numbers:
-    """Return the numbers in entries, in the table's system of units and per rad."""
+    """Return the numbers in entries, in the table's system of units and per rad.
+
+    surfaces: control surfaces, whose names derivatives contain
+    texts: text entries, of which `per` is the unit of angles in derivatives without a unit
+    """
     by_kind = _Numbers({}, {}, {}, {})
     per_angle = 1.0 / _ANGLES[texts["per"] or "rad"]
     for name, entry in entries.items():
