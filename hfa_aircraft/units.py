@@ -151,6 +151,7 @@ def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model],
             envelope=domain.envelope and partial(_envelope, factors, domain.envelope),
             check=domain.check and partial(_check, factors, domain.check),
             reference=_scaled(factors, domain.reference),
+            by_speed=domain.by_speed,
         ),
         trimming=replace(
             model.trimming,
