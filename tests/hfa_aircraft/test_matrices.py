@@ -95,8 +95,7 @@ def test_modes_of_given_matrices_are_printed(folder):
 @pytest.mark.parametrize("command", ["linearize", "assess K.npz"])
 def test_the_former_option_model_is_refused_with_its_replacement(command, folder):
     """`--model FILE`, as earlier versions accepted it, is refused with advice: --aircraft."""
-    result = cli.hfa(*command.split(), "--model", "plant.json")
-    cli.assert_refused(result, 2, "; type --aircraft")
+    cli.assert_refused(cli.hfa(*command.split(), "--model", "p.json"), 2, "; type --aircraft")
 
 
 OSCILLATOR = '{"A": [[0, 1], [-2, -0.3]], "B": [[0], [1]], '
@@ -105,8 +104,7 @@ OSCILLATOR = '{"A": [[0, 1], [-2, -0.3]], "B": [[0], [1]], '
 def test_E_beside_C_and_D_is_refused(folder):
     """E beside C and D may be MATLAB's descriptor, which would change A; C and D alone may not."""
     Path("plant.json").write_text(OSCILLATOR + '"C": [[1, 0]], "D": [[0]], "E": [[2, 0], [0, 1]]}')
-    refused = cli.hfa("linearize", "--aircraft", "plant.json")
-    cli.assert_refused(refused, 2, "MATLAB's descriptor")
+    cli.assert_refused(cli.hfa("linearize", "--aircraft", "plant.json"), 2, "MATLAB's descriptor")
     Path("plant.json").write_text(OSCILLATOR + '"C": [[1, 0]], "D": [[0]]}')
     assert cli.hfa("linearize", "--aircraft", "plant.json").code == 0
 

@@ -71,8 +71,7 @@ def test_files_that_name_each_other_are_refused(folders):
     for number in range(500):
         (folders / f"{number}.toml").write_text(f'aircraft = "{number + 1}.toml"\n')
     for name in ("one.toml", "two.toml", "self.toml", "0.toml"):
-        result = hfa("trim", "--aircraft", str(folders / name))
-        assert_refused(result, 2, "name each other", name)
+        assert_refused(hfa("trim", "--aircraft", str(folders / name)), 2, "name each other", name)
     (folders / "two.toml").write_text('aircraft = "uav.toml"\n[parameters]\nCL_0 = 0.10\n')
     assert alpha(folders / "one.toml") == pytest.approx(alpha("uav.toml"), abs=1e-9)
 
