@@ -80,8 +80,11 @@ def scaled_balls(matrix: arb_mat, rows: np.ndarray, columns: np.ndarray) -> arb_
     if not rows.any() and not columns.any():
         return matrix
     of_rows, of_columns = ([arb(2) ** int(power) for power in powers] for powers in (rows, columns))
-    entries = iter(matrix.entries())
-    return ball_matrix([[next(entries) * i * j for j in of_columns] for i in of_rows])
+    scaled = [
+        [entry * of_row * of_column for entry, of_column in zip(row, of_columns, strict=True)]
+        for row, of_row in zip(matrix.tolist(), of_rows, strict=True)
+    ]
+    return ball_matrix(scaled)
 
 
 def identity(n: int) -> arb_mat:
@@ -136,19 +139,21 @@ def symmetric_part(matrix: arb_mat) -> arb_mat:
 
 
 def norm(matrix: arb_mat) -> arb:
-    """Return an upper bound of the spectral norm: that of the norm of Frobenius."""
+    """Return an upper bound of the norm of Frobenius, which bounds the spectral norm."""
     from flint import arb_mat
 
-    entries = arb_mat(1, matrix.nrows() * matrix.ncols(), matrix.entries())
-    return (entries * entries.transpose())[0, 0].upper().sqrt().upper()
+    entries = arb_mat(1, matrix.nrows() * matrix.ncols(), matrix.entries())  # one row
+    sum_of_squares = (entries * entries.transpose())[0, 0]
+    return sum_of_squares.upper().sqrt().upper()
 
 
 def is_positive_definite(matrix: arb_mat) -> bool | None:
     """Return whether all symmetric matrices in the balls are proved positive definite; False if all
     are proved not to be, None if neither is proved.
 
-    The pivots of Gaussian elimination, D of their decomposition L D L', are positive, or the first
-    one that is not is negative: it is v'M v for a vector v.
+    The pivots of Gaussian elimination, D of the decomposition L D L', are all positive, or the
+    first one that is not is negative: that pivot is v'M v of a vector v. Only the entries on and
+    below the diagonal are read.
     """
     n = matrix.nrows()
     rows = matrix.tolist()

@@ -51,7 +51,8 @@ SAME = 10
 LEVEL, TURNS = 1e-5, 4
 #: A smaller fraction is not resolved by doubles, and after two changes it is that of P = 0.
 NOISE = 1e-14
-#: A relative correction of X that is far below its last digit in doubles, for 128 bits.
+#: A relative correction of X that is far below its last digit in doubles, with 128 bits: with
+#: twice the bits, its square.
 SMALL = 1e-25
 #: A relative correction after which the loop is computed anew.
 NEAR = 1e-6
@@ -112,7 +113,8 @@ def candidate_in_doubles(
                 break
             X = stabilizing_in_doubles(equation_of(game, units, delta))
         for turn in range(turns):
-            root = _root_of(X, game, NOISE if turn > 1 else 0.0)
+            noise = NOISE if turn > 1 else 0.0  # the first changes make small eigenvalues larger
+            root = _root_of(X, game, noise)
             if root is None:
                 break
             units = _changed(units, root)

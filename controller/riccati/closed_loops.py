@@ -89,7 +89,7 @@ def poles_of(loop: Callable[[int], arb_mat], *, is_discrete: bool) -> Poles:
         sizes = np.abs(best.values) if is_discrete else np.abs(best.values.real)
         if (best.radii <= ROUNDOFF * (sizes.max() if is_discrete else sizes)).all():
             break
-    assert best is not None
+    assert best is not None  # with the last bits, V is not singular
     return best
 
 
@@ -103,12 +103,13 @@ def enclosed_poles(loop: arb_mat) -> Poles:
 
     units = loop_units(midpoints(loop))
     F = scaled_balls(loop, -units, units)
-    # Multiple eigenvalues differ where the loop is changed by a quarter of its digits.
+    # An approximate V of a multiple eigenvalue may be singular. With a change of F in the last
+    # quarter of its digits, the eigenvalues differ.
     changed = (F + ball_matrix(spread(len(units))) * (norm(F) * half_the_bits() ** 1.5)).mid()
     V = acb_mat(changed).eig(right=True, algorithm="approx")[1]
     sizes = np.abs([[complex(entry) for entry in row] for row in V.tolist()]).max(0)
     V = (V * acb_mat(ball_matrix(np.diag(1.0 / sizes)))).mid()
-    rows = V.solve(acb_mat(F) * V).tolist()  # of D
+    rows = V.solve(acb_mat(F) * V).tolist()  # of D: discs about its diagonal
     values = np.array([complex(row[i].mid()) for i, row in enumerate(rows)])
     radii = []
     for i, row in enumerate(rows):

@@ -77,7 +77,7 @@ class Enclosure:
     bits: int
 
     def __getstate__(self) -> dict[str, Any]:
-        make_balls_picklable()  # of results that hold an enclosure, when they are stored
+        make_balls_picklable()  # when a result that holds an enclosure is stored or copied
         return vars(self)
 
     @cached_property
@@ -98,11 +98,12 @@ class Enclosure:
         """L of the worst disturbance d = L z, (k, n); 0 without a disturbance."""
         equation, P, gains = self.proved
         with precision(self.bits):
-            (_, weight), to_L = equation.weights(P), equation.E.transpose() * P
-            if weight is None:
-                L = to_L * equation.w
+            EP = equation.E.transpose() * P
+            _, of_disturbances = equation.weights(P)
+            if of_disturbances is None:
+                L = EP * equation.w  # w = 1/δ², 0 without a disturbance
             else:  # (δ² - E'P E) L = E'P (A - B K) keeps the digits of a small L.
-                L = weight.solve(to_L * equation.control_loop(P, gains))
+                L = of_disturbances.solve(EP * equation.control_loop(P, gains))
             return self.units.gain_of_user(L, self.units.disturbances)
 
     def relative_radius(self) -> float:
@@ -160,6 +161,7 @@ def decided(game: Game, delta: float, *, digits: bool = True) -> Enclosure | str
     is_disturbed = math.isfinite(delta) and game.E.any()
     if isinstance(outcome, str) or not is_disturbed or has_semidefinite_weights(game):
         return outcome
+    # With indefinite weights, the cost may have no lower bound even without a disturbance.
     undisturbed = decided_at(game, math.inf)
     return undisturbed if isinstance(undisturbed, str) else outcome
 
@@ -382,31 +384,30 @@ def data_change(enclosure: Enclosure) -> float:
 
 
 def _data_change(enclosure: Enclosure) -> float:
-    """Return `data_change`."""
+    """Return `data_change`; nan or inf if numbers overflow.
+
+    Raises FailedError or ZeroDivisionError.
+    """
     game, (states, inputs, disturbances, exact_T) = enclosure.game, enclosure.units
-    balls = scaled_balls(enclosure.P, states, states)
-    P, K, L = map(
-        midpoints,
-        (
-            balls,
-            scaled_balls(enclosure.K, -inputs, states),
-            scaled_balls(enclosure.L, -disturbances, states),
-        ),
-    )
+    # P, K, L, V and W are those of the states y in units of the proof, F is that of T y.
+    P_balls = scaled_balls(enclosure.P, states, states)
+    P = midpoints(P_balls)
+    K = midpoints(scaled_balls(enclosure.K, -inputs, states))
+    L = midpoints(scaled_balls(enclosure.L, -disturbances, states))
     sizes = sizes_of(P)
-    is_known = sizes > np.diag(radii(balls))
-    weights = np.where(is_known, 1.0 / np.where(is_known, sizes, 1.0), 0.0)
-    equation = enclosure.proved.equation
-    F = midpoints(equation.loop(enclosure.proved.P, enclosure.proved.gains))
-    T = T_inverse = np.eye(len(F))  # V, P, K and L are of the states y, F of T y
+    is_known = sizes > np.diag(radii(P_balls))  # other P_ii may be 0
+    W = np.diag(np.where(is_known, 1.0 / np.where(is_known, sizes, 1.0), 0.0))
+    equation, proved_P, gains = enclosure.proved
+    F = midpoints(equation.loop(proved_P, gains))
+    T = T_inverse = np.eye(len(F))
     if exact_T is not None:
         T, T_inverse = midpoints(exact_T), midpoints(exact_T.inv())
-    loop, W = ball_matrix(F.T), ball_matrix((T * weights) @ T.T)
-    V = midpoints(solved_in_bits(loop, W, is_discrete=equation.is_discrete))
-    V = T_inverse @ V @ T_inverse.T
+    transposed, T_W_T = ball_matrix(F.T), ball_matrix(T @ W @ T.T)
+    T_V_T = midpoints(solved_in_bits(transposed, T_W_T, is_discrete=equation.is_discrete))
+    V = T_inverse @ T_V_T @ T_inverse.T
     of_F = P @ (T_inverse @ F @ T @ V if equation.is_discrete else V)
     twice = 2.0 * math.sqrt(game.discount) * of_F
-    terms = (  # what a change of the matrix is multiplied by, the matrix, units of both sides
+    terms = (  # (what a change of the matrix is multiplied by, the matrix, units of both sides)
         (twice, game.A, -states, states),
         (twice @ K.T, game.B, -states, inputs),
         (twice @ L.T, game.E, -states, disturbances),

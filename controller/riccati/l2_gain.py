@@ -15,7 +15,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balls import ball_matrix, identity, midpoints, norm, scaled_balls
-from controller.riccati.candidate import candidate_in_bits, candidate_in_doubles
+from controller.riccati.candidate import TURNS, candidate_in_bits, candidate_in_doubles
 from controller.riccati.enclosure import Enclosure, enclosure_of
 from controller.riccati.equation import Entries, users_units
 from controller.riccati.lyapunov import FailedError, NotProvedError, loop_units
@@ -34,9 +34,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoopGame(Game):
-    """Game whose matrices are balls, and here rounded to doubles.
+    """Game whose exact matrices are in balls. Its fields A, B, ... are rounded to doubles.
 
-    balls: of all matrices
+    balls: the exact matrices, from which `Entries.of` makes the Riccati equation
     """
 
     balls: Entries | None = None
@@ -63,26 +63,29 @@ class DisturbedLoop(NamedTuple):
     def value(self, delta: float) -> LoopValue:
         """Return the enclosure of D, which proves that F is stable and that the gain is below δ.
 
-        It is sought in units in which F is balanced, and the cost is divided by its size.
+        D is sought in units in which F is balanced, and the cost is divided by its size.
 
         Raises FailedError or NotProvedError.
         """
-        k = self.E.ncols()
         units = loop_units(midpoints(self.F))
         size = float(norm(scaled_balls(self.C, units, units)))
+        # With the cost divided by 4^power and d in units of 2^power, δ remains.
         power = int(np.round(0.5 * np.log2(size))) if size > 0.0 else 0
-        states, inputs = units - power, np.full(k, power)
+        states, disturbances = units - power, np.full(self.E.ncols(), power)
         scaled = self._replace(
             F=scaled_balls(self.F, -units, units),
-            E=scaled_balls(self.E, -units, inputs),
+            E=scaled_balls(self.E, -units, disturbances),
             C=scaled_balls(self.C, states, states),
         )
         found = scaled._enclosed(delta)
         D = scaled_balls(found.P, -states, -states)
-        return LoopValue(D, scaled_balls(found.L, inputs, -units))
+        return LoopValue(D, scaled_balls(found.L, disturbances, -units))
 
     def _enclosed(self, delta: float) -> Enclosure:
-        """Return the enclosure of D as the value of a game."""
+        """Return the enclosure of D as the value of a game whose input moves nothing (B = 0).
+
+        Raises FailedError or NotProvedError.
+        """
         F, E, C = map(midpoints, (self.F, self.E, self.C))
         zero = np.zeros((len(F), 1))
         none = ball_matrix(zero)
@@ -97,15 +100,10 @@ class DisturbedLoop(NamedTuple):
         if not E.any() and not all(entry == 0 for entry in self.E.entries()):
             raise FailedError("the disturbance may be 0")
         units = users_units(game)
-        candidates = (
-            lambda: candidate_in_doubles(game, delta, units, turns=0),
-            lambda: candidate_in_doubles(game, delta, units),
-            lambda: candidate_in_bits(game, delta),
-        )
-        for candidate_of in candidates:
+        for turns in (0, TURNS):  # states in which D is nearly 1 are seldom needed
             with suppress(FailedError, NotProvedError):
-                return enclosure_of(stabilizing(candidate_of()))
-        raise NotProvedError("the value of the loop")
+                return enclosure_of(stabilizing(candidate_in_doubles(game, delta, units, turns)))
+        return enclosure_of(stabilizing(candidate_in_bits(game, delta)))
 
 
 #: Largest relative difference of the bounds of a gain, if nothing prevents it.
@@ -127,10 +125,7 @@ class GainBounds(NamedTuple):
 
 
 def gain_of(loop: DisturbedLoop) -> GainBounds:
-    """Return the bounds of the gain, with the bits of `precision`; high is inf without proof.
-
-    The frequency of the largest gain and D are proposed in doubles.
-    """
+    """Return the bounds of the gain, with the bits of `precision`; high is inf without proof."""
     low = _at_least(loop)
     for above in ABOVE:
         high = low * (1.0 + float(above))
@@ -147,6 +142,7 @@ def _at_least(loop: DisturbedLoop) -> float:
     from flint import acb, acb_mat
 
     F, E, C = map(midpoints, (loop.F, loop.E, loop.C))
+    # The largest gain is that to the output z'C z = |root' z|².
     system = System(F, E, scaled_root(C).T, np.zeros((len(C), E.shape[1])))
     try:
         frequency = (peak_frequency_of_steps if loop.is_discrete else peak_frequency)(system)
@@ -154,7 +150,8 @@ def _at_least(loop: DisturbedLoop) -> float:
         response = np.linalg.solve(complex(s) * np.eye(len(F)) - F, E)
     except np.linalg.LinAlgError:
         return 0.0
-    worst = np.linalg.eigh(response.conj().T @ C @ response)[1][:, -1]
+    _, disturbances = np.linalg.eigh(response.conj().T @ C @ response)
+    worst = disturbances[:, -1]  # with the largest cost
     d = acb_mat([[complex(entry)] for entry in worst])
     try:
         z = (acb_mat(identity(len(F))) * s - acb_mat(loop.F)).solve(acb_mat(loop.E) * d)

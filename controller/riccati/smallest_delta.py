@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from controller.game.zero_sum import Game
 from controller.riccati.balls import BITS, midpoints, precision, scaled_balls
 from controller.riccati.candidate import (
     disturbance_units,
+    failures,
     loop_in_doubles,
     stabilizing_in_doubles,
 )
@@ -112,13 +114,13 @@ def minimum_delta(game: Game) -> DeltaMin:
     return _bracket(search, _estimate(search))
 
 
-class _Reserves(NamedTuple):
-    """Numbers that fall to 0 as w = 1/δ² grows to 1/delta_min², nearly linearly near it.
+class _Distances(NamedTuple):
+    """Distances from the loss of a value: one falls to 0 as w = 1/δ² grows to 1/delta_min².
 
     w: 1/δ²
     numbers: the square of the decay of the slowest motion, the inverse of the largest eigenvalue of
-        P, and in discrete time the least weight of the disturbance, relative to δ²; nan without a
-        value
+        P, and in discrete time the least weight of the disturbance, relative to δ²: nearly linear
+        in w; nan without a value
     frequency: of the slowest motion, rad/s or rad/step, if it is known
     """
 
@@ -130,22 +132,22 @@ class _Reserves(NamedTuple):
 class _Secant:
     """What is known of w = 1/δ² on the way to 1/delta_min²: a value at `low`, and none at `high`.
 
-    low: reserves at the largest w known to have a value
+    low: distances at the largest w known to have a value
     before: those of the w before it
     high: smallest w known to have no value
     """
 
-    def __init__(self, first: _Reserves) -> None:
-        self.before: _Reserves | None = None
+    def __init__(self, first: _Distances) -> None:
+        self.before: _Distances | None = None
         self.low = first
         self.high = math.inf
 
-    def add(self, nearer: _Reserves) -> None:
-        """Add the reserves at a larger w that has a value."""
+    def add(self, nearer: _Distances) -> None:
+        """Add the distances at a larger w that has a value."""
         self.before, self.low = self.low, nearer
 
-    def zero(self) -> float:
-        """Return the w at which the line through the last two reserves has its first 0, or inf."""
+    def first_zero(self) -> float:
+        """Return the w at which a line through the last two of a distance is first 0, or inf."""
         if self.before is None:
             return math.inf
         with np.errstate(all="ignore"):
@@ -155,11 +157,14 @@ class _Secant:
         return self.low.w + float(to_zero.min(initial=math.inf))
 
     def is_open(self, w: float) -> bool:
-        """Return whether it is not known that w has a value, or none."""
+        """Return whether w is between what is known to have a value, and to have none."""
         return self.low.w < w < self.high
 
     def next_w(self, factor: float) -> float:
-        """Return a w between `low` and `high`, or beyond the one that is known by a factor."""
+        """Return a w in the middle between `low` and `high`, or beyond the known one of them.
+
+        factor: from the known one, if only one is known
+        """
         low, high = self.low.w, self.high
         if math.isinf(high):
             return min(low * factor, LEAST**-2)
@@ -181,14 +186,14 @@ def _estimate(search: _Search) -> _Estimate:
     secant = _Secant(first)
     w, factor, guess = search.first_w(), 8.0, math.inf
     for _ in range(MOST_ESTIMATES):
-        reserves = search.in_doubles(w)
-        is_value = bool((reserves.numbers > ON_AXIS * first.numbers).all())
+        distances = search.in_doubles(w)
+        is_value = bool((distances.numbers > ON_AXIS * first.numbers).all())
         if is_value:
-            secant.add(reserves)
-            last_guess, guess = guess, secant.zero()
+            secant.add(distances)
+            last_guess, guess = guess, secant.first_zero()
             step = guess / w - 1.0  # the error of a secant is about its square
             if guess < secant.high and max(abs(guess - last_guess) / guess, step**2) <= SETTLED:
-                return _Estimate(guess, reserves.frequency)
+                return _Estimate(guess, distances.frequency)
         else:
             secant.high = w
         low, high = secant.low.w, secant.high
@@ -214,7 +219,7 @@ def _bracket(search: _Search, estimate: _Estimate) -> DeltaMin:
 
     Raises UndecidedError.
     """
-    secant = _Secant(_Reserves(0.0, np.full(1, np.nan)))
+    secant = _Secant(_Distances(0.0, np.full(1, np.nan)))
     width, value, refused = BESIDE, math.inf, 0.0
     guess, frequency = estimate
     w = guess / width
@@ -232,7 +237,7 @@ def _bracket(search: _Search, estimate: _Estimate) -> DeltaMin:
             return DeltaMin(value, refused)
         if value <= LEAST * BESIDE:
             return DeltaMin(value, 0.0)
-        if secant.is_open(zero := secant.zero()):
+        if secant.is_open(zero := secant.first_zero()):
             # The error of a secant is about the square of its step.
             guess, width = zero, max(BESIDE, 1.0 + (zero / secant.low.w - 1.0) ** 2)
         # Next is the other side of the estimate, or what is farther from the known bound.
@@ -257,7 +262,7 @@ class _Search:
         self.game = game
         self.units = undisturbed.units
         self.P = midpoints(undisturbed.proved.P)
-        with precision(BITS):
+        with precision(undisturbed.bits):
             self.entries = Entries.of(game, undisturbed.units)
 
     def _units_at(self, delta: float) -> Units:
@@ -274,33 +279,30 @@ class _Search:
 
     def first_w(self) -> float:
         """Return the w = 1/δ² at which P has grown by half its size, to the first order, or 1."""
-        with precision(BITS), np.errstate(all="ignore"):
+        rate = math.nan
+        with precision(BITS), suppress(FailedError), failures():
             equation = self.equation(0.0)
-            try:
-                F, E = loop_in_doubles(equation, self.P), midpoints(equation.E)
-                push = F.T @ self.P @ E if equation.is_discrete else self.P @ E
-                growth = Lyapunov(F, is_discrete=equation.is_discrete).solve(-push @ push.T)
-                rate = float(np.linalg.eigvalsh(growth)[-1])
-            except (np.linalg.LinAlgError, FailedError):
-                rate = math.nan
-        return 0.5 / rate if rate > 0.0 else 1.0
+            F, E = loop_in_doubles(equation, self.P), midpoints(equation.E)
+            # dP/dw = growth solves F'growth + growth F + push push' = 0 in continuous time.
+            push = F.T @ self.P @ E if equation.is_discrete else self.P @ E
+            growth = Lyapunov(F, is_discrete=equation.is_discrete).solve(-push @ push.T)
+            rate = float(np.linalg.eigvalsh(growth)[-1])
+        return 0.5 / rate if rate > 0.0 else 1.0  # P without disturbance is nearly 1
 
-    def in_doubles(self, w: float) -> _Reserves:
-        """Return the reserves at w = 1/δ², nan if doubles find no value."""
-        with precision(BITS), np.errstate(all="ignore"):
-            try:
-                equation = self.equation(w)
-                X = stabilizing_in_doubles(equation)
-                poles, weight = np.linalg.eigvals(loop_in_doubles(equation, X)), None
-                if equation.is_disturbed and equation.is_discrete:
-                    E = midpoints(equation.E) * np.exp2(-equation.units.disturbances.astype(float))
-                    weight = np.eye(E.shape[1]) / w - E.T @ X @ E
-                return self.reserves(w, X, poles, weight)
-            except (np.linalg.LinAlgError, ValueError, FailedError):
-                return _Reserves(w, np.full(1, np.nan))
+    def in_doubles(self, w: float) -> _Distances:
+        """Return the distances at w = 1/δ², nan if doubles find no value."""
+        with precision(BITS), suppress(FailedError), failures():
+            equation = self.equation(w)
+            X = stabilizing_in_doubles(equation)
+            poles, weight = np.linalg.eigvals(loop_in_doubles(equation, X)), None
+            if equation.is_disturbed and equation.is_discrete:
+                E = midpoints(equation.E) * np.exp2(-equation.units.disturbances.astype(float))
+                weight = np.eye(E.shape[1]) / w - E.T @ X @ E
+            return self.distances(w, X, poles, weight)
+        return _Distances(w, np.full(1, np.nan))
 
-    def proved(self, w: float, frequency: float | None) -> _Reserves | str:
-        """Return the reserves at a w = 1/δ² that is proved to have a value, or why it has none.
+    def proved(self, w: float, frequency: float | None) -> _Distances | str:
+        """Return the distances at a w = 1/δ² that is proved to have a value, or why it has none.
 
         A δ at which neither is proved is exactly on a boundary: the next one is taken.
 
@@ -316,14 +318,14 @@ class _Search:
             outcome = decided_at(self.game, float(np.nextafter(delta, 0.0)), near=near)
         if isinstance(outcome, str):
             return outcome
-        reserves = self.in_doubles(w)
-        numbers = np.where(reserves.numbers > 0.0, reserves.numbers, np.nan)
-        return reserves._replace(numbers=numbers)
+        distances = self.in_doubles(w)
+        numbers = np.where(distances.numbers > 0.0, distances.numbers, np.nan)
+        return distances._replace(numbers=numbers)
 
-    def reserves(
+    def distances(
         self, w: float, X: np.ndarray, poles: np.ndarray, weight: np.ndarray | None
-    ) -> _Reserves:
-        """Return the reserves of the stabilizing solution X at w = 1/δ².
+    ) -> _Distances:
+        """Return the distances of the stabilizing solution X at w = 1/δ².
 
         poles: of the loop of both players, (n,)
         weight: δ² - E'X E, (k, k), in discrete time; None in continuous time or without disturbance
@@ -339,4 +341,4 @@ class _Search:
         numbers = [math.copysign(decay**2, decay), inverse_of_P]
         if is_discrete:
             numbers.append(1.0 if weight is None else w * float(np.linalg.eigvalsh(weight)[0]))
-        return _Reserves(w, np.array(numbers), frequency)
+        return _Distances(w, np.array(numbers), frequency)
