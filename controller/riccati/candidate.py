@@ -15,7 +15,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balls import BITS, ball_matrix, bits, identity, midpoints, part, symmetric
+from controller.riccati.balls import (
+    BITS,
+    ball_matrix,
+    bits,
+    identity,
+    midpoints,
+    part,
+    precision,
+    symmetric,
+)
 from controller.riccati.equation import (
     ContinuousEquation,
     Equation,
@@ -88,7 +97,7 @@ def value_in_doubles(game: Game) -> np.ndarray:
 
     Raises FailedError.
     """
-    with failures():
+    with precision(BITS), failures():
         units = first_units(game, game.delta)
         X = stabilizing_in_doubles(equation_of(game, units, game.delta))
         return np.ldexp(X, -np.add.outer(units.states, units.states))

@@ -1,4 +1,4 @@
-"""Proofs that a game has no value.
+"""Proofs that a game has a value, and that it has none.
 
 Sources: Zhou, Doyle and Glover, Robust and Optimal Control, Theorems 13.7 and 13.20 and Chapter 16;
 Basar and Bernhard, H-infinity Optimal Control, Theorems 3.7 and 4.11.
@@ -73,6 +73,7 @@ def stabilizing(candidate: Candidate) -> Stabilizing:
         sensitivity = equation.sensitivity(X, loop)
     except ZeroDivisionError:
         raise NotProvedError("the weight at X may be singular") from None
+    # The loop is stable if Y > 0 decreases along it.
     defect = norm(change_along(loop, Y, is_discrete=equation.is_discrete) + identity(equation.n))
     if not (defect < DEFECT and is_positive_definite(Y)):
         raise NotProvedError("the loop of both players at X")
@@ -88,11 +89,12 @@ def stabilizing(candidate: Candidate) -> Stabilizing:
     twice_through = 2 * norm(loop) + loop_change if equation.is_discrete else 2
     if not size * loop_change * twice_through < 0.5:
         raise NotProvedError("the loop of both players near X")
-    # |Z_ij| <= s_i s_j with the roots s of the diagonal of ζ Y, and [-1, 1] is a ball.
+    # |Z_ij| <= s_i s_j with the roots s of the diagonal of ζ Y.
     s = ball_matrix([[(zeta * Y[i, i]).sqrt().upper() for i in range(equation.n)]])
-    unknown, ones = arb(0, 1), ball_matrix(np.ones((gains.nrows(), 1)))
-    of_gains = ones * s * (sensitivity.gains * norm(s) * unknown)
-    return Stabilizing(equation, X + s.transpose() * s * unknown, gains + of_gains)
+    plus_minus = arb(0, 1)  # all numbers from -1 to 1
+    ones = ball_matrix(np.ones((gains.nrows(), 1)))
+    of_gains = ones * s * (sensitivity.gains * norm(s) * plus_minus)
+    return Stabilizing(equation, X + s.transpose() * s * plus_minus, gains + of_gains)
 
 
 def prove_value(found: Stabilizing) -> None:
@@ -203,9 +205,10 @@ def _half_plane_eigenvalues(equation: Equation, *, in_bits: bool) -> np.ndarray:
 
 
 def _relative_sign(equation: Equation, frequency: float) -> int:
-    """Return the sign of the determinant at a frequency, relative to that without disturbance.
+    """Return the sign of the determinant of `too_large_at`, relative to the usual one; 0 if one of
+    them is not proved, and in discrete time without a disturbance.
 
-    In continuous time, relative to that at infinite frequency. 0 if it is not proved.
+    The usual sign is that without disturbance, in continuous time that at infinite frequency.
     """
     from flint import acb
 
