@@ -287,7 +287,7 @@ class Game(ByValue, Reported):
             n = len(self.A)
             raise BadInputError(f"P is {shape_text(np.shape(P))}; give {n} x {n}, states x states")
         if not self.is_discrete:
-            return self.R_inverse_B_transposed @ P + self.F, self.E.T @ P / self.delta**2
+            return self._over_R(self.B.T @ P + self.N.T), self.E.T @ P / self.delta**2
         m = len(self.R)
         G = np.hstack([self.B, self.E / self.delta])
         W = -np.eye(G.shape[1])

@@ -57,9 +57,8 @@ def test_a_gain_at_the_nyquist_frequency_equals_its_closed_form():
 
 @pytest.mark.parametrize("is_discrete", [False, True])
 def test_no_gain_is_proved_below_one_that_is_too_small(is_discrete):
-    """The loops x' = -x + d and x⁺ = x / 2 + d / 2 have the gain 1.
-
-    It is proved to be below 1 + 1e-9, and not to be below 1 or less.
+    """The gain of the loops x' = -x + d and x⁺ = x / 2 + d / 2, which is 1, is proved to be below
+    1 + 1e-9, and not to be below 1 or less.
     """
     rate, E = (0.5, 0.5) if is_discrete else (-1.0, 1.0)
     with precision(BITS):

@@ -20,7 +20,7 @@ def ac4(delta=math.inf):
 
 @pytest.mark.slow
 def test_the_smallest_delta_of_compleib_ac4():
-    """It is 0.019678875: the game is solved just above, and refused just below.
+    """The game is solved just above 0.019678875, and refused just below.
 
     The plant has rates of 0.009 to 30 1/s.
     """

@@ -22,9 +22,9 @@ LOOPS = {
 @pytest.mark.parametrize("name", LOOPS)
 @pytest.mark.parametrize("is_discrete", [False, True])
 def test_poles_are_right_to_the_last_digit(name, is_discrete):
-    """The discs contain the poles, and their radii are a rounding of the fastest pole.
+    """The discs contain the poles, and their radii are at most a rounding of the fastest pole.
 
-    There are slow poles beside fast ones, and chains, whose poles doubles move by 1e-5.
+    Doubles would move the poles of a chain of three by 1e-5.
     """
     middle = np.array(LOOPS[name])
     exact = np.sort(np.diag(middle))

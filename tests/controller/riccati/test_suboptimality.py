@@ -56,7 +56,7 @@ def random_game(seed):
 def test_a_suboptimality_contains_that_of_sixty_digits(seed):
     """The suboptimality of gains off by 1e-3 to 1e-12 is enclosed in either time, with a discount too.
 
-    It is that of the worst state. The 24 seeds are the eight kinds of `random_game`, each with three errors of the gain.
+    The worst state has this suboptimality. The 24 seeds are the eight kinds of `random_game`, each with three errors of the gain.
     """
     game, error = random_game(seed), (1e-3, 1e-7, 1e-12)[seed % 3]
     K = solve(game).K
@@ -250,7 +250,10 @@ def scalar_loop(time, charge=1.0, radius=0.0):
 @pytest.mark.parametrize("time", SCALAR)
 @pytest.mark.parametrize("radius", [0.0, 1e-12, 1e-3])
 def test_the_value_of_a_loop_contains_the_root(time, radius):
-    """It contains the roots of all costs in a ball, and its radius is at most ten of them."""
+    """D contains the roots for all costs in a ball; its relative radius is at most ten times theirs.
+
+    Without a radius of the cost, that of D is below 1e-25.
+    """
     with precision(128):
         loop, delta, root = scalar_loop(time, radius=radius)
         D = loop.value(delta).D[0, 0]
@@ -263,7 +266,9 @@ def test_the_value_of_a_loop_contains_the_root(time, radius):
 
 @pytest.mark.parametrize(("time", "most"), [("continuous", 4.0 / 3.0), ("discrete", 1.5)])
 def test_a_loop_whose_gain_is_delta_or_larger_has_no_value(time, most):
-    """The largest C with a root is 2 = 4/3 1.5, and 1 = 3/2 2/3."""
+    """The equations of `SCALAR` have a root D up to C = 2, 4/3 of theirs, and up to C = 1, 3/2 of
+    theirs.
+    """
     with precision(128):
         for factor in (1.0 + 1e-9, 1.001, 2.0):
             loop, delta, _ = scalar_loop(time, charge=most * factor)
