@@ -165,6 +165,18 @@ def test_accepted_proposals_contain_the_solution_and_its_gains(name):
                 assert contains(found.gains, gains)
 
 
+@pytest.mark.parametrize("change", [1e-9, 1e-3, 0.05])
+def test_the_ball_about_a_candidate_has_room_for_the_quadratic_term(change):
+    """P of x' = u is 1. At X = 1 + s, the residual is -2 s - s², and Y = 1 / (2 + 2 s): the distance
+    from P is more than the residual times Y.
+    """
+    game = Game([[0.0]], [[1.0]], Q=[[1.0]], R=[[1.0]])
+    with precision(BITS):
+        equation = equation_of(game, users_units(game), game.delta)
+        X = ball_matrix(np.array([[1.0 + change]]))
+        assert proposed(equation, X, exact_Y(equation, X)).P[0, 0].contains(1)
+
+
 @pytest.mark.parametrize(
     "game",
     [
