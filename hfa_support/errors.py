@@ -155,19 +155,17 @@ def nearest(name: str, known: Iterable[str]) -> list[str]:
     - known names that contain the name, under the same condition
     - the most similar known names
     """
+    # Spelling, in which names are compared -> name.
     name_of = {known_name.lower().replace("-", "_"): known_name for known_name in known}
     typed = name.lower().replace("-", "_")
     if typed in name_of:
         return [name_of[typed]]
     if len(typed) >= _SHORTEST_BEGINNING:
-        longer = [
-            known_name for spelling, known_name in name_of.items() if spelling.startswith(typed)
-        ]
-        longer = longer or [
-            known_name for spelling, known_name in name_of.items() if typed in spelling
+        longer = [spelling for spelling in name_of if spelling.startswith(typed)] or [
+            spelling for spelling in name_of if typed in spelling
         ]
         if longer:
-            return longer[:_MOST_MEANT]
+            return [name_of[spelling] for spelling in longer[:_MOST_MEANT]]
     from difflib import SequenceMatcher  # an error is rare
 
     # Leading dashes, which all options have, make no two of them alike.

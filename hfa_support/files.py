@@ -344,11 +344,10 @@ class Number(NamedTuple):
             number = float(value)
         except OverflowError:  # integers in TOML may exceed the range of floats
             return None
-        if not self.lowest <= number <= self.highest:
-            return None
-        if self.above and number == self.lowest:
-            return None
-        return number if self.infinite or math.isfinite(number) else None
+        is_within = self.lowest <= number <= self.highest  # False for nan
+        is_excluded = self.above and number == self.lowest
+        is_permitted = is_within and not is_excluded and (self.infinite or math.isfinite(number))
+        return number if is_permitted else None
 
 
 NUMBER = Number()

@@ -164,10 +164,7 @@ def test_a_broken_package_disables_no_other_command(tmp_path):
 
 @pytest.mark.slow
 def test_commands_declared_twice_are_refused_by_the_names_of_their_packages(tmp_path):
-    """A command that two packages declare is refused with both names, and others run. A package
-    that declares `export` does not replace the command of hfa, and the help of all commands names
-    it.
-    """
+    """A command that two packages declare is refused with both names, and other commands run."""
     for name in ("one", "other"):
         metadata(tmp_path, f"{name}-glide", f"[hfa.commands]\nglide = {name}_glide:GLIDE\n")
     refused, trimmed = results_in_turn(
@@ -176,10 +173,16 @@ def test_commands_declared_twice_are_refused_by_the_names_of_their_packages(tmp_
     assert (refused.code, refused.out, refused.err.count("\n")) == (2, "", 1)
     assert all(words in refused.err for words in ("one-glide", "other-glide", "both offer glide"))
     assert trimmed.code == 0
-    other = tmp_path / "other"
-    metadata(other, "other-export", "[hfa.commands]\nexport = other_export:EXPORT\n")
+
+
+@pytest.mark.slow
+def test_a_package_does_not_replace_a_command_of_hfa(tmp_path):
+    """The help of `hfa export` is that of hfa although a package declares a command `export`, and
+    the help of all commands names this package.
+    """
+    metadata(tmp_path, "other-export", "[hfa.commands]\nexport = other_export:EXPORT\n")
     asked, overview = results_in_turn(
-        ("hfa export --help", "hfa --help"), other, PYTHONPATH=str(other)
+        ("hfa export --help", "hfa --help"), tmp_path, PYTHONPATH=str(tmp_path)
     )
     assert (asked.code, asked.err) == (0, "")
     assert asked.out.startswith("usage: hfa export")

@@ -39,7 +39,9 @@ def with_wrong_type(content):
     ],
 )
 def test_a_damaged_mat_file_is_refused_in_one_line(compressed, damaged):
-    """A damaged file is refused, also if SciPy crashes on it; the whole one gives its matrix."""
+    """A .mat file with a wrong tag, on which SciPy crashes, or of which half is missing, is refused;
+    the whole one gives its matrix.
+    """
     K = np.arange(4.0).reshape(2, 2)
     scipy.io.savemat("K.mat", {"K": K, "text": "wing"}, do_compression=compressed)
     assert np.array_equal(hfa.read_critic("K.mat", GAME).K, K)

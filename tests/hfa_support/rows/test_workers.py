@@ -59,7 +59,9 @@ def test_several_processes_share_the_tasks():
     ],
 )
 def test_a_task_that_fails_is_reported(function, said):
-    """An error of a task, or the death of its worker, is raised, and no worker is left."""
+    """If the second of two tasks raises an error, as for the square of -3, or ends its process, an
+    error with the reason is raised, and no worker is left.
+    """
     with pytest.raises(NoSolutionError, match=said), open_workers(2) as run:
         list(run(function, ((key, (-key,)) for key in (0, 3))))
     assert _gone()

@@ -254,28 +254,40 @@ def test_other_names_and_units_are_refused(path, file):
         fill_store(row_job(), path, resume=True)
 
 
-def test_a_store_is_not_overwritten_by_another_job(path, tmp_path):
-    """An existing store is not overwritten, and not continued by another job, another schema or
-    another version of the code; any version reads it.
-    """
+def state(path, **attributes):
+    """Change attributes of a store: schema and version of the code."""
+    content = json.loads((path / "zarr.json").read_text())
+    content["attributes"] |= attributes
+    (path / "zarr.json").write_text(json.dumps(content))
+
+
+def test_an_existing_store_is_not_overwritten(path):
+    """A new job at the path of a store is refused with advice to resume it."""
     with pytest.raises(BadInputError, match="already exists; continue this store with --resume"):
         fill_store(row_job(), path)
+
+
+def test_a_store_is_not_continued_by_another_job(path):
+    """A complete store is not resumed by a job with another seed, which has arrays of equal size."""
     with pytest.raises(BadInputError, match="is the store of another test"):
         fill_store(row_job(seed=1), path, resume=True)
+
+
+def test_only_stores_of_this_schema_are_continued(path, tmp_path):
+    """A missing store, an empty folder and a store of another schema cannot be resumed."""
     (tmp_path / "empty.zarr").mkdir()
-    shutil.copytree(path, tmp_path / "old.zarr")
-    attributes = json.loads((path / "zarr.json").read_text())
-    attributes["attributes"]["schema"] = "test/0"
-    (tmp_path / "old.zarr" / "zarr.json").write_text(json.dumps(attributes))
-    for name in ("none.zarr", "empty.zarr", "old.zarr"):
+    state(path, schema="test/0")
+    for name in ("none.zarr", "empty.zarr", path.name):
         with pytest.raises(BadInputError, match="not a test store of this version"):
             fill_store(row_job(), tmp_path / name, resume=True)
-    attributes = json.loads((path / "zarr.json").read_text())
-    attributes["attributes"]["toolchain"] = "0.0.9"
-    (path / "zarr.json").write_text(json.dumps(attributes))
+
+
+def test_a_store_of_another_version_is_read_and_not_continued(path):
+    """A store that another version of the code has begun is not resumed, and can be read."""
+    state(path, toolchain="0.0.9")
     with pytest.raises(BadInputError, match=r"was started by version 0\.0\.9, but this is \d"):
         fill_store(row_job(), path, resume=True)
-    assert open_store(path).square.shape == (ROWS, 2)  # any version reads it
+    assert open_store(path).square.shape == (ROWS, 2)
 
 
 # Stores from untrusted sources.
