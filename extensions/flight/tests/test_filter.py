@@ -59,8 +59,8 @@ def known(linear):
 
 
 def test_the_covariance_is_the_end_of_the_riccati_recursion(point, linear):
-    """P of the aircraft's states is that of an own Dryden model, own columns of the gusts, an own
-    discretization by Simpson's rule, and the recursion iterated from 0.
+    """P of the aircraft's states is that of the Riccati recursion iterated from 0, with Dryden's filters
+    in another realization, derivatives by the gusts from differences, and Q by Simpson's rule.
     """
     dt, seconds = 0.25, 1750.0 / point["speed"]  # L/V of Dryden's filters
     found = hfa.filter(linear, NOISE, AIR, dt)
@@ -166,9 +166,10 @@ def test_flights_are_those_of_the_linear_covariance(point, gain, linear):
 
 
 class Recursion:
-    """Own extended filter: the used values one after the other, covariances by Joseph's form. G goes
-    on as if values were used in samples without one, and gives the gains; P is the gate. It begins in
-    air of which the turbulence is known, and commands fade in over a second.
+    """Extended filter in NumPy: the used values one after the other, covariances by Joseph's form. The
+    gains are those of G, which goes on as if values were used in samples without one, and the gate
+    that of P. The filter begins in air of which the turbulence is known, and commands fade in over a
+    second.
     """
 
     def __init__(self, known):
@@ -287,9 +288,9 @@ def samples_of(known, random):
 
 
 def test_a_filter_uses_the_values_that_a_sample_has(point, known, gain):
-    """Gain and gate follow missing, frozen and impossible values as in an own recursion; it begins at
-    the first sample and where most values are impossible, and commands are then faded in. The gain
-    sees the speed along the path and alpha in the air.
+    """Gain and gate follow missing, frozen and impossible values as in the recursion of the test. The
+    estimate begins at the first sample and where most values are impossible, and commands are then
+    faded in. The gain sees the speed along the path and alpha in the air.
     """
     limits = [(signal.min, signal.max) for signal in point.model.inputs.values()]
     lowest, highest = np.array(limits).T - point.u
@@ -307,7 +308,7 @@ def test_a_filter_uses_the_values_that_a_sample_has(point, known, gain):
 
 
 def test_a_gust_stronger_than_the_turbulence_is_estimated(point, known, gain):
-    """In an updraft of 5.6 standard deviations of the turbulence no value is left out."""
+    """In an updraft of 26 ft/s, 5.6 standard deviations of the turbulence, no value is left out."""
     gust = OneMinusCosine(100.0, 26.0, point["speed"])
     policy, scenario = known.policy(gain).in_scenario(Scenario(1.5, gust=gust))
     flight = hfa.fly(point.model, point, policy, scenario=scenario, predict=False)
@@ -344,6 +345,7 @@ def test_an_estimate_returns_after_minutes_without_a_sample():
     assert policy.estimate["angle"] == pytest.approx(np.pi, abs=1e-6)
     for sample in range(10):
         policy(0.0, [1e-9 * sample, 0.1 + 1e-9 * sample])  # a value that repeats is frozen
+    # 3000 samples without a value, and 9 impossible ones before the tenth, at which it begins anew
     assert policy.unused == 3009
     assert policy.estimate["angle"] == pytest.approx(0.01, abs=0.002)
 
@@ -373,8 +375,8 @@ def test_the_first_command_behind_a_filter_is_that_of_the_corrected_estimate(
 def test_copies_and_pickles_of_a_filtered_policy_have_memories_of_their_own(
     point, known, gain, measured
 ):
-    """Three copies of a policy after its first sample return the same second command, and the samples
-    of one do not change another. A policy that is reset begins again, with no command.
+    """After its first sample, a policy, its copy and its pickle return the same second command, and the
+    samples of one do not change another. A policy that is reset begins again, with no command.
     """
     policy = known.policy(gain)
     policy.begin(point.x)
@@ -509,8 +511,9 @@ def test_a_law_that_plans_sees_the_air_that_it_flies_in(point, linear):
 def test_a_law_that_plans_knows_what_the_air_along_the_path_adds_in_a_sample(
     point, known, headwind
 ):
-    """After two seconds of an own flight in a steady headwind, without noise, the shift of the pitch
-    rate is the difference of two own samples: in the wind, and in still air from what a law sees.
+    """After two seconds in a steady headwind, without noise and integrated by the test, the shift of
+    the pitch rate is the difference of two samples of the test: one in the wind, and one in still
+    air from what a law sees.
     """
     law = Watching("watching", point, 0.01)
     policy, model = known.policy(law), point.model
@@ -638,8 +641,8 @@ def test_a_delay_changes_neither_noise_nor_filter(folder, delay):
 
 @pytest.mark.parametrize("angle", [5.0, 15.0])
 def test_margins_of_a_filters_loop_are_where_it_is_unstable(angle):
-    """An own map of a sample, with a factor on one input or late commands, is stable on the one
-    side of each margin and unstable on the other.
+    """The map of a sample, with a factor on one input or with late commands, is stable on the one side
+    of each margin and unstable on the other. The test finds it column by column.
     """
     linear = hfa.trim(hfa.aircraft(), dihedral=angle * DEG).linearize()
     K = np.array(hfa.solve(hfa.paper.published_game(linear)).K)
@@ -714,7 +717,7 @@ def test_the_band_of_lost_flights_is_that_of_the_binomial(lost):
     )
     noisy = Scenario(0.1, uncertainty=Uncertainty(noise={"v": 1.0}))
     flown = hfa.fly(model, hfa.trim(model), scenario=noisy, samples=5)
-    left = np.where(np.arange(5) < lost, 0, -1)
+    left = np.where(np.arange(5) < lost, 0, -1)  # -1: stayed inside
     told = replace(flown, flown={**flown.flown, "left": left}).report()
     low, high = told.data["left_95"]
     tail = 0.025 if 0 < lost < 5 else 0.05
@@ -746,6 +749,7 @@ def test_the_command_reports_flights_in_air():
 
 
 def test_a_single_flight_of_a_seed_is_the_first_of_many():
+    """All quantiles of one flight are its final values."""
     alone, many = (
         json.loads(run(*IN_AIR, *f"--duration 0.02 --seed 3 {more}".split()).out)
         for more in ("", "--samples 1")
@@ -755,7 +759,8 @@ def test_a_single_flight_of_a_seed_is_the_first_of_many():
 
 def test_a_pass_says_which_rms_is_far_above_its_prediction(point, linear, gain):
     """Behind a filter of still air, flights in light turbulence pass, and the title names the pitch
-    rate with more than 3 times its predicted rms. The filter of this turbulence names none.
+    rate, whose rms is more than 3 times the predicted one. Behind a filter of this turbulence, the
+    title names no state.
     """
     found = {}
     for air in ("light:20000", None):

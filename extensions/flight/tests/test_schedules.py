@@ -111,6 +111,7 @@ def test_only_a_single_gain_is_for_all_values(tmp_path):
     ],
 )
 def test_wrong_gain_files_are_refused(tmp_path, content, said):
+    """The tank has 1 input and 2 states, and is scheduled over its level."""
     with pytest.raises(BadInputError, match=re.escape(said)):
         load_gain_schedule(gains_file(tmp_path, **content), TANK)
 

@@ -53,7 +53,7 @@ def test_half_a_sample_delay_equals_twice_the_rate():
     """
     found, linear, K = gain_case(delay=DT / 2)
     Phi, Gamma = zero_order_hold(linear.A, linear.B, DT / 2)
-    twice = np.zeros((6, 6))
+    twice = np.zeros((6, 6))  # of the state (x, u before), from sample to sample
     twice[:4, :4] = Phi @ Phi - Gamma @ K
     twice[:4, 4:] = Phi @ Gamma
     twice[4:, :4] = -K

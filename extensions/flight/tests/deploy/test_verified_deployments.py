@@ -29,7 +29,7 @@ AT_8 = ("verify", "--dihedral", "8")
 def test_a_zip_with_normalizer_is_read_behind_scales_and_maps():
     """u(z) equals the stored outputs of Stable-Baselines3 in float64, and its slope at 0 is -K.
 
-    The game has the four inputs that the file moves, in another order.
+    The game has the four inputs that the file moves, MOVED, in the opposite order.
     """
     linear = toolchain.trim(toolchain.aircraft(), dihedral=np.radians(8.0)).linearize()
     game = toolchain.paper.published_game(linear).select(tuple(reversed(MOVED)))

@@ -19,6 +19,11 @@ START = np.array([2.0, 0.03, 0.1, -0.05])
 ACTION = {"elevator": {"box": [-1, 1], "map": "trim + 0.3 * a"}}
 
 
+def elevator_environment(points=None, **more):
+    """Return an environment of the GTM whose action moves the elevator by up to .3 rad."""
+    return environment(aircraft("ppo_gtm"), gtm_deployment({}, action=ACTION), points, **more)
+
+
 @pytest.mark.slow
 def test_an_imitated_planner_flies_in_the_environment():
     """The policy that the example trains on the planner's flights costs less than half of no action."""
@@ -71,25 +76,35 @@ def test_the_default_sample_resolves_the_poles_of_aircraft_and_lqr():
     assert env.dt * fastest <= 1.0 < 2.5 * env.dt * fastest
 
 
-def test_episodes_of_the_flexible_aircraft_survive_a_second_without_action():
-    """In 5 of 5 episodes at 15 deg, the default of the aircraft, which begin in the box, with the
-    cost of the paper's game.
-    """
+@pytest.fixture(scope="module")
+def flexible():
+    """Return the registered environment of the flexible aircraft, at its default of 15 deg."""
     flights = gymnasium.make("hfa.gym:hfa/Flexible-v0").unwrapped
     assert np.degrees(flights.point.states.dihedral) == pytest.approx(15.0)
-    with pytest.raises(BadInputError, match=r"hfa\.fly\(model, point, policy\)\.figure"):
-        flights.render()
-    nothing = np.zeros(flights.action_space.shape)
-    box = np.array([*flights.start_box.values()])
-    rows = flights.model.state_places(flights.model.linear)
+    return flights
+
+
+def test_episodes_begin_in_the_box_and_survive_a_second_without_action(flexible):
+    nothing = np.zeros(flexible.action_space.shape)
+    box = np.array([*flexible.start_box.values()])
+    rows = flexible.model.state_places(flexible.model.linear)
     for seed in range(5):
-        start = flights.reset(seed=seed)[1]["X"] - flights.point.x
+        start = flexible.reset(seed=seed)[1]["X"] - flexible.point.x
         assert (np.abs(start[rows]) <= box).all()
-        assert not any(flights.step(nothing)[2] for _ in range(round(1.0 / flights.dt)))
-    cost = flights.deployment.cost
-    game = hfa.paper.published_game(flights.point.linearize())
+        stepped = [flexible.step(nothing) for _ in range(round(1.0 / flexible.dt))]
+        assert not any(has_left for _, _, has_left, *_ in stepped)
+
+
+def test_the_flexible_aircraft_has_the_cost_of_the_papers_game(flexible):
+    cost = flexible.deployment.cost
+    game = hfa.paper.published_game(flexible.point.linearize())
     assert [*cost["Q"].values()] == np.diag(game.Q).tolist()
     assert [*cost["R"].values()] == np.diag(game.R).tolist()
+
+
+def test_an_environment_that_draws_nothing_says_how_to_draw_a_flight(flexible):
+    with pytest.raises(BadInputError, match=r"hfa\.fly\(model, point, policy\)\.figure"):
+        flexible.render()
 
 
 def test_the_reward_is_the_negative_cost():
@@ -167,7 +182,7 @@ def test_fly_and_environments_give_equal_flights():
 
 def test_actions_act_within_their_box():
     """An action beyond the box [-1, 1] has the effect of its nearer end, and costs as much."""
-    env = environment(aircraft("ppo_gtm"), gtm_deployment({}, action=ACTION), trims("ppo_gtm")[1])
+    env = elevator_environment(trims("ppo_gtm")[1])
     effects = {}
     for action in (-7.0, -1.0, 1.0, 7.0):
         env.reset(seed=1)
@@ -195,12 +210,12 @@ def test_the_policy_to_be_trained_need_not_exist():
 
 def test_options_of_a_reset_are_obeyed_or_refused():
     """An initial state, whole or by name, is obeyed; what is no option, state or trim is refused."""
-    model, points = aircraft("ppo_gtm"), trims("ppo_gtm")[:2]
-    env = environment(model, gtm_deployment({}, action=ACTION), points)
+    points = trims("ppo_gtm")[:2]
+    env = elevator_environment(points)
     trimmed = np.array(points[1].states)
     _, info = env.reset(options={"state": {"alpha": 0.1}, "trim": 1})
     np.testing.assert_array_equal(
-        info["X"], np.where(np.array([*model.states]) == "alpha", 0.1, trimmed)
+        info["X"], np.where(np.array([*env.model.states]) == "alpha", 0.1, trimmed)
     )
     _, info = env.reset(options={"state": trimmed, "trim": 1})
     np.testing.assert_array_equal(info["X"], trimmed)
@@ -289,9 +304,8 @@ def test_a_copy_of_an_environment_continues_at_the_same_sample(copied):
 def test_episodes_with_equal_seeds_have_equal_turbulence():
     """From one initial state, turbulence is equal for equal seeds, and differs for different seeds."""
     light = Turbulence("light", 150.0, span=2.0)
-    model, deployment = aircraft("ppo_gtm"), gtm_deployment({}, action=ACTION)
-    (point,) = trims("ppo_gtm")[1:2]
-    env = environment(model, deployment, [point], turbulence=light)
+    point = trims("ppo_gtm")[1]
+    env = elevator_environment(point, turbulence=light)
     still = env.action_space.low * 0.0
     runs = []
     for seed in (5, 5, 6):
