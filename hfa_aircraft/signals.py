@@ -273,8 +273,7 @@ def identifiers(names: Iterable[str]) -> dict[str, str]:
     for name in names:
         plain = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_") or "variable"
         plain = f"v_{plain}" if plain[0].isdigit() else plain
-        # "a b" is a_b, and then "a.b" is a_b_, which no other name becomes: plain has no "_" at its
-        # end.
+        # After "a b", which is a_b, "a.b" is a_b_. No other name is, as no plain one ends with "_".
         found[name] = plain + "_" * seen[plain]
         seen[plain] += 1
     return found

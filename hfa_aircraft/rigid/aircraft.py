@@ -100,6 +100,7 @@ def angular_acceleration(rates: Any, moment: Any, inertia: Any) -> Any:
     inertia: symmetric inertia matrix I, (3, 3)
     """
     spin = ca.cross(rates, ca.mtimes(inertia, rates))
+    # The inverse by cofactors; columns of the symmetric matrix are its rows.
     rows = ca.horzsplit(inertia)
     cofactors = [ca.cross(rows[(i + 1) % 3], rows[(i + 2) % 3]) for i in range(3)]
     inverse = ca.horzcat(*cofactors).T / ca.dot(rows[0], cofactors[0])

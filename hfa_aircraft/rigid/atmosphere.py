@@ -110,7 +110,8 @@ def air_at(altitude: Any, system: str, warmer: Any = 0.0) -> Air:
 def density_altitude(density: Any) -> Any:
     """Return the geometric altitude, ft, at which standard air has a density, slug/ft³.
 
-    In a layer with lapse rate L, ρ/ρ_bottom = (T_bottom / T)^(1 + g/(R L)).
+    In a layer with lapse rate L, ρ/ρ_bottom = (T_bottom / T)^(1 + g/(R L)), or for L = 0
+    exp(-g climb / (R T)), from which the climb above its bottom follows.
     """
     height: Any = 0.0
     base_pressure = SEA_LEVEL_PRESSURE

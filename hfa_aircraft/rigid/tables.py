@@ -68,6 +68,7 @@ class Interpolator:
         if key not in self._cells:
             inside = ca.fmin(ca.fmax(argument, points[0]), points[-1])
             above = argument >= ca.SX(ca.DM(points[1:-1]))
+            # 1 for the last breakpoint that is not above the argument, which begins its cell.
             indicator = ca.vertcat(1, above) - ca.vertcat(above, 0)
             self._cells[key] = Interval(indicator, inside - _middle(points)), argument
         cell, _ = self._cells[key]

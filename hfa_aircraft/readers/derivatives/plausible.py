@@ -32,7 +32,8 @@ def warnings_about(table: DerivativeTable, parameters: Mapping[str, float]) -> I
 
     parameters: the parameters of the model, which may differ from the table, name -> value
     """
-    thrust = {"thrust": table.thrust[1]} if math.isfinite(table.thrust[1]) else {}
+    _, most = table.thrust
+    thrust = {"thrust": most} if math.isfinite(most) else {}
     entries = Values({**table.values, **table.derivatives, **thrust, **parameters})
     yield from table.warnings
     yield from _of_angles(table)

@@ -343,7 +343,9 @@ class _Equations:
         return _ForceCoefficients(lift, drag + getattr(p, INDUCED, 0.0) * lift**2, side)
 
     def _thrust(self, x: Any, u: Any, p: Any, motion: Motion) -> Any:
-        """Return the thrust; the input is the thrust at the reference condition."""
+        """Return the thrust; the input T is the thrust at the reference condition."""
+        # With the speed ratio u: T u^(V_0 dT/dV / (q̄_0 S C_T,0)), or T (q̄/q̄_0) u^(C_T,u/C_T,0), as
+        # the head of this file derives them.
         values = self._table.values
         level = p.CD_0 + getattr(p, INDUCED, 0.0) * p.CL_0**2  # C_T,0
         ratio = x.speed / values["speed"]
