@@ -219,7 +219,10 @@ class Tracking(Result, Reported):
 
     @property
     def _decisive(self) -> CommandedTrim | None:
-        """The trim at the constant commands together, or at all commands if none is constant."""
+        """Trim that decides `reachable`: at the constant commands, at all if none is constant.
+
+        None without an aircraft.
+        """
         if not self.trims:
             return None
         steady = _steady(self.game.names.states, self.exact.reference, self.duration)
@@ -280,7 +283,9 @@ class Tracking(Result, Reported):
         return f"no ({self._need(decisive)})"
 
     def _need(self, decisive: CommandedTrim) -> str:
-        """Return "elevator_center needs -71 deg, limit -30 deg", or why there is no trim."""
+        """Return the variable farthest beyond its limit, "elevator_center needs -71 deg, limit -30
+        deg and 1 more", or why there is no trim.
+        """
         if decisive.reason:
             return decisive.reason.removeprefix("no trim: ")
         name = max(decisive.beyond, key=decisive.excess)

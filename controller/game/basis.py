@@ -57,7 +57,10 @@ class Basis(Reported):
 
     @cached_property
     def _factors(self) -> tuple[np.ndarray, np.ndarray]:
-        """Indices of the states in each monomial and their powers, (M, k) each."""
+        """Numbers of the states in each monomial, and their powers, (M, k) each.
+
+        k is the most states in one monomial; a monomial of fewer has others with the power 0.
+        """
         most = int(np.count_nonzero(self.exponents, axis=1).max())
         factors = np.argsort(self.exponents == 0, axis=1, kind="stable")[:, :most]
         return factors, np.take_along_axis(self.exponents, factors, axis=1)
@@ -73,6 +76,7 @@ class Basis(Reported):
         slopes = np.zeros((*z.shape[:-1], self.size, self.states))
         rows = np.arange(self.size)
         for column in range(factors.shape[1]):
+            # d/dz_i of z_i^p z_j^q is p z_i^(p - 1) z_j^q, for the states i of one column.
             lowered = powers.copy()
             lowered[:, column] = np.maximum(powers[:, column] - 1, 0)
             slope = powers[:, column] * np.prod(z[..., factors] ** lowered, axis=-1)
@@ -86,14 +90,14 @@ class Basis(Reported):
         """
         P = np.zeros((self.states, self.states))
         P[self._upper_triangle] = 0.5 * np.asarray(weights)[: self.quadratic_size]
-        return P + P.T
+        return P + P.T  # the diagonal is added twice
 
     def weights(self, P: np.ndarray) -> np.ndarray:
         """Return the weights W (M,) with W'ψ(z) = z'Pz.
 
         P: (n, n), symmetric
         """
-        weights = np.zeros(self.size)
+        weights = np.zeros(self.size)  # z_i z_j with i < j is there twice in z'P z
         weights[: self.quadratic_size] = (2.0 * P - np.diag(np.diag(P)))[self._upper_triangle]
         return weights
 

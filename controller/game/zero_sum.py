@@ -430,7 +430,8 @@ def _zero_order_hold(A: np.ndarray, inputs: np.ndarray, dt: float) -> np.ndarray
             f" {SHORTEST / fastest:.2g} s, or solve the game in continuous time"
         )
     # d/dt [z; v] = [A B; 0 0] [z; v]. With z = units y and w = sizes v,
-    # y' = scaled_A y + (inputs / sizes) w has entries of similar sizes.
+    # y' = scaled_A y + (inputs / sizes) w has entries of similar sizes, of which the exponential
+    # keeps the digits.
     inputs = inputs / units[:, None]
     sizes = power_of_two(np.abs(inputs).max(axis=0)) * (fastest or 1.0)
     rates = np.hstack([scaled_A, inputs / sizes])
@@ -525,11 +526,8 @@ def least_scaled_eigenvalue(matrix: np.ndarray) -> float:
 
     The scaled matrix is M_ij / sqrt(M_ii M_jj), without the rows and columns of M that are zero.
 
-    The result has special values:
-
-    - 0 for a zero matrix
-    - -inf if a diagonal entry is negative, or is 0 in a nonzero row
-    - -inf if the scaled matrix is not finite
+    The result is 0 for a zero matrix, and -inf for one that is indefinite by its diagonal: with a
+    negative entry there, with a 0 there in a nonzero row, or if the scaled matrix is not finite.
     """
     diagonal = np.diag(matrix)
     if (diagonal < 0.0).any():

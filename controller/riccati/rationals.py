@@ -121,7 +121,7 @@ def _reaches_all_modulo_prime(A: fmpq_mat, B: fmpq_mat) -> bool:
 
 
 def echelon(matrix: fmpq_mat) -> tuple[fmpq_mat, list[int]]:
-    """Return the reduced row echelon form, and the columns of its pivots, one for each rank."""
+    """Return the reduced row echelon form, and the numbers of its pivot columns, (rank,)."""
     reduced, rank = matrix.rref()
     rows = reduced.tolist()[: int(rank)]
     return reduced, [next(j for j, entry in enumerate(row) if entry != 0) for row in rows]
@@ -347,10 +347,10 @@ def disturbance_never_costs(game: Game, K: np.ndarray) -> bool:
 
 
 class ErrorOnFree(NamedTuple):
-    """Error of a gain on states without optimal cost.
+    """Error of a gain K on states without optimal cost.
 
-    is_wrong: whether K differs there from the optimal gain, in any digit
-    without_error: K with the columns of the pivots changed so that it does not, balls
+    is_wrong: whether K is proved to differ there from the optimal gain
+    without_error: K with the columns of the pivots changed so that K does not differ there, balls
     """
 
     is_wrong: bool
@@ -359,11 +359,11 @@ class ErrorOnFree(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FreeStates:
-    """Subspace of the states without optimal cost, in balls.
+    """Subspace of the states from which the optimal cost is 0, in balls.
 
     basis: (n, d), with the identity in the rows `pivots`
     gains: optimal gain K times the basis, (m, d)
-    pivots: (d,)
+    pivots: numbers of states, (d,)
     """
 
     basis: arb_mat
@@ -386,9 +386,10 @@ class FreeStates:
 
 @lru_cache(maxsize=4)
 def states_without_cost(game: Game) -> np.ndarray:
-    """Return which states reach, in the graph of A, no state with a cost and no unstable block.
+    """Return which states, (n,), lead to no state with a cost and to no unstable block of A.
 
-    P and K vanish there. Zeros decide it, exactly, and balls whether a block is stable. (n,)
+    P and K vanish on these states. Zeros of the entries decide what is reached, and balls whether a
+    block of states that reach one another is stable.
     """
     has_cost: np.ndarray = np.asarray(game.Q.any(0) | game.Q.any(1) | game.N.any(1))
     if has_cost.all():
@@ -404,9 +405,9 @@ def states_without_cost(game: Game) -> np.ndarray:
 
 
 def _connected(graph: np.ndarray) -> np.ndarray:
-    """Return from which nodes of a graph a path leads to which, (n, n)."""
+    """Return whether a path leads from node i to node j of a graph, (n, n)."""
     paths = (graph != 0.0) | np.eye(len(graph), dtype=bool)
-    for _ in range(len(graph).bit_length()):
+    for _ in range(len(graph).bit_length()):  # each step doubles the length of the paths
         paths = paths @ paths
     return np.asarray(paths)
 
@@ -420,22 +421,23 @@ class Zeros(NamedTuple):
 
 @lru_cache(maxsize=4)
 def zeros_of(game: Game) -> Zeros:
-    """Return which numbers of P and K are 0 because entries of the game are. False proves nothing.
+    """Return which numbers of P and K are 0 because entries of the game are 0.
 
-    P and K vanish on the states without cost. Row j of K is 0 if B_j moves only these and N_j is 0,
-    and if R couples u_j to no other inputs; in discrete time, column i if A_i and N_i are. K_ij is
-    0 if no entry of the game connects them.
+    False proves nothing.
     """
     states = states_without_cost(game)
-    inputs, gains = ~game.B[~states].any(0), np.zeros(game.N.T.shape, dtype=bool)
+    gains = np.zeros(game.N.T.shape, dtype=bool)
     gains[:, states] = True
-    inputs = inputs & ~game.N.any(0)
-    if not (game.R[np.ix_(inputs, ~inputs)].any() or game.R[np.ix_(~inputs, inputs)].any()):
-        gains[inputs] = True
-    if game.is_discrete:
+    # Inputs that move only states without cost, have no cross weights, and that R does not couple
+    # to other inputs, are 0.
+    unused = ~game.B[~states].any(0) & ~game.N.any(0)
+    if not (game.R[np.ix_(unused, ~unused)].any() or game.R[np.ix_(~unused, unused)].any()):
+        gains[unused] = True
+    if game.is_discrete:  # a state that moves nothing in the next step, and has no cross weights
         gains[:, ~(game.A.any(0) | game.N.any(1))] = True
+    # An input does not depend on a state if no chain of entries of the game connects them.
     (n, m), k = game.B.shape, game.E.shape[1]
-    links = np.zeros((n + m + k, n + m + k), dtype=bool)
+    links = np.zeros((n + m + k, n + m + k), dtype=bool)  # between states, inputs, disturbances
     links[:n] = np.hstack([game.A, game.B, game.E]) != 0.0
     links[: n + m, : n + m] |= game.weights != 0.0
     gains |= ~_connected(links | links.T)[n : n + m, :n]
@@ -496,7 +498,10 @@ class _StatesHeldWithoutCost(NamedTuple):
 
 
 def _states_held_without_cost(game: Game) -> _StatesHeldWithoutCost | None:
-    """Return them, or None if there are none, for many states, or if inputs are not unique."""
+    """Return the largest subspace that inputs hold without cost, by ever smaller subspaces.
+
+    None if it is 0, for more than `MOST_STATES` states, or if those inputs are not unique.
+    """
     from flint import fmpq_mat
 
     n, m = game.B.shape
@@ -506,8 +511,9 @@ def _states_held_without_cost(game: Game) -> _StatesHeldWithoutCost | None:
     cost = rational(weights + weights.T)
     A, B = rational(game.A), rational(game.B)
     basis = rational(np.eye(n))
-    while True:  # until all states of the basis lead to states of the basis, without cost
-        # [z; u; c] with weights [z; u] = 0 and A z + B u = basis c
+    while True:  # until from all states of the basis, an input leads into it without cost
+        # Solutions [z; u; c]: no cost, weights [z; u] = 0, and the basis is kept,
+        # A z + B u = basis c.
         zeros = fmpq_mat(n + m, basis.ncols())
         equations = stacked_rationals([[A, B, -1 * basis], [cost, zeros]])
         solutions = null_space(equations)
@@ -517,7 +523,7 @@ def _states_held_without_cost(game: Game) -> _StatesHeldWithoutCost | None:
         basis = states
     if not states.ncols() or solutions.ncols() != states.ncols():
         return None
-    # z = states c, with the inputs u = inputs c
+    # Each z = states c is held by the inputs u = inputs c.
     to_coordinates = _rows(solutions, pivots).inv()
     inputs = _rows(solutions, range(n, n + m)) * to_coordinates
     return _StatesHeldWithoutCost(states, pivots, inputs, _rows(A * states + B * inputs, pivots))
@@ -570,7 +576,10 @@ def _stable_subspace(loop: arb_mat, game: Game) -> arb_mat | None:
 
 
 def _far_from_dependent(basis: np.ndarray) -> list[int]:
-    """Return the numbers of d rows of a basis (n, d) that are far from dependent, (d,)."""
+    """Return the numbers of d rows of a basis (n, d) that are far from dependent, (d,).
+
+    The next row is always the one farthest from the span of those chosen.
+    """
     chosen: list[int] = []
     rest = basis.copy()
     for _ in range(basis.shape[1]):

@@ -267,7 +267,8 @@ def _costs_at(D: arb_mat, free: FreeStates, box: np.ndarray) -> _Costs:
     states = [_at_edge(direction, box) for direction in directions]
     values = [float(state @ matrix @ state) for state in states]
     worst = int(np.argmax(values))
-    # A state of the box is a sum of multiples of all directions, of at most box[pivot] each.
+    # A state of the box without optimal cost is a sum of multiples of all directions, of at most
+    # box[pivot] each, since the basis is the identity in the rows of the pivots.
     roots = [
         box[pivot] * math.sqrt(max(float(direction @ matrix @ direction), 0.0))
         for pivot, direction in zip(free.pivots, directions, strict=True)
@@ -366,9 +367,8 @@ def _inverse_root(P: arb_mat) -> arb_mat | None:
 
 
 def _at_edge(direction: np.ndarray, box: np.ndarray) -> np.ndarray:
-    """Return the multiple of a direction at the edge of the box.
-
-    Its largest entry, relative to the box, is positive.
+    """Return the multiple of a direction at the edge of the box, (n,): the largest entry, relative
+    to the box, is that of the box, and positive.
     """
     relative = direction / box
     largest = relative[np.argmax(np.abs(relative))]
