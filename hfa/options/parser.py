@@ -97,8 +97,7 @@ def options_of(request: type) -> dict[str, Option]:
         if declared := of_option.metadata.get("option"):
             usual_name = "--" + of_option.name.strip("_").replace("_", "-")  # class_: --class
             options[of_option.name] = replace(declared, names=declared.names or (usual_name,))
-
-    places = {  # the first of two options has the smaller place
+    places = {  # compared from left to right, False before True
         name: (
             option.rare,
             bool(option.group),
@@ -106,7 +105,7 @@ def options_of(request: type) -> dict[str, Option]:
             name in _OUTPUT,
         )
         for name, option in options.items()
-    }  # False comes first
+    }
     return {name: options[name] for name in sorted(options, key=places.__getitem__)}
 
 

@@ -100,7 +100,7 @@ def test_a_held_rate_of_climb_frees_the_path_and_stays_held():
     )
 
 
-def test_what_changes_in_a_trim_is_freed_and_named_and_fuel_is_not_negative(folder):
+def test_rates_of_position_and_fuel_are_freed_together_and_fuel_is_not_negative(folder):
     """The advice frees the rates of position and of fuel together, and the first lines of the trim
     contain both: 50 m/s, and -thrust = -1.5 kg/s with a drag of 1 + 0.01 * 50.
 

@@ -113,7 +113,7 @@ def test_a_condition_without_a_trim_has_nan_and_its_reason(words, book, tmp_path
         book["cruse"]
 
 
-def test_the_object_has_points_tables_and_levels(book, tmp_path):
+def test_conditions_in_python_have_points_levels_and_tables(book, tmp_path):
     """An entry of the book is an operating point, whose linear model is that of the book; a mode has
     the worst level of its figures on the sheet; tables find entries by names.
     """

@@ -6,7 +6,7 @@ from cli import answer
 from game_files import AT_15
 
 
-def test_a_command_is_typed_in_degrees():
+def test_a_reference_is_typed_in_degrees():
     """A commanded alpha of 5.73 deg is 5.73 deg in rad in the report on tracking.
 
     The command of speed, alpha and dihedral together is not a trim.
@@ -18,7 +18,7 @@ def test_a_command_is_typed_in_degrees():
     assert alone["command"]["alpha"] == pytest.approx(np.radians(5.73))
 
 
-def test_a_command_needs_the_same_elevator_in_si():
+def test_a_reference_needs_the_same_elevator_in_si_units():
     """The center elevator that a commanded dihedral needs does not depend on the units."""
     si = answer("solve", *AT_15, "--units", "si", "--reference", "dihedral=28.65")["tracking"]
     english = answer("solve", *AT_15, "--reference", "dihedral=28.65")["tracking"]

@@ -52,7 +52,7 @@ def pages(written):
     return ["".join(page.extract_text().split()) for page in read.pages]
 
 
-def test_the_cover_says_what_the_book_is_of(pages):
+def test_the_cover_names_document_aircraft_mass_and_results(pages):
     """The cover has the document, the aircraft, digests of the files, mass, date, results of all
     conditions and places for signatures.
     """
@@ -71,7 +71,7 @@ def test_the_cover_says_what_the_book_is_of(pages):
         assert text in pages[0]
 
 
-def test_the_matrix_has_all_conditions_and_what_is_said_of_them(pages):
+def test_the_table_of_a_book_has_the_result_of_each_condition(pages):
     """The table on the second page has a row for each condition, with the thrust and its share of the
     60 N, with the inertia Ixz that one condition sets, and with the reason of a stall, a warning or
     a missing trim.
@@ -110,7 +110,7 @@ def test_each_trim_has_a_numbered_page_with_all_its_rows(pages, uav, tmp_path):
         assert ("Check:" in text) == (name == "planted")
 
 
-def test_a_page_in_html_says_the_same(written):
+def test_the_book_in_html_has_the_stall_the_warning_and_links(written):
     """The HTML has document, stall, warning and advice, and its table links to each sheet.
 
     Each sheet states which limit is assumed.
@@ -190,7 +190,7 @@ def test_the_cover_has_the_mass_as_loaded_and_in_the_conditions(held, said, fold
     assert "mass [kg]" in text  # a column of the matrix, also where all conditions set it
 
 
-def test_a_single_sheet_has_its_document_too(folder):
+def test_a_sheet_saved_with_a_document_contains_its_text(folder):
     """A sheet that Python saves with `document` contains this text and lines to sign."""
     hfa.trim(hfa.aircraft()).save("sheet.html", document="TR-12, revision B")
     text = Path("sheet.html").read_text("utf-8")

@@ -124,7 +124,7 @@ def test_each_row_balances_in_an_independent_simulation(book):
         assert figures["calibrated airspeed [kt]"] == pytest.approx(knots, rel=1e-5)
 
 
-def test_the_file_that_comes_out_runs_again_to_the_byte(book, trim):
+def test_a_written_table_of_trims_is_a_file_of_conditions_with_the_same_trims(book, trim):
     """A written file is a file of conditions, by its columns before `results`: its trims have the
     same cells, except for the command. A cell of 0.051 rad stays so: no double in degrees is equal.
 
@@ -141,7 +141,7 @@ def test_the_file_that_comes_out_runs_again_to_the_byte(book, trim):
     assert first["slip"]["hold beta [deg]"] == "0.051 rad"
 
 
-def test_two_books_are_compared_by_the_names_of_their_results(book, trim, uav, tmp_path):
+def test_a_figure_has_the_same_column_whether_it_is_held_or_found(book, trim, uav, tmp_path):
     """The column "alpha [deg]" has the angle of each trim, whether a file of conditions or a sweep
     holds alpha or finds it; what is held has another column, "hold alpha [deg]".
     """
@@ -208,7 +208,7 @@ def test_the_table_has_the_figures_of_the_sheets(book, uav):
 
 
 @pytest.mark.parametrize(("row", "said"), [("stall", "STALLED: CL"), ("turn", "load_factor 1.3")])
-def test_a_stall_is_said_by_linearize_too(row, said, book, trim):
+def test_linearize_reports_a_stall_and_a_load_factor(row, said, book, trim):
     """The first lines of `hfa linearize --row` have the stall of "stall", and the load factor held
     by "turn".
     """
@@ -351,7 +351,7 @@ def test_the_scheduling_variable_is_given_once(tmp_path):
         ("IAS", "did you mean kcas?"),
     ],
 )
-def test_a_usual_word_leads_to_the_name(word, said, tmp_path):
+def test_a_usual_word_is_refused_with_the_name_of_the_model(word, said, tmp_path):
     """A word that is no name of the model, but usual for one, is refused in --hold and as a heading,
     with the name or the options to use.
     """

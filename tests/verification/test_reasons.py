@@ -134,7 +134,7 @@ def test_a_planted_mistake_fails_and_is_named(make, exact, plant, words):
         lambda game: from_value(game, np.zeros_like(game.A)),
     ],
 )
-def test_another_mistake_fails_without_a_reason(critic):
+def test_a_critic_of_another_plant_or_root_fails_without_a_reason(critic):
     """Another root of the Riccati equation, the value of another plant, and zeros fail without a
     reason, and the report says what to compare with the training. The reports on an exact gain and
     on twice the gain, a mistake that is named, do not say so.
@@ -207,7 +207,7 @@ def with_wrong_entry_of_H(game):
         (SAMPLED, with_wrong_entry_of_H, 1e-6, ""),
     ],
 )
-def test_what_explains_nothing_is_no_reason(game, critic, limit, named):
+def test_a_wrong_critic_that_no_mistake_explains_has_no_reason(game, critic, limit, named):
     """A wrong critic has no reason (named: "") if no mistake explains it: digits that are rounded, with
     R = 1, where K and R K are the same; noise; the Cholesky factor of P; multiples of columns on
     `ALONG_ONE`, where any K along the exact one has them; one entry of H. Mistakes in the same games

@@ -143,7 +143,7 @@ def test_wrong_shapes_and_numbers_are_named(game, case):
     assert "\n" not in str(refusal.value)
 
 
-def test_a_file_is_read_for_its_game(game):
+def test_a_value_is_read_from_a_file_only_with_its_game(game):
     """A gain can be read from a file without a game. For a value, or a gain with units, a game is
     required.
     """

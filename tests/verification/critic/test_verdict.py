@@ -18,7 +18,7 @@ from hfa_support.reporting.text import percent
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def test_the_entries_of_a_report_are_the_farthest(game):
+def test_a_report_lists_the_entries_farthest_from_the_exact_ones(game):
     """The report on a wrong K lists the three entries farthest from the exact ones, of which -o FILE
     writes all; that on the exact K lists none.
     """
@@ -39,7 +39,7 @@ def test_the_entries_of_a_report_are_the_farthest(game):
     }
 
 
-def test_several_critics_pass_together_only():
+def test_a_wrong_critic_among_several_fails():
     """`hfa verify` of a right and a wrong gain fails, though the right one alone passes.
 
     On x' = x + u with Q = 2, R = 1, the exact gain is 1 + √3.
