@@ -113,28 +113,38 @@ def test_a_condition_without_a_trim_has_nan_and_its_reason(words, book, tmp_path
         book["cruse"]
 
 
-def test_conditions_in_python_have_points_levels_and_tables(book, tmp_path):
-    """An entry of the book is an operating point, whose linear model is that of the book; a mode has
-    the worst level of its figures on the sheet; tables find entries by names.
+def test_an_entry_of_the_book_is_the_operating_point_of_its_row(book):
+    """By name, the book has operating points, whose linear models are its own; they have what the
+    rows of `CONDITIONS` hold: "glide" no thrust and a mass of 20 kg, others the 13.5 kg as loaded.
     """
     assert tuple(book) == NAMES
-    for row, name in enumerate(NAMES[:-1]):
+    for row, name in enumerate(NAMES[:-1]):  # the last has no trim
         point = book[name]
         assert point.linearize() == book[row].linearize()
         assert np.array_equal(point.linearize().A, book.A[row])
-        for mode in book.modes[row]:
-            family = mode.name.partition(" (")[0]
-            levels = [each.level for each in point.sheet if each.name.startswith(family)]
-            levels += [point.sheet["CAP"].level] * (
-                family == "short period" and "CAP" in point.sheet
-            )
-            worst = max((level for level in levels if level), default=None)
-            assert book.levels[row][mode.name] == worst
-    # What the rows of `CONDITIONS` hold.
     assert book["glide"]["thrust"] == 0.0
     assert book["glide"].model.parameters["mass"].start == 20.0
     masses = book.to_xarray().trim_parameters.sel(trim_parameter="mass").values
     assert masses.tolist()[:-1] == [13.5, 13.5, 13.5, 20.0, 13.5]
+
+
+def test_the_level_of_a_mode_is_the_worst_of_its_figures_on_the_sheet(book):
+    """The control anticipation parameter (CAP) counts for the short period."""
+    for row, name in enumerate(NAMES[:-1]):
+        sheet = book[name].sheet
+        for mode in book.modes[row]:
+            family = mode.name.partition(" (")[0]
+            levels = [each.level for each in sheet if each.name.startswith(family)]
+            if family == "short period" and "CAP" in sheet:
+                levels.append(sheet["CAP"].level)
+            worst = max((level for level in levels if level), default=None)
+            assert book.levels[row][mode.name] == worst
+
+
+def test_tables_of_the_book_find_entries_by_names(book, tmp_path):
+    """Book, xarray and pandas have the entry A(alpha, pitch_rate) by its names, and what "turn"
+    holds. The CSV file is a file of conditions with the same models, nan without a trim.
+    """
     entry = book.A["alpha", "pitch_rate"]
     dataset = book.to_xarray()
     selected = dataset.A.sel(rate="alpha", state="pitch_rate")

@@ -293,34 +293,29 @@ def test_the_file_of_one_sheet_is_its_condition(trim, uav, tmp_path):
         )
 
 
+#: Text of a file of conditions that `hfa trim` refuses, and a part of the message.
+REFUSED_BY_TRIM = [
+    ("name,speed\n", "has no conditions"),
+    ("name,speed\na,3x\n", "row 2 (a), column speed is '3x'; give a finite number"),
+    ("name,speed\na,30,1\n", "row 2, column 3 has '1', but row 1 has no name there"),
+    ("name,speed\na\n", "row 2 has 1 cells, but row 1 has 2"),
+    ("name,speed\na,=B1\n", "row 2 (a), column speed is the formula '=B1'; write"),
+    ("name,speed\na,30\nb,31\na,32\n", "row 4 has the name of row 2, 'a'"),
+    ("name,speed\na,8\n", "conditions.csv: row 2 (a): speed is 8 m/s; give a value"),
+    ("name,speed,cg\na,30,0.3\n", "row 1: Aerosonde has no center of gravity; add the line"),
+    ("speed,V,speed\n30,1,30\n", "row 1 has speed twice"),
+    ("name,speed,free\na,30,alfa\n", "row 2 (a), column free has the unknown variable"),
+    ("name,speed,free\na,30,speed\n", "row 2 (a): speed is both free and held"),
+    ("name,limit\na,thrust=5\n", "row 2 (a), column limit is '5'; give LOW:HIGH"),
+    ("name,limit\na,5\n", "column limit is '5'; give NAME=LOW:HIGH"),
+]
+#: The same of other commands and with an option: command, option, text, message.
 REFUSED = [
-    ("trim", "", "name,speed\n", "has no conditions"),
-    ("trim", "", "name,speed\na,3x\n", "row 2 (a), column speed is '3x'; give a finite number"),
-    ("trim", "", "name,speed\na,30,1\n", "row 2, column 3 has '1', but row 1 has no name there"),
-    ("trim", "", "name,speed\na\n", "row 2 has 1 cells, but row 1 has 2"),
-    ("trim", "", "name,speed\na,=B1\n", "row 2 (a), column speed is the formula '=B1'; write"),
-    ("trim", "", "name,speed\na,30\nb,31\na,32\n", "row 4 has the name of row 2, 'a'"),
-    ("trim", "", "name,speed\na,8\n", "conditions.csv: row 2 (a): speed is 8 m/s; give a value"),
-    (
-        "trim",
-        "",
-        "name,speed,cg\na,30,0.3\n",
-        "row 1: Aerosonde has no center of gravity; add the line",
-    ),
-    ("trim", "", "speed,V,speed\n30,1,30\n", "row 1 has speed twice"),
-    ("trim", "", "name,speed,free\na,30,alfa\n", "row 2 (a), column free has the unknown variable"),
-    ("trim", "", "name,speed,free\na,30,speed\n", "row 2 (a): speed is both free and held"),
-    ("trim", "", "name,limit\na,thrust=5\n", "row 2 (a), column limit is '5'; give LOW:HIGH"),
-    ("trim", "", "name,limit\na,5\n", "column limit is '5'; give NAME=LOW:HIGH"),
     ("trim", "--hold=speed=30", "name,speed\na,30\n", "give speed either in the file"),
-    (
-        "solve",
-        "",
-        "name,speed\na,30\nb,35\n",
-        "--row is required for 2 conditions; choose from",
-    ),
+    ("solve", "", "name,speed\na,30\nb,35\n", "--row is required for 2 conditions; choose from"),
     ("linearize", "--row=c", "name,speed\na,30\nb,35\n", "has no condition 'c'"),
     ("sweep", "", "name,speed,free\na,30,\nb,35,gamma\n", "`hfa trim --conditions FILE`"),
+    *(("trim", "", *each) for each in REFUSED_BY_TRIM),
 ]
 
 
