@@ -257,6 +257,7 @@ def _column(cells: Sequence[Any]) -> list[str]:
     """
     numbers = [cell for cell in cells if isinstance(cell, _Number)]
     shown = [float(shown_values(number.value, number.unit)) for number in numbers]
+    # The largest number has `figures` significant digits.
     largest = max(map(abs, shown), default=0.0)
     before_point = math.floor(math.log10(largest)) + 1 if largest else 0
     decimals = max(0, numbers[0].figures - before_point) if largest else 0
@@ -286,7 +287,8 @@ def _used_controls(conditions: Sequence[Condition]) -> list[str]:
         for margin in point.margins.values()
         if without_rounding(margin.value, margin.scale)
     }
-    return [name for point in points[:1] for name in point.model.inputs if name in used]
+    inputs = points[0].model.inputs if points else ()
+    return [name for name in inputs if name in used]
 
 
 def _matrix(

@@ -153,9 +153,9 @@ def _flight_words(
     yield from _path_words(trimmed)
     in_place_of_speed = [  # imposed airspeeds, such as mach
         name
-        for speed_first in model.alternatives
-        if speed in speed_first
-        for name in speed_first[1:]
+        for alternatives in model.alternatives  # a state first, then outputs that may replace it
+        if speed in alternatives
+        for name in alternatives[1:]
         if name in imposed
     ]
     for name in in_place_of_speed:
@@ -233,7 +233,7 @@ def engines_without_power(trimmed: Trimmed) -> dict[str, str]:
                 side = match["number"]  # a number or a side
                 engine = in_order.index(name) + 1 if side.isdigit() else side
                 out[name] = f"engine {engine} out ({name})"
-        if len(out) < len(engines):  # otherwise it is a glider, or a glide
+        if len(out) < len(engines):  # without any engine it is a glide
             engines_out |= out
     return engines_out
 
