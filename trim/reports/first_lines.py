@@ -153,7 +153,7 @@ def _flight_words(
     yield from _path_words(trimmed)
     in_place_of_speed = [  # imposed airspeeds, such as mach
         name
-        for alternatives in model.alternatives  # a state first, then outputs that may replace it
+        for alternatives in model.alternatives  # a trim imposes one of each group
         if speed in alternatives
         for name in alternatives[1:]
         if name in imposed
