@@ -247,7 +247,7 @@ def box_flights(
     """
     b = box.half_widths
     loop = expansion.game.A - expansion.game.B @ expansion.solution.K
-    step, seconds = scales_of_time(loop)
+    step, seconds = scales_of_time(loop)  # of integration, and until exact flights have converged
     exact = _Flights(expansion, exact_policy, plant, seconds)
     flown = _Flights(expansion, policy, plant, seconds)
     starts = starts_in(b, count)
@@ -258,6 +258,7 @@ def box_flights(
         return BoxFlights(box.name, 0.0, 0.0 * b, flown.seconds, 0.0 * b)
 
     def simulate(per_step: int) -> _Costs:
+        """Return the costs with several steps in place of each."""
         return _Costs(*(who.costs(part * starts, step / per_step) for who in (flown, exact)))
 
     costs, error = resolved(simulate, _figures, step)
@@ -310,8 +311,8 @@ class _Flights:
 
         starts: (N, n)
         """
-        ticks = 1 + int(self.seconds / (step * TESTED))
+        ticks = 1 + int(self.seconds / (step * TESTED))  # decay is tested every `TESTED` steps
         final, has_ended = flown_until_decayed(self._rates, starts, self._P, step, ticks)
-        cost_to_go = quadratic_forms(final[:, :-1], self._P)
+        cost_to_go = quadratic_forms(final[:, :-1], self._P)  # final has states, then costs
         is_far = ~(cost_to_go <= FAR_OF_EXPANSION * quadratic_forms(starts, self._P))  # so is a nan
         return np.where(has_ended, final[:, -1] + cost_to_go, np.where(is_far, math.inf, math.nan))

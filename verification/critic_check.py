@@ -109,17 +109,17 @@ def verify(
     in_box = usual_box(game) if box is None else _given_box(box, game)
     widths = in_box.half_widths
 
+    # A polynomial, or on request a network, is judged on the nonlinear game and by its linear part.
     nonlinear, nonlinear_part = None, None
     on_nonlinear_game = judged.has_weights if taylor is None else taylor  # a polynomial has weights
     if linear is not None and not judged.is_quadratic and on_nonlinear_game:
         nonlinear, nonlinear_part = _on_nonlinear_game(
             judged, linear, exact, limit, in_box, flights, progress
         )
-    # On the linear game, the linear part is judged of a critic that the nonlinear game judges.
     compared = judged if nonlinear is None else judged.linear_part
     errors = critic_errors(compared, exact, limit, widths)
     loop = LinearLoop(exact, judged, widths, is_exact=all(check.ok for check in errors))
-    findings = None
+    findings = None  # searched and simulated, of another critic that is not quadratic
     if nonlinear is None and not judged.is_quadratic:
         from verification.network.search import findings_of
 

@@ -289,7 +289,7 @@ def _linear_loop(
     """
     game, z = exact.game, critic.symbols
     u = critic.policy(z)
-    change = ca.DM(A) @ z + ca.DM(game.B) @ u
+    change = ca.DM(A) @ z + ca.DM(game.B) @ u  # z', or z⁺ in discrete time
     equilibrium = newton_equilibrium(z, change - z if game.is_discrete else change, b)
     cost = type(z)(0.0)
     if disturbance_gain is not None and equilibrium is not None:
@@ -320,7 +320,11 @@ def _flow_loop(
     b: np.ndarray,
     most_steps: int,
 ) -> Loop:
-    """Return a closed loop in continuous time, of the rates of z and of the cost."""
+    """Return a closed loop in continuous time.
+
+    z, rates: symbols of the state, and the rates of state and cost as expressions of them
+    tick, most_steps: as for a `Simulator`
+    """
     value = ca.bilin(ca.DM(exact.P), z, z)
     both = ca.vertcat(z, type(z).sym("cost"))
     function = ca.Function("closed", [both], [ca.densify(rates), value], {"cse": True})
