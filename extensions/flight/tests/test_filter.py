@@ -443,7 +443,9 @@ def test_a_law_that_plans_is_filtered_with_the_nonlinear_model(law):
 
 @pytest.mark.slow
 def test_plans_stay_inside_in_moving_air(point, known, linear):
-    """In moderate turbulence with noise, flights of plans from the trim and from x(0) stay inside."""
+    """In moderate turbulence with noise, flights of plans stay inside, from the trim, and from 5 ft/s
+    and 0.05 rad of alpha above it.
+    """
     game = hfa.paper.published_game(linear)
     planned = hfa.predictive(point.model, point, game.Q, game.R, budget=np.inf)
     air = Uncertainty(noise=NOISE, turbulence=Turbulence("moderate", 40000.0))
@@ -457,7 +459,9 @@ def test_plans_stay_inside_in_moving_air(point, known, linear):
 
 @pytest.mark.slow
 def test_noise_hardly_raises_the_cost_of_plans(point, known, linear):
-    """From x(0), where plans follow the limit of the pitch rate, noise costs less than 1 %."""
+    """From 5 ft/s and 0.05 rad of alpha above the trim, where plans follow the limit of the pitch rate,
+    noise costs less than 1 %.
+    """
     game = hfa.paper.published_game(linear)
     law = hfa.predictive(point.model, point, game.Q, game.R, margin=0.03, budget=np.inf)
     start = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -490,8 +494,8 @@ class Watching(SampledPolicy):
 
 
 def test_a_law_that_plans_sees_the_air_that_it_flies_in(point, linear):
-    """In a steady updraft of 5 ft/s it sees speed and alpha of the trim. The estimate has the speed
-    over the ground.
+    """In a steady updraft of 5 ft/s, a law behind a filter sees speed and alpha of the trim, and the
+    estimate has the speed over the ground.
     """
     law = Watching("watching", point, 0.1)
     known = hfa.filter(linear, NOISE, AIR, 0.1)

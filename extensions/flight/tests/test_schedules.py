@@ -53,7 +53,7 @@ K = np.arange(6.0).reshape(3, 1, 2) + 1.0
     ids=["levels first", "levels last, of MATLAB"],
 )
 def test_a_table_is_linear_between_its_breakpoints_and_constant_beyond(tmp_path, content):
-    """Of tables (3, 1, 2) and (1, 2, 3) of three levels, 1 input and 2 states."""
+    """The tables of three levels, 1 input and 2 states are (3, 1, 2) and (1, 2, 3)."""
     schedule = load_gain_schedule(gains_file(tmp_path, **content), TANK)
     np.testing.assert_array_equal(schedule.gains, K)
     np.testing.assert_array_equal(schedule.breakpoints, LEVELS)

@@ -41,8 +41,9 @@ def largest_response(length, rate):
 
 
 def test_thresholds_of_a_linear_aircraft_are_those_of_its_response():
-    """The thresholds up and down are the limits divided by the largest response of the loop with a
-    gain. A gust of 0.5 ft has none: it cannot move the kite by a limit at 10 ft/s, the airspeed.
+    """The thresholds up and down are the limits of v, 2 and -1 ft/s, divided by the largest response of
+    v' = 3 (w - v) - 2 v. A gust of 0.5 ft has none: with a peak of 10 ft/s, the airspeed, it cannot
+    move the kite by a limit.
     """
     found = smallest_gusts(KITE, hfa.trim(KITE), [[2.0]], [5.0, 0.5], scenario=COARSE)
     up, down, *none = found.thresholds

@@ -92,7 +92,9 @@ def message_of(folder, text):
     ],
 )  # fmt: skip
 def test_mistakes_in_deployment_files_are_refused(folder, typed, instead, said):
-    """A mistake is refused in one line that names the entry and the correction."""
+    """A mistake, `instead` of what is `typed` in DEPLOYMENT, is refused in one line that names the entry
+    and the correction.
+    """
     assert typed in DEPLOYMENT
     assert said in message_of(folder, DEPLOYMENT.replace(typed, instead))
 
@@ -120,7 +122,9 @@ def test_formulas_that_are_code_are_refused(formula):
 
 
 def test_formulas_are_evaluated():
-    """The formulas of observations and actions are evaluated at a state and its trim."""
+    """The formulas of observations and actions are evaluated at a state and its trim. The output gamma
+    is pitch - alpha, too, and the action is the first observation.
+    """
     entries = {"flow": {"formula": "pitch - alpha", "about": 0.0}, "gamma": {"about": 0.0}}
     o = ca.SX.sym("o", 2)
     deployment = gtm_deployment(
@@ -291,8 +295,8 @@ def test_an_unknown_activation_of_a_zip_is_refused(folder):
 
 
 def test_the_usual_deployment_moves_inputs_by_half_their_range():
-    """An action a in [-1, 1] moves an input from its trim by half its range, or by its nominal value
-    without limits. All linear states are observed in their nominal values.
+    """An action a in [-1, 1] moves an input from its trim by half its range, of the elevator .35 + .5
+    rad, or by its nominal value without limits. All linear states are observed in nominal values.
     """
     model = dataclasses.replace(
         model_of(GTM),
@@ -435,6 +439,7 @@ def test_a_normalizer_that_saw_more_than_the_training_is_noted(folder):
     point = hfa.trim(model_of(GTM), at=45.0)
     linear = hfa.linearize(model_of(GTM), point)
     game = hfa.game(linear)
+    # The training is said to have had so many steps less than the normalizer has seen.
     for less, environments, is_told in ((0, 16, False), (2000, 5000, False), (2000, 16, True)):
         rewrite_zip(folder, {"num_timesteps": steps - less, "n_envs": environments})
         critic = hfa.read_critic(folder / "deployment.toml", game, linear=linear)

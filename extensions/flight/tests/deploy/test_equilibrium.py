@@ -67,7 +67,9 @@ def equilibrium(*act, **settings):
 
 
 def test_the_equilibrium_balances_the_offset_of_the_policy():
-    """x = -(A - B K)^-1 B c, u = c - K x, with the slopes of aircraft and policy."""
+    """With u = c - K x, c = OFFSET, the equilibrium is x = -(A - B K)^-1 B c. Its slopes are those of
+    aircraft and policy.
+    """
     found = equilibrium(lambda o: ca.DM(OFFSET) - ca.DM(K) @ o)
     x = -np.linalg.solve(A - B @ K, B @ OFFSET)
     np.testing.assert_allclose(found.states - POINT.states, [*x, 0.0], atol=1e-9)

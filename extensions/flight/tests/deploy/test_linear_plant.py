@@ -172,7 +172,7 @@ def test_weights_of_the_plant_file_are_those_of_the_cost(assessed):
     """
     plant = {"A": [[-1.0, 1.0], [2.0, -0.3]], "B": [[0.0], [1.0]], "Q": [[1.0, -0.9], [-0.9, 1.0]]}
     P = solve_continuous_are(plant["A"], plant["B"], plant["Q"], [[0.05]])
-    K = 20.0 * np.transpose(plant["B"]) @ P
+    K = 20.0 * np.transpose(plant["B"]) @ P  # 1 / R is 20
     code, output, _ = assessed(K, "--json", **plant, R=[[0.05]])
     costs = json.loads(output)["points"][0]["costs"]
     assert code == 0

@@ -112,6 +112,7 @@ def test_the_cost_of_an_observed_input_is_that_of_a_state_more(case):
     (loop,) = hfa.assess(model_of(GTM), deployment, [linear.point], samples=0).points
     game = hfa.game(linear, Q=Q, R=R)
     cost, cross, price, Phi, Gamma = integrated_weights(game.A, game.B, game.Q, game.R, DT)
+    # With s = (x, u_before): u = command s, s⁺ = closed s, and (x, u) = both s.
     command = np.hstack([-K, np.diag([0.4, 0.0])])
     closed = np.vstack([np.hstack([Phi, np.zeros((4, 2))]) + Gamma @ command, command])
     both = np.vstack([np.eye(4, 6), command])

@@ -61,8 +61,8 @@ def test_a_weight_of_an_option_replaces_that_of_the_deployment(folder):
 
 @pytest.mark.slow
 def test_the_command_judges_a_deployment_with_its_cost_and_inputs():
-    """`hfa verify` judges the game of the moved inputs, with the weights of the file. The same
-    weights and inputs may be given as options.
+    """`hfa verify` judges the game of the moved inputs, with the weights of the file, of which the
+    trained policy is not the solution. The same weights and inputs may be given as options.
     """
     words = (*AT_8, "--weights", str(STATED))
     data = answer(*words, code=FAILED)
@@ -110,8 +110,8 @@ def test_a_saved_deployment_is_the_same_policy(name, tmp_path):
 
 
 def test_the_deployment_of_an_environment_is_saved_with_a_policy(tmp_path):
-    """It is saved with the files of a policy and the cost 1/nominal². Without a policy's file, or
-    with another suffix than .toml, it is refused and nothing is written.
+    """The file has the files of the policy and the cost 1/nominal². Without a policy's file, or with
+    another suffix than .toml, nothing is written.
     """
     model = aircraft("ppo_gtm")
     made = toolchain.environment(model, points=trims("ppo_gtm")[:1]).unwrapped.deployment

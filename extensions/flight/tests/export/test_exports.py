@@ -100,7 +100,7 @@ def test_the_policy_in_c_interpolates_a_gain_table(folder, gains):
         K = [[np.interp(degrees, ANGLES, gains[:, i, j]) for j in range(6)] for i in range(5)]
         expected = point.u - np.array(K) @ (x - point.x)[rows]
         np.testing.assert_allclose(u, expected, rtol=1e-12, err_msg=f"{degrees} deg")
-    compiled(folder / "c", "loop_100hz.c", "hfa_aircraft.c", "-o", "loop")
+    compiled(folder / "c", "loop_100hz.c", "hfa_aircraft.c", "-o", "loop")  # the example, too
 
 
 @pytest.mark.parametrize(
