@@ -5,7 +5,7 @@ import pytest
 from hfa_aircraft.batch_simulation import ReportedFigure, resolved
 
 
-def test_the_stated_change_is_that_with_half_the_step():
+def test_the_integration_error_is_the_change_with_half_the_step():
     """The step is divided into 1, 2, 4, ... parts until halving changes the figure by at most 0.1 %.
 
     The figure 1 + 4e-3 / parts is 1.004, 1.002, 1.001: from 1 to 2 parts it changes by 0.2 %, and

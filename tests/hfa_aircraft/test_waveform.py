@@ -29,7 +29,7 @@ def commanded(**texts):
         ("1e-1+2t-3sin(.2t)", lambda t: 0.1 + 2.0 * t - 3.0 * np.sin(0.2 * t)),
     ],
 )
-def test_a_text_is_a_signal_with_its_rate(text, value):
+def test_a_typed_signal_and_its_rate_equal_their_formula(text, value):
     """The signal, its expression and its rate are those of the formula."""
     wave = commanded(x1=text)
     np.testing.assert_allclose(wave.sampled(TIMES)[:, 0], value(TIMES), atol=1e-12)
@@ -40,7 +40,7 @@ def test_a_text_is_a_signal_with_its_rate(text, value):
     np.testing.assert_allclose(wave.rate().sampled(TIMES)[:, 0], slope, atol=1e-7)
 
 
-def test_sums_and_matrices_act_on_the_values():
+def test_sums_and_products_of_waveforms_have_their_values():
     """A sum joins equal frequencies; M s(t) has its values."""
     a = commanded(x1="1+2t+sin(t)", x2="cos(4t)")
     b = commanded(x1="3-t+2sin(t)+cos(4t)", x2="sin(t)+cos(t)")
@@ -59,7 +59,7 @@ def test_sums_and_matrices_act_on_the_values():
         ("sin(t)cos(t)", r"'cos\(t\)' is no term"),
     ],
 )
-def test_another_text_is_refused(text, says):
+def test_a_text_that_is_no_sum_of_terms_is_refused(text, says):
     """Only sums of numbers, ramps, sines and cosines are signals."""
     with pytest.raises(BadInputError, match=says):
         commanded(x1=text)

@@ -217,7 +217,7 @@ def test_wrong_derivatives_of_an_fmu_have_a_warning():
 
 
 @pytest.mark.slow
-def test_the_exported_aircraft_is_the_aircraft():
+def test_an_exported_fmu_has_the_trim_and_model_of_its_aircraft():
     """Trim, outputs, A and B of the FMU that `hfa export` writes are those of the aircraft."""
     assert run("export", "--dihedral", "10", "-o", "aircraft.fmu").code == 0
     aircraft = hfa.aircraft()
@@ -248,7 +248,7 @@ def test_the_game_of_an_fmu_is_solved():
 
 
 @pytest.mark.slow
-def test_an_fmu_flies():
+def test_a_flight_of_an_fmu_costs_the_exact_value():
     """A flight with the exact gain from x = (.05 deg, 0) costs x'Px, with P of the exact solution."""
     given = ("--aircraft", fmu(), "--Q", "1,1", "--R", "1")
     assert run("solve", *given, "-o", "K.npz").code == 0
@@ -311,7 +311,7 @@ FAILURES = {
 
 
 @pytest.mark.parametrize(("fault", "version"), by_turns(FAILURES))
-def test_a_failure_of_the_library_is_one_line(fault, version, monkeypatch):
+def test_a_failure_of_the_library_is_refused_in_one_line(fault, version, monkeypatch):
     """A failed call is refused in one line, and nothing is printed on standard output."""
     if fault == "stuck":  # only this call lasts until the limit of time
         monkeypatch.setattr("hfa_fmu.read._LONGEST", 0.1)
@@ -488,7 +488,7 @@ def rates_of(model):
     return ca.Function("rates", symbols, [rates])
 
 
-def test_rates_beyond_an_event_are_those_there():
+def test_rates_beyond_an_event_have_the_damping_there():
     """rate' = -(9.81 / 2) sin(angle) - damping rate, with doubled damping beyond an event at .5."""
     model = hfa.load_model(fmu("event"))
     rates = rates_of(model)
@@ -535,7 +535,7 @@ def test_an_event_at_the_start_values_hinders_no_trim(version):
     assert "as at the start values: searches begin" in said
 
 
-def test_types_steps_and_capitals():
+def test_units_of_types_discrete_inputs_and_capital_suffixes_are_read():
     """A type gives units and limits, an input may change in steps, and a file may be an .FMU."""
     written = fmu(name="PENDULUM.FMU", torque='causality="input" variability="discrete"')
     model = hfa.load_model(written)

@@ -159,7 +159,7 @@ def test_a_fixed_control_keeps_its_deflection(glider):
     assert moment == pytest.approx(-0.040525 * (1.0 + 0.44993), rel=1e-6)
 
 
-def test_both_ways_name_the_same_aircraft(glider):
+def test_a_stability_file_with_its_table_is_the_aircraft_of_the_table(glider):
     """`--aircraft glider.st --mass glider.toml` is the aircraft of glider.toml, also pickled.
 
     A file that the table does not name is refused, and each option without the other.

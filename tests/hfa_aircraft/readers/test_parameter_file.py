@@ -45,7 +45,7 @@ def folders(tmp_path, monkeypatch):
     return here
 
 
-def test_the_other_aircraft_is_found_beside_the_file(folders):
+def test_an_aircraft_is_found_in_the_folder_of_its_parameter_file(folders):
     """`aircraft = "uav.toml"` is the file in the folder of the TOML, not in the working folder."""
     (folders / "found.toml").write_text('aircraft = "uav.toml"\n[parameters]\nCL_alpha = 3.45\n')
     found = alpha(folders / "found.toml")

@@ -93,7 +93,7 @@ def test_a_planted_mistake_has_a_warning(mistake):
 
 
 @pytest.mark.parametrize("name", ["uav.toml", "cessna182.toml", "glider.toml"])
-def test_right_tables_have_no_warning(name):
+def test_tables_of_the_examples_have_no_warning(name):
     """The tables of the examples, one of them with a file of AVL, have no warning."""
     assert hfa.load_model(f"{ROOT}/examples/{name}").warnings == ()
 

@@ -128,7 +128,7 @@ def test_wrong_airspeeds_are_refused(held, words, uav):
         ("--isa 200", "isa is 200 K; give at most 100 K"),
     ],
 )
-def test_wrong_options_are_refused(words, message):
+def test_wrong_temperature_deviations_are_refused(words, message):
     """A temperature deviation given twice, in words or beyond its limit is refused."""
     assert_refused(hfa("trim", "--aircraft", UAV, *words.split()), 2, message)
 
