@@ -9,8 +9,8 @@ from hfa_model.atmosphere import air_at
 from hfa_model.declaration import check_in_range, parameters_of, rigid_panels, variant_of
 from hfa_model.dynamics import Loads, aircraft_loads
 from hfa_model.parameters import INPUTS, STATES, Input, Parameters, State, default_parameters
-from hfa_model.variants import Variant, variant_named
-from hfa_support.errors import BadInputError, is_finite, shown
+from hfa_model.variants import DYNAMICS, VARIANTS, Variant
+from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.reporting.rows import Row
 from hfa_support.reporting.text import without_rounding
 from hfa_support.units import si_factor
@@ -105,4 +105,5 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
         from hfa_model.unsteady import UNSTEADY
 
         return UNSTEADY.with_parameters(**values._asdict())
-    return rigid_panels(variant_named(dynamics), values, panel_groups)
+    refuse_unknown("unknown dynamics", dynamics, DYNAMICS)
+    return rigid_panels(VARIANTS[dynamics], values, panel_groups)
