@@ -229,39 +229,49 @@ def test_contradicting_parts_are_refused(game):
 # found.
 
 
-def test_errors_are_those_of_their_definitions():
-    """The checks of errors have the values of their definitions, also if R is not diagonal: relative
-    norms, norms in balanced units, entries relative to at least 1e-5 of the largest, and largest
-    values in a box.
+R = np.array([[4.0, 1.0], [1.0, 9.0]])
+RNG = np.random.default_rng(8)
+A, B, E = (RNG.standard_normal((3, size)) for size in (3, 2, 1))
+#: Game whose R is not diagonal, and the half-widths of a box of its states.
+COUPLED = Game(A, B, E=E, Q=np.diag([1.0, 1e4, 1e-3]), R=R, delta=1e3)
+WIDTHS = np.array([2.0, 0.5, 3.0])
 
-    Errors count in each box from 1/10 to 10 times the given one: of V with a quartic term, in the
-    largest (10² times), with a linear term in the smallest (10 times).
+
+def entry(difference, right):
+    """Return the largest error of an entry, relative to it or to 1e-5 of the largest one."""
+    least = 1e-5 * np.abs(right).max()
+    return float((np.abs(difference) / np.maximum(np.abs(right), least)).max())
+
+
+def input_error(largest):
+    """Return the largest error of an input of `COUPLED`, in units of 1/√R_ii, relative to the
+    largest exact input in the box.
+
+    largest: largest error of each input in the box, (2,)
     """
-    rng = np.random.default_rng(8)
-    A, B, E = (rng.standard_normal((3, size)) for size in (3, 2, 1))
-    R = np.array([[4.0, 1.0], [1.0, 9.0]])
-    game = Game(A, B, E=E, Q=np.diag([1.0, 1e4, 1e-3]), R=R, delta=1e3)
-    exact = solved(game)
-    units = verify(game, exact).box.half_widths
-    K = exact.K + 0.1 * rng.standard_normal((2, 3))
-    change = rng.uniform(0.1, 0.2, (3, 3)) * np.abs(exact.P)
+    root = np.sqrt(np.diag(R))
+    return entry(root * largest, root * (np.abs(solved(COUPLED).K) @ WIDTHS))
+
+
+def test_errors_of_matrices_are_those_of_their_definitions():
+    """The errors of a wrong K and P are relative norms, norms in balanced units U (R^(1/2) K U and
+    U P U), those of entries, and the largest of V, its slopes, the inputs and the worst disturbance
+    in a box.
+    """
+    exact = solved(COUPLED)
+    units = verify(COUPLED, exact).box.half_widths  # balanced ones
+    K = exact.K + 0.1 * RNG.standard_normal((2, 3))
+    change = RNG.uniform(0.1, 0.2, (3, 3)) * np.abs(exact.P)
     part = exact.P + change + change.T  # z'Pz depends on the symmetric part alone
     P = part + 0.1 * (change - change.T)
-    box = np.array([2.0, 0.5, 3.0])
 
     def measured(matrix):
-        """Return the norm of R^(1/2) K U in balanced units U."""
+        """Return the norm of R^(1/2) K U."""
         return float(np.sqrt(np.trace(units[:, None] * (matrix.T @ R @ matrix) * units)))
-
-    def entry(difference, right):
-        """Return the largest relative error of an entry."""
-        return float(
-            (np.abs(difference) / np.maximum(np.abs(right), 1e-5 * np.abs(right).max())).max()
-        )
 
     both = np.outer(units, units)
     of_rows = np.sqrt(np.diag(R))[:, None] * units
-    norm = np.linalg.norm
+    norm, box = np.linalg.norm, WIDTHS
     expected = {
         "K_rel_error": norm(K - exact.K) / norm(exact.K),
         "K_balanced_error": measured(K - exact.K) / measured(exact.K),
@@ -269,41 +279,41 @@ def test_errors_are_those_of_their_definitions():
         "P_rel_error": norm(P - exact.P) / norm(exact.P),
         "P_balanced_error": norm((P - exact.P) * both) / norm(exact.P * both),
         "P_entry_error": entry((P - exact.P) * both, exact.P * both),
-        "policy_rel_error": entry(
-            np.sqrt(np.diag(R)) * (np.abs(K - exact.K) @ box),
-            np.sqrt(np.diag(R)) * (np.abs(exact.K) @ box),
-        ),
+        "policy_rel_error": input_error(np.abs(K - exact.K) @ box),
         "value_rel_error": (box @ (part - exact.P) @ box) / (box @ np.abs(exact.P) @ box),
         "gradient_rel_error": entry(box * ((part - exact.P) @ box), box * (np.abs(exact.P) @ box)),
         "disturbance_rel_error": entry(
             np.abs(E.T @ (part - exact.P)) @ box, np.abs(E.T @ exact.P) @ box
         ),
     }
-    critic = Critic(K, P, "P and K")
-    found = over_the_box(game, critic, box)
+    found = over_the_box(COUPLED, Critic(K, P, "P and K"), box)
     assert {name: found[name] for name in expected} == pytest.approx(expected, rel=1e-9)
+
+
+def test_terms_that_are_not_quadratic_count_in_a_box_ten_times_as_large_or_small():
+    """Errors hold in each box from 1/10 to 10 times the given one, relative to the quadratic V*: a
+    term of degree 4 counts 10² times, in the largest one, and one of degree 1 ten times, in the
+    smallest.
+    """
+    exact, box = solved(COUPLED), WIDTHS
+    size = box @ np.abs(exact.P) @ box
     quartic = basis("quadratic+quartic", 3)
     weights = quartic.weights(exact.P)
-    weights[-1] = 1e-3  # of the last state to the fourth
-    found = over_the_box(game, from_weights(game, weights, quartic), box)
-    slopes = 4e-3 * 3.0**3 * 10.0**2 * np.eye(3)[2]  # in a box ten times as large, over its size
+    weights[-1] = 1e-3  # of the last state to the fourth, with the slope 4e-3 z³
+    found = over_the_box(COUPLED, from_weights(COUPLED, weights, quartic), box)
+    slopes = 4e-3 * 3.0**3 * 10.0**2 * np.eye(3)[2]
     expected = {
-        "policy_rel_error": entry(
-            np.sqrt(np.diag(R)) * np.abs(np.linalg.solve(R, B.T) @ slopes) / 2.0,
-            np.sqrt(np.diag(R)) * (np.abs(exact.K) @ box),
-        ),
-        "value_rel_error": 0.1 * 3.0**4 / (box @ np.abs(exact.P) @ box),
+        "policy_rel_error": input_error(np.abs(np.linalg.solve(R, B.T) @ slopes) / 2.0),
+        "value_rel_error": 1e-3 * 3.0**4 * 10.0**2 / size,
         "gradient_rel_error": entry(box * slopes, 2.0 * box * (np.abs(exact.P) @ box)),
         "disturbance_rel_error": entry(np.abs(E.T @ slopes) / 2.0, np.abs(E.T @ exact.P) @ box),
     }
     assert {name: found[name] for name in expected} == pytest.approx(expected, rel=1e-9)
     linear = basis("quadratic+linear", 3)
     weights = linear.weights(exact.P)
-    weights[-1] = 1e-3  # of the last state; in a box a tenth as large, it counts ten times
-    found = over_the_box(game, from_weights(game, weights, linear), box)
-    assert found["value_rel_error"] == pytest.approx(
-        1e-2 * 3.0 / (box @ np.abs(exact.P) @ box), rel=1e-9
-    )
+    weights[-1] = 1e-3  # of the last state
+    found = over_the_box(COUPLED, from_weights(COUPLED, weights, linear), box)
+    assert found["value_rel_error"] == pytest.approx(1e-3 * 3.0 * 10.0 / size, rel=1e-9)
 
 
 def test_the_relative_error_to_zeros_or_of_nan_is_infinite():
