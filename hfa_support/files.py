@@ -262,6 +262,7 @@ def read_xml(
         start(name, attributes, parser.CurrentLineNumber)
 
     def closed(name: str) -> None:
+        """Leave the level of an element."""
         nonlocal depth
         depth -= 1
         end(name)

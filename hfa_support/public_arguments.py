@@ -102,6 +102,7 @@ def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Calla
 
     @wraps(function)
     def called(*args: Any, **options: Any) -> Any:
+        """Check the arguments, unless the project calls, and call the function."""
         caller = sys._getframe(1).f_globals.get("__name__", "")
         if caller.startswith(OWN):
             return function(*args, **options)

@@ -84,6 +84,7 @@ class BoundFunction:
     """
 
     def __init__(self, function: ca.Function) -> None:
+        """Allocate the memory of a dense Function. Raises ValueError for a sparse one."""
         self.inputs = tuple(np.zeros(function.numel_in(i)) for i in range(function.n_in()))
         self.results = tuple(np.zeros(function.numel_out(i)) for i in range(function.n_out()))
         if function.nnz_in() + function.nnz_out() != sum(

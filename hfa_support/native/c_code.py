@@ -91,24 +91,10 @@ def c_function(
 
     Raises BadInputError if an operation or a called Function cannot be written as C.
     """
-    called_functions = function.find_functions(0)
-    callees: dict[tuple[int, int], str] = {}
-    for called in called_functions:
-        if not called.is_a("SXFunction"):
-            raise BadInputError(
-                f"{name}: the function {called.name()} of the model, compiled or interpolated, as "
-                "of an FMU, cannot be written as C; use CasADi SX expressions instead"
-            )
-        sizes = called.numel_in(0), called.numel_out(0)
-        if sizes in callees:
-            raise BadInputError(
-                f"{name}: two called functions of {sizes[0]} numbers cannot be written as C; use "
-                "CasADi SX expressions instead"
-            )
-        callees[sizes] = f"{name}_{called.name()}"
+    callees = _callees(function, name)
     of_called = "".join(
         c_function(called, f"{name}_{called.name()}", ("x",), ("y",), real, operations)
-        for called in called_functions
+        for called in function.find_functions(0)
     )
     inputs = [f"const {real} *{argument}" for argument in arguments]
     pointers = ", ".join(inputs + [f"{real} *{result}" for result in results])
@@ -152,6 +138,29 @@ def c_function(
     return f"{of_called}static void {name}({pointers})\n{{\n{body}{unused}}}\n"
 
 
+def _callees(function: ca.Function, name: str) -> dict[tuple[int, int], str]:
+    """Return (number of arguments, number of results) -> name in C of each Function that a Function
+    calls. Raises BadInputError for one that is no SX Function, and for two of equal numbers.
+
+    name: name of the calling function in C
+    """
+    callees: dict[tuple[int, int], str] = {}
+    for called in function.find_functions(0):
+        if not called.is_a("SXFunction"):
+            raise BadInputError(
+                f"{name}: the function {called.name()} of the model, compiled or interpolated, as "
+                "of an FMU, cannot be written as C; use CasADi SX expressions instead"
+            )
+        sizes = called.numel_in(0), called.numel_out(0)
+        if sizes in callees:
+            raise BadInputError(
+                f"{name}: two called functions of {sizes[0]} numbers cannot be written as C; use "
+                "CasADi SX expressions instead"
+            )
+        callees[sizes] = f"{name}_{called.name()}"
+    return callees
+
+
 def _name_of(operation: int) -> str:
     """Return the name of an operation of CasADi by its number, "OP_ERFINV"."""
     names = (name for name in dir(ca) if name.startswith("OP_"))
@@ -163,11 +172,8 @@ def _call(callee: str, operands: Sequence[str], targets: Sequence[int], real: st
 
     targets: numbers of the variables, -1 for a result that is not used
     """
-    values = ", ".join(operands)
-    count = len(targets)
+    memory = f"const {real} in[] = {{{', '.join(operands)}}}; {real} out[{len(targets)}];"
     stores = " ".join(
         f"w{target} = out[{place}];" for place, target in enumerate(targets) if target >= 0
     )
-    return (
-        f"{{ const {real} in[] = {{{values}}}; {real} out[{count}]; {callee}(in, out); {stores} }}"
-    )
+    return f"{{ {memory} {callee}(in, out); {stores} }}"

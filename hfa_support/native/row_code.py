@@ -284,6 +284,7 @@ class RowCode(threading.local):
     """
 
     def __init__(self, function: ca.Function, symbol: str, library: Path) -> None:
+        """Load the C function `symbol` of a library, which evaluates `function` for many rows."""
         self._call = getattr(ctypes.CDLL(str(library)), symbol)
         self._widths = [function.numel_in(index) for index in range(function.n_in())]
         self._sizes = [function.numel_out(index) for index in range(function.n_out())]

@@ -299,6 +299,7 @@ class ByValue:
     """
 
     def __eq__(self, other: object) -> bool:
+        """Return whether the other object has the same type and equal fields that are compared."""
         if type(other) is not type(self):
             return NotImplemented
         return all(

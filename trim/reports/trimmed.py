@@ -275,6 +275,7 @@ class Trimmed:
     warnings: list[str] | None = None
 
     def __init__(self, point: OperatingPoint) -> None:
+        """Compute what each report needs; all else is computed when it is read."""
         self.point = point
         self.coherent = point.in_coherent_units
         self.model: Model = self.coherent.model
