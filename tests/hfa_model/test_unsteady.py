@@ -51,7 +51,7 @@ def test_rates_equal_those_from_energies():
         for equations in (lambda *at: UNSTEADY.equations(*at)[0], by_energies)
     )
     fractions = np.random.default_rng(1).uniform(0, 1, (6, 6))
-    effects = np.vstack([np.zeros(6), np.ones(6), np.eye(6), fractions])
+    effects = np.vstack([np.zeros(6), np.ones(6), np.eye(6), fractions])  # of the six `EFFECTS`
     places = [list(UNSTEADY.parameters).index(name) for name in EFFECTS]
     for effect, (x, u, w) in zip(effects, points(len(effects), seed=5), strict=True):
         p = UNSTEADY.p.copy()
@@ -119,9 +119,10 @@ def sears(k):
     [("lag", theodorsen, MOTION, 0.0144), ("gust", sears, GUST, 0.1173)],
 )
 def test_lags_approximate_theodorsen_and_sears(kind, of, lag, most):
-    """The largest error of Jones's two lags, relative to the steady lift, is the known one.
+    """The largest error of two lags, relative to the steady lift, is 1.4 % for motion, by Theodorsen's
+    function of an oscillation, and 12 % for gusts, by Sears's function.
 
-    The functions are those of an oscillation and of a gust, for reduced frequencies .05 to 2.
+    Reduced frequencies are .05 to 2. Other constants of the lags have other errors.
     """
     k = np.linspace(0.05, 2.0, 400)
     assert np.abs(response(kind, lag, k) - of(k)).max() == pytest.approx(most, rel=0.01)

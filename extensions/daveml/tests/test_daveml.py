@@ -512,16 +512,16 @@ def value_at(path, x, z):
 
 
 def test_a_function_of_points_equals_a_gridded_table(tmp_path):
-    """A function of points is interpolated like a gridded table, the last argument first.
+    """A function of points is interpolated like a gridded table, whose last argument z varies fastest.
 
-    The limits of an argument apply.
+    The limits of an argument apply: x >= -0.5.
     """
     path = tmp_path / "points.dml"
     path.write_text(_ONE.format("", _POINTS))
     corners = {(0.0, 0.0): 3.0, (0.0, 10.0): 5.0, (1.0, 0.0): 7.0, (1.0, 10.0): 11.0}
     for place, value in corners.items():
         assert value_at(path, *place) == pytest.approx(value)
-    assert value_at(path, 0.5, 5.0) == pytest.approx(6.5)
+    assert value_at(path, 0.5, 5.0) == pytest.approx(6.5)  # the mean of the four corners
     assert value_at(path, -1.0, 0.0) == pytest.approx(2.0)  # the value at x = -0.5
     assert value_at(path, 9.0, 99.0) == pytest.approx(11.0)
 

@@ -148,14 +148,17 @@ def test_forces_agree_with_those_of_avl(form, glider):
 
 
 def test_a_fixed_control_keeps_its_deflection(glider):
-    """A control with one value is no input; its deflection changes the coefficients."""
+    """A control with one value in the table is no input; the deflection changes Cm_0.
+
+    The file is at the elevator -0.44993 deg with Cmtot 0.
+    """
     Path("glider.toml").write_text(
         TABLE.replace('elevator = ["-25 deg", "25 deg"]', 'elevator = "1 deg"')
     )
     model = tool.load_model("glider.toml")
     assert "elevator" not in model.inputs
     moment = model.parameters["Cm_0"].start
-    # Cmd02, per degree, from the deflection of the file, -0.44993 deg, to 1 deg.
+    # Cmd02 = -0.040525 per degree
     assert moment == pytest.approx(-0.040525 * (1.0 + 0.44993), rel=1e-6)
 
 
@@ -226,7 +229,8 @@ def test_faulty_files_are_refused(file, old, new, message, glider):
 
 
 def test_drag_of_a_file_without_derivatives_is_that_of_the_table(glider):
-    """With CD_CL2 in the table, CD_0 is the total drag less CD_CL2 CL²; with CD_alpha, the total.
+    """With CD_CL2 in the table, CD_0 is the total drag of the file, CDtot = 0.02725, less CD_CL2 CL²
+    with CLtot = 0.6; with CD_alpha, it is CDtot.
 
     The entry of the table is kept, and the controls have no drag.
     """
