@@ -121,11 +121,12 @@ def updated(known: KalmanFilter, before: Estimate, y: ca.SX, fade: float) -> tup
     gate = _gate(known, before, y)
     x, P, G = _corrected_by_values(known, before, y, gate.is_used)
     impossible, given = sum(gate.is_impossible, ca.SX(0)), sum(gate.is_given, ca.SX(0))
+    # Samples in a row with impossible values. One without any value is not counted.
     missed = ca.if_else(impossible > 0, before.missed + 1, ca.if_else(given > 0, 0, before.missed))
     is_wrong = ca.logic_and(missed >= RESTARTS_AFTER, 2 * impossible > given)
-    # The first sample, and those after the second one.
+    # The first sample with values, and those after the second one.
     is_first, is_settled = before.begun == 0, before.begun == 2
-    in_flight = ca.logic_and(is_first, before.share == 0)
+    in_flight = ca.logic_and(is_first, before.share == 0)  # switched on, and without a value yet
     begins = ca.logic_or(
         ca.logic_and(in_flight, given > 0),
         ca.logic_and(impossible > 0, ca.logic_or(ca.logic_not(is_settled), is_wrong)),
@@ -162,7 +163,7 @@ def _gate(known: KalmanFilter, before: Estimate, y: ca.SX) -> _Gate:
     for place, (row, variance) in enumerate(_rows_and_variances(known)):
         deviation = ca.sqrt(before.P[row, row] + variance)
         innovation = ca.fabs(y[place] - before.x[row])
-        is_new = ca.logic_or(before.begun == 0, y[place] != before.last[place])
+        is_new = ca.logic_or(before.begun == 0, y[place] != before.last[place])  # not frozen
         is_given = ca.logic_and(is_new, innovation <= _FINITE)  # false for NaN
         is_used = ca.logic_and(is_given, innovation <= IMPOSSIBLE * deviation)
         gate.is_given.append(is_given)

@@ -308,8 +308,14 @@ class FilteredPolicy(SampledPolicy):
         (seen,) = self._functions.seen.at(ahead)
         plans = isinstance(self.law, SampledPolicy) and self.law.plans
         following = self._following(memory, updated) if plans else None
-        x = self._of_all_states(seen)
-        return _Estimated(updated, states, x, following, bool(is_left_out[0]), float(share[0]))
+        return _Estimated(
+            memory=updated,
+            states=states,
+            x=self._of_all_states(seen),
+            following=following,
+            is_left_out=bool(is_left_out[0]),
+            share=float(share[0]),
+        )
 
     def _following(self, memory: _Memory, updated: np.ndarray) -> NextSample:
         """Return what is known of the next sample, if the last command is held.
