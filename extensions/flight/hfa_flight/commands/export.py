@@ -167,8 +167,8 @@ def _write_fmu(
     the paths of the written files.
     """
     from hfa_flight.export.exported_loop import (
-        behind_a_filter,
         exported_loop,
+        filtered_steering,
         following_a_reference,
     )
     from hfa_flight.export.fmu import write_fmu
@@ -180,7 +180,7 @@ def _write_fmu(
     if request.filter or request.policy is not None:
         policy = policy_of_options(request, linear, given.common.at)
         if request.filter:
-            steering = behind_a_filter(model, _filtered(request, given, linear, policy))
+            steering = filtered_steering(model, _filtered(request, given, linear, policy))
         else:
             steering = following_a_reference(model, policy)
     loop = exported_loop(model, point, steering, actuators)

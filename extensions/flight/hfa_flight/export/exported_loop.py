@@ -109,7 +109,7 @@ class Steering(NamedTuple):
     filtered: FilteredPolicy | None = None
 
 
-def behind_a_filter(model: Model, policy: FilteredPolicy) -> Steering:
+def filtered_steering(model: Model, policy: FilteredPolicy) -> Steering:
     """Return the steering by a policy behind a filter, with the noise of its sensors as inputs."""
     sensors = policy.filter.sensors
     U = ca.SX.sym("U", len(model.inputs))
