@@ -96,8 +96,8 @@ def poles_of(loop: Callable[[int], arb_mat], *, is_discrete: bool) -> Poles:
 def enclosed_poles(loop: arb_mat) -> Poles:
     """Return the enclosed eigenvalues of a loop F, (n, n), balls, with the bits of `precision`.
 
-    The discs of Gershgorin of D = V⁻¹ F V contain them for any V. They are small if the columns of
-    V are nearly eigenvectors.
+    The discs of Gershgorin of D = V⁻¹ F V contain the eigenvalues for any V, and are small if the
+    columns of V are nearly eigenvectors.
     """
     from flint import acb_mat, arb
 
@@ -226,10 +226,9 @@ class ClosedLoops:
     def distance(self, K: np.ndarray) -> float:
         """Return the smallest change of A - B K that gives an undamped mode, relative to its norm.
 
-        It is 1 / max |(s - A + B K)⁻¹| over the boundary of stability, in balanced units.
-
-        It is proved not to be smaller, and usually at most 1e-6 larger; 0 without a proof that the
-        loop is stable.
+        The distance is 1 / max |(s - A + B K)⁻¹| over the boundary of stability, in balanced units.
+        The exact one is proved not to be smaller, and usually at most 1e-6 larger. 0 without a
+        proof that the loop is stable.
 
         K: (m, n)
         """

@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 #: rationals, which takes a second.
 MOST_STATES = 16
 #: Relative radius of an enclosure whose midpoints are right to the last digit of doubles: an eighth
-#: of their roundoff 2^-53.
+#: of their roundoff 2^-53, far below which the rounding of this radius is.
 DIGITS = 2.0**-56
 
 

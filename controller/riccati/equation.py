@@ -47,8 +47,9 @@ class Units(NamedTuple):
         return scaled_balls(of_y, -self.states, -self.states)
 
     def gain_of_user(self, rows: arb_mat, units: np.ndarray) -> arb_mat:
-        """Return the gain of the user's states, (m, n), for that of the states of the equation.
+        """Return a gain for the user's states, (m, n), of one for the states of the equation.
 
+        rows: the latter
         units: of the rows, (m,) integers
         """
         of_y = rows if self.T is None else rows * self.T

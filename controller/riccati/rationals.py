@@ -208,8 +208,8 @@ def has_root_on_axis(even: fmpq_poly) -> bool:
 def has_root_on_circle(polynomial: fmpq_poly, square: fmpq) -> bool:
     """Return whether a polynomial t^n h(t + 1 / (square t)) has a root t with |t|² square = 1.
 
-    It is symmetric about this circle. There, x = t + 1 / (square t) is real, and x² is at most
-    4 / square: the real roots x of h in this interval are counted.
+    On this circle, x = t + 1 / (square t) is real, and x² is at most 4 / square: the real roots x
+    of h in this interval are counted.
     """
     from flint import fmpq, fmpq_poly
 
@@ -532,8 +532,8 @@ def _states_held_without_cost(game: Game) -> _StatesHeldWithoutCost | None:
 def free_states(game: Game) -> FreeStates | None:
     """Return the states without optimal cost, or None if there are none or they are not known.
 
-    They are not known for many states, or if an eigenvalue of the loop on the largest
-    output-nulling subspace may be on the boundary of stability.
+    The states are not known for more than `MOST_STATES` states, or if an eigenvalue of the loop on
+    the largest output-nulling subspace may be on the boundary of stability.
     """
     found = _states_held_without_cost(game)
     stable = None if found is None else _stable_subspace(_balls(found.loop), game)

@@ -151,9 +151,10 @@ def why_no_value(
 def too_large_at(equation: Equation, frequency: float) -> str:
     """Return that the gain from the disturbance is proved too large at a frequency, or "".
 
-    The determinant of the pencil at a frequency is real. It has another sign than without
-    disturbance (in continuous time, than at infinite frequency) only if an eigenvalue is on the
-    boundary of stability, for this or a larger delta.
+    The determinant of the pencil at a frequency is real. Its sign differs from that without
+    disturbance (in continuous time, from that at infinite frequency) only if an eigenvalue is on
+    the boundary of stability, at this frequency for this or a larger delta (in continuous time, at
+    this or a higher frequency for this delta). None is if the game has a value.
 
     frequency: rad/s, in discrete time rad/step
     """
@@ -217,27 +218,22 @@ def _relative_sign(equation: Equation, frequency: float) -> int:
             return 0
         undisturbed = StepEquation(equation.game, equation.units, math.inf)
         z = acb(0, frequency).exp()
-        to_real = acb(0, -frequency * equation.n).exp()  # z^-n: the product is real
-        usual = _sign_of(_determinant(*undisturbed.pencil(), z) * to_real)
-        # Each column of E has the entry -1/w in the pencil.
+        usual = _determinant_sign(*undisturbed.pencil(), z, equation.n)
+        # With a large delta, each column of E is a factor -delta² of the determinant.
         usual *= (-1) ** equation.E.ncols()
-        return usual * _sign_of(_determinant(*equation.pencil(), z) * to_real)
+        return usual * _determinant_sign(*equation.pencil(), z, equation.n)
     assert isinstance(equation, ContinuousEquation)
-    H = equation.hamiltonian()
+    one = identity(2 * equation.n)
     at_infinity = (-1) ** equation.n
-    return at_infinity * _sign_of(_determinant(H, identity(2 * equation.n), acb(0, frequency)))
+    return at_infinity * _determinant_sign(equation.hamiltonian(), one, acb(0, frequency))
 
 
-def _determinant(L: arb_mat, M: arb_mat, z: acb) -> acb:
-    """Return det(L - z M) as a ball."""
+def _determinant_sign(L: arb_mat, M: arb_mat, z: acb, power: int = 0) -> int:
+    """Return the sign of det(L - z M) / z^power, which is real; 0 if its ball contains 0."""
     from flint import acb_mat
 
-    return (acb_mat(L) - acb_mat(M) * z).det()
-
-
-def _sign_of(value: acb) -> int:
-    """Return the sign of a real number, 0 if its ball contains 0."""
-    return 1 if value.real > 0 else -1 if value.real < 0 else 0
+    value = ((acb_mat(L) - acb_mat(M) * z).det() / z**power).real
+    return 1 if value > 0 else -1 if value < 0 else 0
 
 
 def _unpaid(found: Stabilizing) -> str:

@@ -27,7 +27,7 @@ def tracking(dihedral_deg, command=COMMAND):
 def test_the_command_of_the_paper_is_no_trim(dihedral_deg):
     """The commanded alpha and dihedral angle need a centre elevator far beyond its limits.
 
-    It is that of a trim in which all variables may move so far. The dihedral angle alone is
+    The needed elevator is that of a trim with limits of ±9 rad. The dihedral angle alone is
     reachable. The first line of the report names the elevator.
     """
     start = hfa.paper.level_flight(math.radians(dihedral_deg)).imposed

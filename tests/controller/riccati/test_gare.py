@@ -32,11 +32,10 @@ def test_P_and_K_of_the_paper_are_exact_to_1e12(name):
     assert relative_error(solve(game).K, K) < 1e-12
 
 
-def test_policies_eigenvalues_and_json_follow_from_P(game):
+def test_policies_eigenvalues_and_costs_follow_from_P(game):
     """K, L, the poles of the loops with and without disturbance, and the cost follow from P.
 
-    A state of another length has no cost, and a P that is not symmetric has the K of its symmetric
-    part. JSON stores every digit of P, and null for an infinite delta.
+    A state of another length has no cost.
     """
     solution = solve(game)
     P = solution.P
@@ -51,8 +50,6 @@ def test_policies_eigenvalues_and_json_follow_from_P(game):
     np.testing.assert_array_equal(loop.A, game.A - game.B @ solution.K)
     np.testing.assert_array_equal(loop.B, game.E)
     np.testing.assert_array_equal(loop.C, np.eye(6))
-    skew = np.triu(P, 1)
-    np.testing.assert_allclose(from_value(game, P + skew - skew.T).K, solution.K, rtol=1e-9)
     z = np.arange(1.0, 7.0)
     assert solution.cost(z) == pytest.approx(z @ P @ z)
     with pytest.raises(BadInputError, match=r"give an array of shape \(6,\)"):
@@ -62,8 +59,20 @@ def test_policies_eigenvalues_and_json_follow_from_P(game):
         np.sort(solution.worst_case_eigenvalues.real), np.sort(worst.real), rtol=1e-9
     )
     assert worst.real.max() < 0.0
+
+
+def test_a_P_that_is_not_symmetric_has_the_gain_of_its_symmetric_part(game):
+    solution = solve(game)
+    skew = np.triu(solution.P, 1)
+    gain = from_value(game, solution.P + skew - skew.T).K
+    np.testing.assert_allclose(gain, solution.K, rtol=1e-9)
+
+
+def test_a_solution_in_json_has_every_digit_of_P(game):
+    """The dictionary of a solution is JSON with every digit of P, and null for an infinite delta."""
+    solution = solve(game)
     content = json.loads(json.dumps(solution.to_dict(), allow_nan=False))
-    assert np.array_equal(np.array(content["P"]), P)
+    assert np.array_equal(np.array(content["P"]), solution.P)
     assert (content["delta"], content["certificate"]["ok"]) == (game.delta, True)
     assert solve(game.with_delta(math.inf)).to_dict()["delta"] is None
 

@@ -104,8 +104,8 @@ def test_weights_without_cost_have_zero_value():
 
 
 def test_a_mode_is_solved_that_is_undamped_up_to_rounding():
-    """The rotation by 1.035 rad has no cost, and |0.5105 ± 0.8599i| is 1 + 6.6e-17. Its margins are
-    not known in doubles.
+    """The rotation by 1.035 rad has no cost, and |0.5105 ± 0.8599i| is 1 + 6.6e-17. The margins of
+    the loop are not known in doubles.
     """
     A = [
         [0.5104936203013956, 0.8598815404644844, 0.0],
@@ -129,25 +129,35 @@ def test_a_ball_that_may_be_zero_is_not_taken_for_zero(rate):
 
 
 @pytest.mark.parametrize("weight", [0.0, 1.0])
-def test_numbers_that_are_zero_are_proved_to_be(weight):
-    """z⁺ = u needs no input. An input of a state without cost, and one without effect, are 0. A state
-    whose effect a free input cancels has no cost.
+def test_a_state_that_moves_nothing_needs_no_input(weight):
+    """z⁺ = u with the weight 0 or 1 of u: K is 0, exactly, and P is Q."""
+    solution = solve(Game([[0.0]], [[1.0]], Q=[[4.0]], R=[[weight]], dt=True))
+    assert (solution.P.item(), solution.K.item()) == (4.0, 0.0)
+    apart = solve(Game(np.diag([0.0, 0.5]), np.eye(2), Q=[1.0, 1.0], R=np.eye(2), dt=True))
+    np.testing.assert_array_equal(apart.K[0], 0.0)
+
+
+def test_inputs_that_move_no_cost_are_zero():
+    """The second input moves a stable state without cost, and the third nothing: their rows of K are
+    0, exactly, also in states in which no entry of P is 0.
     """
-    at_once = solve(Game([[0.0]], [[1.0]], Q=[[4.0]], R=[[weight]], dt=True))
-    assert (at_once.P.item(), at_once.K.item()) == (4.0, 0.0)
     B = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
     game = Game(np.diag([1.0, -1.0]), B, Q=[1.0, 0.0], R=np.eye(3))
     np.testing.assert_array_equal(solve(game).K[1:], 0.0)
-    turned = np.array([[1.0, 1.0], [1.0, 2.0]])  # no entry of P is 0 in these states
-    back = np.linalg.inv(turned).round()
-    turned_game = Game(turned @ game.A @ back, turned @ B, Q=back.T @ game.Q @ back, R=np.eye(3))
-    np.testing.assert_array_equal(solve(turned_game).K[1:], 0.0)
+    T = np.array([[1.0, 1.0], [1.0, 2.0]])
+    T_inverse = np.linalg.inv(T).round()
+    in_other_states = Game(
+        T @ game.A @ T_inverse, T @ B, Q=T_inverse.T @ game.Q @ T_inverse, R=np.eye(3)
+    )
+    np.testing.assert_array_equal(solve(in_other_states).K[1:], 0.0)
+
+
+def test_a_state_whose_effect_a_free_input_cancels_has_no_cost():
+    """x2⁺ = x1 + x2 / 2 + u, with a cost of x2 alone: u = -x1 - x2 / 2 costs nothing."""
     A = [[0.5, 0.0], [1.0, 0.5]]
-    canceled = solve(Game(A, [[0.0], [1.0]], Q=[0.0, 1.0], R=[[0.0]], dt=True))
-    np.testing.assert_array_equal(canceled.P, np.diag([0.0, 1.0]))
-    np.testing.assert_array_equal(canceled.K, [[1.0, 0.5]])
-    apart = solve(Game(np.diag([0.0, 0.5]), np.eye(2), Q=[1.0, 1.0], R=np.eye(2), dt=True))
-    np.testing.assert_array_equal(apart.K[0], 0.0)
+    solution = solve(Game(A, [[0.0], [1.0]], Q=[0.0, 1.0], R=[[0.0]], dt=True))
+    np.testing.assert_array_equal(solution.P, np.diag([0.0, 1.0]))
+    np.testing.assert_array_equal(solution.K, [[1.0, 0.5]])
 
 
 def test_weights_that_are_symmetric_up_to_rounding_do_not_make_P_positive():

@@ -19,7 +19,7 @@ from hfa import Game
 def test_no_proof_says_that_a_game_with_a_value_has_none(kind):
     """None of the proofs of no value succeeds for games that have one.
 
-    They are asked directly: `solve` asks them only after another proof has failed.
+    `solve` would try these proofs only after another one has failed.
     """
     values = [each for each in (stored(kind, number) for number in range(12)) if each.exists]
     assert values

@@ -187,9 +187,9 @@ def test_the_ball_about_a_candidate_has_room_for_the_quadratic_term(change):
     ],
 )
 def test_nothing_is_accepted_where_there_is_no_solution(game):
-    """No proposal is accepted with the exact Y of its loop, whatever its first root.
+    """No X is accepted with the exact Y of its loop, whatever its first root.
 
-    Its second root is that of the second scalar game, which has a solution.
+    The second root of X is that of the second scalar game, which has a solution.
     """
     second = 7 if game.is_discrete else 2
     with precision(BITS):
