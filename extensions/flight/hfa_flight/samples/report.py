@@ -160,6 +160,7 @@ def _rms_figures(
         "filter": storable(policy.filter),
         "margins": policy.margins,
     }
+    # Only a stable linear loop has a root mean square to compare with.
     gain = policy.law.gain
     loop = None if gain is None else policy.filter.loop(gain)
     if loop is not None and spectral_radius(loop.F) < 1.0:
@@ -192,8 +193,8 @@ def _rms_table(plan: MonteCarlo, outcomes: Mapping[str, Any]) -> Table:
 def _outcomes(plan: MonteCarlo, flown: Flown) -> dict[str, Any]:
     """Return the outcomes of all flights of a plan: the entries of the file."""
     model = plan.model
-    left = flown["left"]
-    cycle = flown["cycle"]
+    # Of each flight the number of a variable, in `limited` and `oscillating`, or -1.
+    left, cycle = flown["left"], flown["cycle"]
     inside = left < 0
     limits = Limits.of(model, tuple(model.inputs))
     obeyed = limits.within(flown["lowest_input"]) & limits.within(flown["highest_input"])

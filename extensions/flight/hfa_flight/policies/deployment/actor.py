@@ -102,7 +102,7 @@ def read_actor(wanted: Wanted) -> Actor:
 
 
 def _read(path: Path, wanted: Wanted) -> tuple[NetworkFile, dict[str, Any]]:
-    """Return the network in a file, and what the file of a gain says about it."""
+    """Return the network in a file, and what the file says about a gain, nothing for a network."""
     known = (*SUFFIXES, *MATRIX_FILES)
     if path.suffix.lower() not in known:
         raise BadInputError(
