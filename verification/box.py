@@ -255,7 +255,8 @@ def box_flights(
     while part >= _SMALLEST and not np.isfinite(exact.costs(part * starts, step)).all():
         part /= 2.0
     if part < _SMALLEST:
-        return BoxFlights(box.name, 0.0, 0.0 * b, flown.seconds, 0.0 * b)
+        none = np.zeros(len(b))
+        return BoxFlights(box=box.name, part=0.0, half_widths=none, clock=flown.seconds, worst=none)
 
     def simulate(per_step: int) -> _Costs:
         """Return the costs with several steps in place of each."""

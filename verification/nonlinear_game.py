@@ -132,7 +132,7 @@ class NonlinearComparison(Result):
         """Return the part of a report: where the value is known, and the error of each degree."""
         radius, about = self.radius, f", to degree {self.errors[-1].degree}"
         if radius is not None:
-            where = "is not known by flights"
+            where = "is not known by flights"  # c = 0
             if radius.c and math.isinf(radius.c):
                 where = "agrees with flights everywhere"
             elif radius.c:
@@ -155,7 +155,7 @@ class NonlinearComparison(Result):
                 f"{error.of}, {error.degree}",
                 f"{error.error:.3g}",
                 error.worst,
-                f"{error.learned:z.7g}",
+                f"{error.learned:z.7g}",  # z: 0 in place of -0
                 f"{error.exact:z.7g}",
             )
             for error in self.errors
@@ -237,6 +237,7 @@ def _degree_error(
     """
     names = expansion.game.names
     exponents = homogeneous(expansion.states, degree).exponents
+    # Exact weights of all monomials from the lowest degree on, degree by degree.
     weights = expansion.weights[None] if of == "V" else expansion.policy_weights
     lowest = LOWEST if of == "V" else 1
     begin = sum(homogeneous(expansion.states, each).size for each in range(lowest, degree))
