@@ -216,7 +216,9 @@ class Conditions(StatesAndInputs, Result, Reported):
         return {"dynamics": self.model.name, **self._named_signals(), "models": models}
 
     def _row_entries(self, row: int) -> dict[str, Any]:
-        """Return what a file states about a condition: its name, what it asks for, and `arrays`."""
+        """Return what a file states about the condition with a number: its name, what it asks for,
+        and its row of `arrays`.
+        """
         asked = self.asked[row]
         found = {name: array[row] for name, (_, array) in self.arrays.items()}
         return {"name": asked.name, "condition": asked.stated, **found}
@@ -378,7 +380,9 @@ class Conditions(StatesAndInputs, Result, Reported):
             report.with_data(origin).save(path)
 
     def _file(self, row: int) -> dict[str, Any]:
-        """Return the content of the file of a condition: a linear model, nan without a trim."""
+        """Return the content of the file of the condition with a number: a linear model, nan
+        without a trim.
+        """
         linear = self.linear[row]
         head = {"schema": LinearModel.schema} | self._named_signals()
         return (head if linear is None else storable(linear)) | storable(self._row_entries(row))

@@ -106,7 +106,9 @@ _NEAR_SPEED = 0.1
 
 
 def warnings_of(trimmed: Trimmed) -> list[str]:
-    """Return sentences on data and on values of the trim that are probably wrong, found once."""
+    """Return sentences on data and on values of the trim that are probably wrong, which are found
+    at the first call.
+    """
     if trimmed.warnings is None:
         said = [*trimmed.point.model.warnings, *_warnings_at(trimmed)]
         if {"Ixx", "Iyy", "Izz"} <= {*trimmed.model.parameters}:  # `--hold` may have changed them
@@ -230,7 +232,8 @@ def _slope_in(trimmed: Trimmed, row: str, column: str, unit: str) -> float:
         return float(slopes.A[slopes.states.index(name), place]) * factor * trimmed.per_second
     if name not in slopes.outputs:
         return math.nan
-    return float(slopes.outputs[name][0][place]) * factor
+    by_states, _ = slopes.outputs[name]
+    return float(by_states[place]) * factor
 
 
 def _unusual_slope(trimmed: Trimmed) -> str:
@@ -245,7 +248,9 @@ def _unusual_slope(trimmed: Trimmed) -> str:
 
 
 def _compared(trimmed: Trimmed) -> Iterator[float]:
-    """Yield a number for each of `_IDENTITIES`, nan where one of its figures is unknown."""
+    """Yield a ratio of figures that are not independent, or a difference of two, for each of
+    `_IDENTITIES`; nan where one of its figures is unknown.
+    """
     value, slope = partial(_value_in, trimmed), partial(_slope_in, trimmed)
     model = trimmed.point.model
     weight, speed = value("weight", "N"), value(trimmed.roles.get("speed", ""), "m/s") or math.nan
@@ -260,11 +265,14 @@ def _compared(trimmed: Trimmed) -> Iterator[float]:
         factor = conversion_factor(model.unit("gravity"), "m/s^2") or math.nan
         gravity = model.parameters["gravity"].start * factor
     yield weight / (_configured_in(trimmed, "mass", "kg") * gravity)
+    # Density by dynamic pressure and speed over that of the standard atmosphere.
     altitude = trimmed.roles.get("altitude", "")
     density = 2.0 * value("dynamic_pressure", "N/m^2") / speed**2
     ratio = density / float(air_at(value(altitude, "m") if altitude else 0.0, "si").density)
     yield ratio if altitude else max(1.0, ratio)  # at an unknown altitude, air may be thin
-    for angle in ("theta", "alpha"):  # in coherent units a rate has the unit of the angle over time
+    # Rates of pitch angle and alpha by the pitch rate, in coherent units; rate of climb and gamma
+    # by the pitch angle; temperature, K, by the Mach number.
+    for angle in ("theta", "alpha"):
         yield slope(angle, "q", "rad") / trimmed.per_second
     yield slope(altitude, "theta", "m") / speed
     yield slope("gamma", "theta", "rad")
@@ -281,7 +289,9 @@ def _configured_in(trimmed: Trimmed, name: str, unit: str) -> float:
 
 
 def _difference_of_static_margins(trimmed: Trimmed) -> float:
-    """Return the difference of the static margin of the rates and that of the outputs, chords."""
+    """Return the static margin by the output pitching_moment less that by the rate of the pitch
+    rate, chords.
+    """
     alpha, q = (trimmed.roles.get(role, "") for role in ("alpha", "q"))
     if trimmed.fault or not alpha or not q:
         return math.nan

@@ -40,9 +40,14 @@ def page_of(path):
 
 
 def test_a_new_folder_is_written_whole(monkeypatch):
-    """If the page cannot be written, the new folder does not remain with what was written before."""
-    monkeypatch.setattr(command, "write_text", lambda *_: Path("none").read_bytes())
-    with pytest.raises(FileNotFoundError):
+    """If the command is interrupted when it writes into a new folder, this folder does not remain."""
+
+    def interrupted(path, _):
+        assert path.parent.is_dir()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(command, "write_text", interrupted)
+    with pytest.raises(KeyboardInterrupt):
         command._written("", Report(""), Path("pages"))
     assert [*Path().iterdir()] == []
 
@@ -162,12 +167,9 @@ def test_the_page_of_an_aircraft_is_about_it(folder):
     (warning,) = data["warnings"]
     assert "no rigid body has these inertias" in warning
     page = page_of(Path("page.html"))
-    sections = ("Speed 35 m/s: model, game", "Book", "Warnings", "Modes over speed")
-    for heading in (
-        "<title>Aerosonde (derivatives): trims",
-        *(f"<h2>{each}<" for each in sections),
-    ):
-        assert heading in page
+    assert "<title>Aerosonde (derivatives): trims" in page
+    for section in ("Speed 35 m/s: model, game", "Book", "Warnings", "Modes over speed"):
+        assert f"<h2>{section}<" in page
     assert not any(word in page for word in ("printed", "dihedral", "Zhang"))
     assert hfa("report", *words, "-o", "page.html", "--conditions", "book.csv").code == DONE
     assert "no trim" in page_of(Path("page.html"))
