@@ -327,7 +327,7 @@ class _Files:
                 for axis, name in zip("xyz", names.CENTER, strict=True)
             },
         }
-        return {
+        return {  # 0 for an output that no file defines
             name: (_number(self._vector(value_of, (output,))), names.UNIT_OF[output])
             for name, output in outputs.items()
         }
@@ -408,7 +408,7 @@ def _is_command(variable: Variable) -> bool:
 
 
 def _motion_values(x: Any, motion: Motion) -> dict[str, Any]:
-    """Return the quantities of the motion that a file may use, by name."""
+    """Return the quantities of the motion that a file may use, by their names in `names.MOTION`."""
     density = motion.air.density
     return {name: getattr(x, name) for name in STATES} | {
         "mach": motion.mach,

@@ -65,8 +65,8 @@ class Evaluator:
         return np.frombuffer(self.instance.values(v.tobytes(), time)).copy()
 
     def event_among(self, points: Iterable[np.ndarray]) -> str:
-        """Return the name and value of an event indicator that changes its sign among some points,
-        or "". Raises FmuError if a call fails.
+        """Return the name and value of an event indicator that changes its sign among some points v,
+        or "" if none does. Raises FmuError if a call fails.
         """
         first_signs: list[bool] = []
         for v in points if self.events else ():
@@ -88,7 +88,7 @@ class Evaluator:
 
         Raises FmuError if a call fails, if the rates depend on time, or at an event.
         """
-        self._refuse_doubtful(v)
+        self._refuse_time_and_memory(v)
         if self.gives_slopes and not direction[self.of_dynamics :].any():
             self.refuse_events(v, direction)
             dynamics = direction[: self.of_dynamics].tolist()
@@ -99,7 +99,12 @@ class Evaluator:
     def sided(
         self, v: np.ndarray, direction: np.ndarray, step: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the differences below and above v, (m,) each. Raises FmuError as `along` does."""
+        """Return (f(v + h d) - f(v)) / h along a direction d for h < 0 and for h > 0, (m,) each.
+
+        step: largest |h d_i|, relative to the nominal values
+
+        Raises FmuError if a call fails, or at an event.
+        """
         self.refuse_events(v, direction, step)
         middle = self.values(v)
         sides = [
@@ -155,7 +160,7 @@ class Evaluator:
         if np.isfinite(np.frombuffer(v)).all():
             self.fault, self._fault_at = str(error), v.tobytes()
 
-    def _refuse_doubtful(self, v: np.ndarray) -> None:
+    def _refuse_time_and_memory(self, v: np.ndarray) -> None:
         """Raise FmuError if the rates depend on time, or on states that were set before."""
         if self._steady_at == v.tobytes():
             return
@@ -173,7 +178,7 @@ class Evaluator:
 
     def _differ(self, values: np.ndarray, others: np.ndarray) -> bool:
         """Return whether the rates in two values of f differ by more than `_STEADY`."""
-        n = self._states
+        n = self._states  # number of rates, with which f begins
         tolerance = _STEADY * np.maximum(np.abs(others[:n]), self.nominals[:n])
         return bool((np.abs(values - others)[:n] > tolerance).any())
 

@@ -224,6 +224,7 @@ class Instance:
         interface = self._interface
         title, token = interface.title.encode(), interface.token.encode()
         resources = interface.resources.encode()
+        # Arguments 0 mean: for model exchange, not visible, and without a log.
         if interface.version == 2:
             make = self._function("Instantiate", c_void_p)
             made = make(title, 0, token, resources, ctypes.byref(self._callbacks[0]), 0, 0)
@@ -234,7 +235,7 @@ class Instance:
             raise FmuError(f"the FMU makes no instance{self._reason()}")
         self._component = c_void_p(made)
         zero = c_double(0.0)
-        experiment = (0, zero, zero, 0, zero)
+        experiment = (0, zero, zero, 0, zero)  # no tolerance, start at 0, no end
         if interface.version == 2:
             self._call("SetupExperiment", *experiment)
             self._call("EnterInitializationMode")
@@ -263,7 +264,7 @@ class Instance:
             self._call(setter, (c_uint * 1)(reference), one, memory, *more)
 
     def _leave_event(self) -> None:
-        """End the event. Raises FmuError if it changes the states."""
+        """End the event. Raises FmuError if it changes the states, which no function of v can do."""
         changes_states = self._iterate_event()
         n = len(self._interface.states)
         found = (c_double * n)()
@@ -325,7 +326,10 @@ class Instance:
         self._component = None
 
     def _function(self, name: str, result: Any) -> Any:
-        """Return a function of the library, whose result has a type of ctypes."""
+        """Return a function of the library by its name without fmi2 or fmi3.
+
+        result: type of its result in ctypes
+        """
         full_name = f"fmi{self._interface.version}{name}"
         try:
             function = getattr(self._library, full_name)

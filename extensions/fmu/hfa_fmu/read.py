@@ -144,7 +144,10 @@ def _run_once(interface: Interface, start: list[float]) -> None:
 def _model(
     instance: Instance, description: Description, start: list[float], source: Source
 ) -> Model:
-    """Return the model of the variables of an FMU."""
+    """Return the model of the variables of an FMU.
+
+    start: start values of states, inputs and parameters, as the FMU states them
+    """
     states, inputs, parameters, outputs = (
         {description.names[variable.name]: _signal(variable) for variable in group}
         for group in (
@@ -161,7 +164,7 @@ def _model(
     whole = [parameter.is_whole for parameter in description.parameters]
     values = len(states) + len(outputs)
     evaluator = Evaluator(instance, nominals, values, description.indicators, whole)
-    begun = _beside_events(evaluator, np.array(start), len(states))
+    begun = _beside_events(evaluator, np.array(start), len(states))  # where searches begin
     about = _about(evaluator, description, begun)
     on_events = _note_on_events(description.indicators, begun.tolist() != start)
     on_names = _note_on_similar_names(description.names)
@@ -305,7 +308,10 @@ def _unit_vectors(evaluator: Evaluator) -> np.ndarray:
 def _one_sided(
     evaluator: Evaluator, start: np.ndarray, step: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the Jacobians (m, n) by differences from below and from above the start values."""
+    """Return the Jacobians (m, n) by differences from below and from above the start values.
+
+    step: relative to the nominal values
+    """
     columns = [evaluator.sided(start, unit, step) for unit in _unit_vectors(evaluator)]
     below, above = (np.array(side).T for side in zip(*columns, strict=True))
     return below, above
