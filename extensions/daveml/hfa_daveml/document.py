@@ -183,7 +183,7 @@ def read_document(path: str) -> Document:
     feature. Raises OSError if the file cannot be read.
     """
     root = xml_root(regular_file(path).read_bytes(), path)
-    for element in root.iter():
+    for element in root.iter():  # without prefixes: apply of mathml2:apply
         element.tag = element.tag.rpartition(":")[2]
     if root.tag != "DAVEfunc":
         raise BadInputError(

@@ -65,8 +65,8 @@ class Evaluator:
         return np.frombuffer(self.instance.values(v.tobytes(), time)).copy()
 
     def event_among(self, points: Iterable[np.ndarray]) -> str:
-        """Return the name and value of an event indicator that changes its sign among some points v,
-        or "" if none does. Raises FmuError if a call fails.
+        """Return the name and value of an event indicator that changes its sign among points v, or ""
+        if none does. Raises FmuError if a call fails.
         """
         first_signs: list[bool] = []
         for v in points if self.events else ():
@@ -236,6 +236,7 @@ _ALIVE: list[_Callback] = []
 def casadi_function(evaluator: Evaluator) -> ca.Function:
     """Return the function v -> f."""
     n, count = len(evaluator.nominals), evaluator.count
+    # of the point, the values there, the direction, and the derivative along it
     along = _Callback("along", evaluator.write_along, [n, count, n, count])
     function = _Callback("fmu", evaluator.write_values, [n, count], along)
     _ALIVE.append(function)

@@ -264,7 +264,7 @@ class Instance:
             self._call(setter, (c_uint * 1)(reference), one, memory, *more)
 
     def _leave_event(self) -> None:
-        """End the event. Raises FmuError if it changes the states, which no function of v can do."""
+        """End the event. Raises FmuError if it changes the states: rates are functions of v."""
         changes_states = self._iterate_event()
         n = len(self._interface.states)
         found = (c_double * n)()

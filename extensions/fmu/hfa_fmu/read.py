@@ -283,7 +283,7 @@ def _error_of_differences(evaluator: Evaluator, start: np.ndarray) -> float:
     slopes, nominals = 0.5 * (below + above), evaluator.nominals[: evaluator.of_dynamics]
     # The error of a step of h is c h^2: a third of the difference between those of h and 2 h.
     smooth = (0.5 * (far_below + far_above) - slopes) / 3.0
-    # The gap between the sides doubles with the step, but at a kink.
+    # The gap between the sides doubles with the step; at a kink, it is the jump for any step.
     kinked = (above - below) - 0.5 * (far_above - far_below)
     return max(_largest_error(part, slopes, nominals) for part in (smooth, kinked))
 
