@@ -65,8 +65,9 @@ class Evaluator:
         return np.frombuffer(self.instance.values(v.tobytes(), time)).copy()
 
     def event_among(self, points: Iterable[np.ndarray]) -> str:
-        """Return the name and value of an event indicator that changes its sign among points v, or ""
-        if none does. Raises FmuError if a call fails.
+        """Return name and value of an event indicator that changes its sign among points v, or "".
+
+        Raises FmuError if a call fails.
         """
         first_signs: list[bool] = []
         for v in points if self.events else ():
