@@ -305,7 +305,7 @@ class Reported:
 
 
 def _text(part: Any, color: bool, width: int | None) -> str:
-    """Return a part of a report as text (`Report.text`)."""
+    """Return a part of a report, which may be a tuple of parts, as text (`Report.text`)."""
     if isinstance(part, Report | Group):
         return part.text(color, width)
     if isinstance(part, Table):
