@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
 from hfa.options.trims import GivenTrim, at_name
@@ -60,13 +60,12 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
     if together := _rates_together(given, failure, names):
         return f"a trim exists with {' '.join(f'--free {name}' for name in together)}"
     model, condition = given.model, given.condition
-    usual = usual_condition(model).imposed
     weak = _weak_input(given, failure)
     options: list[str] = []  # with each of them a trim exists
     for name in names:
         is_rate = name not in condition.imposed
         # A value that only the user imposes is freed last: without it, the trim is the default one.
-        is_extra = name in given.hold and name not in usual
+        is_extra = name in given.hold and name not in usual_condition(model).imposed
         if is_extra and options:
             continue
         # The weak input is held at its limit: the steepest climb is advised, and no glide.
@@ -79,25 +78,38 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
             continue
         except BadInputError:
             continue
-        option = f"--free {name}" + " in place of --hold" * (name in given.hold)
-        # A free airspeed, kcas, is no variable: the speed is found.
-        found = name if name in point else recognized(model.states)["speed"]
-        shown = model.describe(found, point[found])
-        before = usual.get(name)
-        if is_rate:
-            options.append(option)
-        # To free what is found at its default value, as printed, would be no advice.
-        elif not point._large_angles and not (
-            isinstance(before, float) and model.describe(found, before) == shown
-        ):
-            held = "".join(
-                f"--hold {weak_input}={shown_value(value, model.unit(weak_input))} "
-                for weak_input, value in weak.items()
-            )
-            options.append(f"{held}{option} ({found} {shown})")
+        options += _options(given, name, point, weak)
         if len(options) == _MOST_ADVICE:
             break
     return f"a trim exists with {' or '.join(options)}" if options else ""
+
+
+def _options(
+    given: GivenTrim, name: str, point: OperatingPoint, weak: Mapping[str, float]
+) -> list[str]:
+    """Return the options of a trim in which a rate or an imposed value is free, with the value that
+    was found; [] if they are no advice.
+
+    name: the rate or value
+    point: the trim
+    weak: input -> limit at which it is held, or {}
+    """
+    model = given.model
+    option = f"--free {name}" + " in place of --hold" * (name in given.hold)
+    if name not in given.condition.imposed:  # a rate
+        return [option]
+    # A free airspeed, kcas, is no variable: the speed is found.
+    found = name if name in point else recognized(model.states)["speed"]
+    shown = model.describe(found, point[found])
+    usual = usual_condition(model).imposed.get(name)
+    is_usual = isinstance(usual, float) and model.describe(found, usual) == shown
+    if point._large_angles or is_usual:  # a strange attitude, or the value that is imposed anyway
+        return []
+    held = "".join(
+        f"--hold {weak_input}={shown_value(value, model.unit(weak_input))} "
+        for weak_input, value in weak.items()
+    )
+    return [f"{held}{option} ({found} {shown})"]
 
 
 def _releasable(given: GivenTrim) -> list[str]:

@@ -48,7 +48,7 @@ def cost_of_steps(limit, K):
 @pytest.mark.parametrize(("game", "cost"), [(FLOW, cost_of_flow), (STEP, cost_of_steps)])
 def test_a_policy_that_is_slow_at_its_limit_has_the_cost_of_its_flight(game, cost, limit):
     """The policy u = -limit tanh(K z / limit) has the cost of a simulation from the edge of the box,
-    z = 1, from which its flight returns slowly: x' = z + u, and |u| is at most 1.05.
+    z = 1, from which its flight returns slowly: z' = z + u, and |u| is at most 1.05.
 
     The reason names the input at the edge.
     """
