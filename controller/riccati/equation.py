@@ -81,7 +81,8 @@ class Entries(NamedTuple):
         Raises ZeroDivisionError if T may be singular with the bits of `precision`.
         """
         doubles = (game.A, game.B, game.E, game.Q, game.R, game.N)
-        A, B, E, Q, R, N = getattr(game, "balls", None) or map(ball_matrix, doubles)  # `LoopGame`
+        of_loop_game = getattr(game, "balls", None)  # a `LoopGame` has its exact entries in balls
+        A, B, E, Q, R, N = of_loop_game or map(ball_matrix, doubles)
         states, inputs, disturbances, T = units
         A, B = scaled_balls(A, -states, states), scaled_balls(B, -states, inputs)
         E, N = scaled_balls(E, -states, disturbances), scaled_balls(N, states, inputs)

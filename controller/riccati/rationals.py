@@ -275,7 +275,7 @@ def boundary_of(game: Game, delta: float) -> Boundary:
     """Return whether the Hamiltonian of a game has an eigenvalue exactly on the axis, in discrete
     time its pencil on the circle.
     """
-    from flint import fmpq
+    from flint import fmpq, fmpq_mat
 
     exact = RationalGame.of(game)
     is_disturbed = math.isfinite(delta)
@@ -291,12 +291,13 @@ def boundary_of(game: Game, delta: float) -> Boundary:
     n, m, k = A.nrows(), B.ncols(), E.ncols() if is_disturbed else 0
     growth = exact_fraction(game.discount)
     G = stacked_rationals([[B, E]]) if is_disturbed else B
-    C = stacked_rationals([[N, _zeros(n, k)]])
-    W = stacked_rationals([[R, _zeros(m, k)], [_zeros(k, m), rational(-np.eye(k)) * weight]])
+    C = stacked_rationals([[N, fmpq_mat(n, k)]])  # with zeros
+    of_disturbance = rational(-np.eye(k)) * weight
+    W = stacked_rationals([[R, fmpq_mat(m, k)], [fmpq_mat(k, m), of_disturbance]])
     # The eigenvalues of √growth A are √growth z.
     blocks = pencil_blocks(A, G, Q, W, C, rational(np.eye(n)), growth)
     L, M = map(stacked_rationals, blocks)
-    points = list(range(-n, n + 1))
+    points = list(range(-n, n + 1))  # the determinant is a polynomial of the degree 2n in z
     polynomial = _interpolated(points, [(L - M * point).det() for point in points])
     if polynomial.degree() < 0:
         return Boundary.SINGULAR
@@ -323,13 +324,6 @@ def stacked_rationals(blocks: list[list[fmpq_mat]]) -> fmpq_mat:
     from flint import fmpq_mat
 
     return fmpq_mat(block_entries(blocks))
-
-
-def _zeros(rows: int, columns: int) -> fmpq_mat:
-    """Return a matrix of zeros."""
-    from flint import fmpq_mat
-
-    return fmpq_mat(rows, columns)
 
 
 def disturbance_never_costs(game: Game, K: np.ndarray) -> bool:

@@ -140,7 +140,7 @@ def why_no_value(
     frequency: at which the gain from the disturbance may be too large, rad/s or rad/step
     in_bits: whether eigenvalues are computed in many bits, for what doubles do not see
     """
-    if found is not None and (reason := _unpaid(found) or _unstable_without_disturbance(found)):
+    if found is not None and (reason := _why_not_the_value(found)):
         return reason
     if frequency is not None and (reason := too_large_at(equation, frequency)):
         return reason
@@ -236,9 +236,11 @@ def _determinant_sign(L: arb_mat, M: arb_mat, z: acb, power: int = 0) -> int:
     return 1 if value > 0 else -1 if value < 0 else 0
 
 
-def _unpaid(found: Stabilizing) -> str:
-    """Return that the disturbance, or an input, does not pay, proved by one of them, or ""."""
-    equation, P, _ = found
+def _why_not_the_value(found: Stabilizing) -> str:
+    """Return why the stabilizing solution is proved not to be the value, or "": an input or the
+    disturbance gains cost in one step, or A - B K is unstable.
+    """
+    equation, P, gains = found
     of_inputs, of_disturbances = equation.weights(P)
     if is_positive_definite(of_inputs) is False:
         return "in one step, an input gains cost: R + B'P B is indefinite"
@@ -246,14 +248,8 @@ def _unpaid(found: Stabilizing) -> str:
         return (
             f"in one step, the disturbance gains more than {equation.delta:.6g} squared of its cost"
         )
-    return ""
-
-
-def _unstable_without_disturbance(found: Stabilizing) -> str:
-    """Return that A - B K is proved unstable for the only stabilizing solution, or ""."""
-    equation, P, gains = found
-    loop = equation.control_loop(P, gains)
-    if stability_of(loop, is_discrete=equation.is_discrete) is False:
+    control_loop = equation.control_loop(P, gains)
+    if stability_of(control_loop, is_discrete=equation.is_discrete) is False:
         return f"for every input, the gain from the disturbance is at least {equation.delta:.6g}"
     return ""
 
