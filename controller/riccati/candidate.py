@@ -117,9 +117,10 @@ def candidate_in_doubles(
         units = near or first_units(game, delta)
         X = stabilizing_in_doubles(equation_of(game, units, delta))
         for _ in range(0 if near else TURNS):
-            before, (units, X) = units, _in_units_of_solution(game, delta, units, X)
-            if np.abs(units.states - before.states).max() <= SAME:
-                break
+            former = units.states
+            units, X = _in_units_of_solution(game, delta, units, X)
+            if np.abs(units.states - former).max() <= SAME:
+                break  # in the former units, X had its digits already
             X = stabilizing_in_doubles(equation_of(game, units, delta))
         for turn in range(turns):
             noise = NOISE if turn > 1 else 0.0  # the first changes make small eigenvalues larger
@@ -157,8 +158,8 @@ def sizes_of(X: np.ndarray) -> np.ndarray:
 
 
 def _root_of(X: np.ndarray, game: Game, noise: float) -> np.ndarray | None:
-    """Return the root of |X|, (n, n), by which the states change until it is 1, or None if its
-    eigenvalues are within `LEVEL`, or if the least one may be 0.
+    """Return the root T of |X|, (n, n): in the states T z, |X| is 1. None if the eigenvalues of |X|
+    are within `LEVEL` already, or if the least one may be 0.
 
     Eigenvalues that doubles do not resolve count as the largest one times eps. States without cost
     are left as they are.
@@ -179,7 +180,7 @@ def _root_of(X: np.ndarray, game: Game, noise: float) -> np.ndarray | None:
 
 
 def _changed(units: Units, root: np.ndarray) -> Units:
-    """Return units with the states root T y."""
+    """Return units whose states are those of the given units, times a root."""
     step = ball_matrix(root)
     return units._replace(T=step if units.T is None else (step * units.T).mid())
 
@@ -226,7 +227,7 @@ def stabilizing_in_doubles(equation: Equation) -> np.ndarray:
     n, found = equation.n, SignFunction(half_plane_in_doubles(equation))
     if found.stable != n:
         raise FailedError(f"there are {found.stable} stable eigenvalues instead of {n}")
-    to_zero = found.sign + np.eye(len(found.sign))
+    to_zero = found.sign + np.eye(len(found.sign))  # times [1; X; -gains], by least squares
     basis, triangle = np.linalg.qr(to_zero[:, n:])
     X = -np.linalg.solve(triangle, basis.T @ to_zero[:, :n])[:n]
     X = (X + X.T) / 2.0
@@ -320,7 +321,7 @@ def candidate_in_bits(game: Game, delta: float) -> Candidate:
 
 
 def _without_noise(X: arb_mat, game: Game) -> arb_mat:
-    """Return the exact midpoints of the symmetric part of X, and 0 for the states without cost."""
+    """Return the midpoints of the symmetric part of X, exact, with 0 for states without cost."""
     matrix = symmetric(X)
     for i in np.flatnonzero(states_without_cost(game)).tolist():
         for j in range(len(game.A)):
@@ -329,7 +330,7 @@ def _without_noise(X: arb_mat, game: Game) -> arb_mat:
 
 
 def _of_stable_subspace(equation: Equation) -> arb_mat:
-    """Return X of a basis [1; X] of the stable subspace, (n, n), as `stabilizing_in_doubles`.
+    """Return X, (n, n), as `stabilizing_in_doubles` does, by the normal equations of least squares.
 
     Raises FailedError or ZeroDivisionError.
     """

@@ -90,7 +90,7 @@ class SignFunction(Generic[Middle]):
         The sign of [[M, 0], [C, -M']] is [[sign, 0], [D, -sign']].
         """
         D = C
-        for c, inverse in self._steps:
+        for c, inverse in self._steps:  # Newton's steps of this matrix: only D is new
             D = (D * c + product(inverse.transpose(), D, inverse) * (1.0 / c)) * 0.5
         return (D + D.transpose()) * 0.5
 
@@ -129,7 +129,7 @@ def _inverse(matrix: Any) -> Any:
 class Lyapunov(Generic[Middle]):
     """Solver of F'Z + Z F = C, in discrete time of F'Z F - Z = C, for one loop F, (n, n).
 
-    In discrete time, with W = (F + 1)⁻¹, it is the equation of (F - 1) W and 2 W'C W.
+    In discrete time, with W = (F + 1)⁻¹, Z solves M'Z + Z M = 2 W'C W with M = (F - 1) W.
 
     Raises FailedError if an eigenvalue of F may be on the boundary of stability.
     """
@@ -149,7 +149,8 @@ class Lyapunov(Generic[Middle]):
 
         Raises FailedError if F is not stable.
         """
-        if self.sign_function.stable != round(float(self._one.trace())):
+        n = round(float(self._one.trace()))
+        if self.sign_function.stable != n:
             raise FailedError("the loop is not stable")
         return self.sign_function.lyapunov(self._right(C)) * -0.5
 
@@ -157,8 +158,9 @@ class Lyapunov(Generic[Middle]):
         """Return Y, (n, n), symmetric, of F'Y + Y F = -(1 + sign'sign)/2, in discrete time of
         F'Y F - Y. The sign of a stable loop is -1.
         """
-        C_sign = product(self._right(self._one * -0.25), self.sign_function.sign)
-        return self.sign_function.lyapunov(C_sign + C_sign.transpose())
+        # C = -(sign + sign')/4 gives C sign + sign'C = -(1 + sign'sign)/2, as sign² is 1.
+        half_of_C = product(self._right(self._one * -0.25), self.sign_function.sign)
+        return self.sign_function.lyapunov(half_of_C + half_of_C.transpose())
 
 
 def change_along(loop: arb_mat, Y: arb_mat, *, is_discrete: bool) -> arb_mat:
