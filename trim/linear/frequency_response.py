@@ -68,10 +68,12 @@ def in_continuous_time(steps: System) -> System:
     """
     A, B, C, D = steps
     one = np.eye(len(A))
-    enters = np.linalg.solve(A + one, B)
-    leaves = np.linalg.solve((A + one).T, C.T).T
-    root = math.sqrt(2.0)
-    return System(np.linalg.solve(A + one, A - one), root * enters, root * leaves, D - C @ enters)
+    inverse_B = np.linalg.solve(A + one, B)  # (A + I)⁻¹ B
+    C_inverse = np.linalg.solve((A + one).T, C.T).T  # C (A + I)⁻¹
+    root = math.sqrt(2.0)  # the factor 2 of the transformation, shared by B and C
+    return System(
+        np.linalg.solve(A + one, A - one), root * inverse_B, root * C_inverse, D - C @ inverse_B
+    )
 
 
 # These guide the search, and decide nothing: the gain is proved.
@@ -153,10 +155,12 @@ def peak_frequency(system: System) -> float:
 def peak_frequency_of_steps(steps: System) -> float:
     """Return the frequency of the largest gain of a stable system in discrete time, rad/step.
 
+    D must be 0.
+
     Raises LinAlgError as `peak_frequency` does.
     """
-    # The gain at infinite frequency, z = -1, makes the search inaccurate. It is the smaller one of
-    # those at z = 1 and -1 if z and A change their sign where necessary.
+    # A large gain at infinite frequency, z = -1, makes the search inaccurate. If the gain at z = -1
+    # is above that at z = 1, z and A change their sign, which leaves all gains (D = 0).
     one = np.eye(len(steps.A))
     at_plus_1, at_minus_1 = (
         np.linalg.norm(steps.C @ np.linalg.solve(z * one - steps.A, steps.B), 2)

@@ -434,14 +434,14 @@ def _output_equation(
         C = np.eye(n)
         outputs = outputs or names.states
     else:
-        outputs = outputs or _labels(C, 0)
-        C = _labelled("C", C, outputs, names.states)
-        outputs = outputs or numbered("y", len(C))
+        labels = outputs or _labels(C, 0)
+        C = _labelled("C", C, labels, names.states)
+        outputs = labels or numbered("y", len(C))
     D = np.zeros((len(C), m)) if D is None else _labelled("D", D, outputs, names.inputs)
     for matrix_name, matrix, width in (("C", C, n), ("D", D, m)):
         if matrix.shape != (len(C), width):
-            right_shape = shape_text((len(C), width))
-            raise BadInputError(f"{matrix_name} is {shape_text(matrix.shape)}; give {right_shape}")
+            needed = shape_text((len(C), width))
+            raise BadInputError(f"{matrix_name} is {shape_text(matrix.shape)}; give {needed}")
     if len(outputs) != len(C):
         raise BadInputError(
             f"outputs has {len(outputs)} names, but C has {len(C)} rows; give a name for each row"
@@ -493,8 +493,9 @@ def _with_all(linear: LinearModel, stored: Mapping[str, Any], name: str) -> Line
     output_units = words(stored, "output_units") or ("1",) * k
     outputs = _signals(linear.outputs, output_units, Y0)
     rows = map(OutputRow, outputs.values(), linear.C, linear.D, F)
-    warnings = words(stored, "warnings")  # among them, for a plant, the note that it is linear
-    of_plant = LINEAR if LINEAR in warnings else LINEAR_WITH_OFFSETS
+    # The first note marks a linear plant. The file of one contains this note among its warnings.
+    warnings = words(stored, "warnings")
+    linear_note = LINEAR if LINEAR in warnings else LINEAR_WITH_OFFSETS
     model = plant_about(
         name,
         states=_signals(linear.states, words(stored, "state_units"), X0),
@@ -504,7 +505,7 @@ def _with_all(linear: LinearModel, stored: Mapping[str, Any], name: str) -> Line
         ),
         matrices=(linear.A, linear.B, E),
         outputs=dict(zip(outputs, rows, strict=True)),
-        notes=tuple(dict.fromkeys((of_plant, *warnings))),
+        notes=tuple(dict.fromkeys((linear_note, *warnings))),
     )
     point = point_of_plant(model)
     return replace(linear, E=E, F=F, disturbances=disturbances, output_offsets=Y0, point=point)

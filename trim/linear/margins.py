@@ -2,9 +2,10 @@
 
 The margins are computed from M = S - I/2, with the sensitivity S = (I + L)⁻¹ of the loop L. The
 loop stays stable for all factors in a disk of size α if σ_max(D M D⁻¹) < 1/α at each frequency,
-with any diagonal D there. A scalar loop l = (1/2 - M) / (1/2 + M) is real where M is real, and
-|l| = 1 where M is imaginary. Gain margins are factors (not dB), phases are in degrees and
-frequencies in rad/s. All is computed in doubles, and not proved, for a loop that is proved stable.
+with any diagonal D there. A scalar loop l = T/S has S = M + 1/2 and T = 1 - S. It is real where M
+is real, and |l| = 1 where M is imaginary. Gain margins are factors (not dB), phases are in degrees
+and frequencies in rad/s. All is computed in doubles, and not proved, for a loop that is proved
+stable.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ MANY = 120
 SWEEPS = 20
 #: Relative distance of σ_max(D M D⁻¹) from its least value, up to a factor of m.
 SETTLED = 1e-10
-#: Change of A, relative to its norm, that parts equal eigenvectors.
+#: Change of A, relative to its norm, that separates equal eigenvectors.
 CHANGE = 1e-13
 #: Number of times in which a response is computed from the modes and corrected.
 ROUNDS = 3
@@ -126,7 +127,7 @@ class ClosedLoop:
         """Modes of A, which is changed by rounding if its eigenvectors are nearly dependent."""
         values, vectors = np.linalg.eig(self.A)
         if not np.linalg.cond(vectors) < 1.0 / CHANGE:
-            # random entries of the size of rounding, which part equal eigenvectors
+            # random entries of the size of rounding, which separate equal eigenvectors
             change = spread(len(self.A)) * CHANGE * np.linalg.norm(self.A)
             values, vectors = np.linalg.eig(self.A + change)
         return Modes(values, vectors, np.linalg.inv(vectors))
@@ -140,15 +141,15 @@ class ClosedLoop:
         """
         values, vectors, inverse = self.modes
         s = 1j * np.repeat(frequencies, self.B.shape[1])  # a column of x for each ω and each input
-        right = np.tile(self.B, len(frequencies))
-        x = np.zeros(right.shape, dtype=complex)
+        inputs = np.tile(self.B, len(frequencies))
+        x = np.zeros(inputs.shape, dtype=complex)
         for _ in range(ROUNDS):
-            residual = right - s * x + self.A @ x
+            residual = inputs - s * x + self.A @ x
             correction = vectors @ (inverse @ residual / (s - values[:, None]))
             x += correction
-        is_lost = ~(np.abs(correction).max(0) <= NEAR * np.abs(x).max(0))
-        matrices = s[is_lost, None, None] * np.eye(len(self.A)) - self.A
-        x[:, is_lost] = np.linalg.solve(matrices, right.T[is_lost, :, None])[:, :, 0].T
+        is_inaccurate = ~(np.abs(correction).max(0) <= NEAR * np.abs(x).max(0))
+        matrices = s[is_inaccurate, None, None] * np.eye(len(self.A)) - self.A
+        x[:, is_inaccurate] = np.linalg.solve(matrices, inputs.T[is_inaccurate, :, None])[:, :, 0].T
         outputs = (self.C @ x).reshape(len(self.C), len(frequencies), self.B.shape[1])
         return self.D + np.moveaxis(outputs, 1, 0)
 
@@ -166,23 +167,23 @@ def spread(n: int) -> np.ndarray:
     return np.cos(np.arange(float(n * n)) ** 1.5).reshape(n, n)
 
 
-def loop_of(
-    closed: np.ndarray, enters: np.ndarray, leaves: np.ndarray, dt: float | bool | None
-) -> ClosedLoop:
-    """Return M = I/2 + leaves (s I - closed)⁻¹ enters of a stable loop, in balanced units.
+def loop_of(A: np.ndarray, B: np.ndarray, C: np.ndarray, dt: float | bool | None) -> ClosedLoop:
+    """Return M = S - I/2 of a stable loop, in balanced units, with the sensitivity at its inputs
+    S = I + C (s I - A)⁻¹ B.
 
-    closed: (n, n), state matrix of the closed loop
-    enters: (n, m), effect of the inputs on the states
-    leaves: (m, n), effect of the states on the inputs
+    A: (n, n), state matrix of the closed loop
+    B: (n, m), effect of the inputs on the states
+    C: (m, n), feedback u = C x of the loop
     dt: None in continuous time; in discrete time the sample time, s, or True if it is not known:
         frequencies are then in rad per step
     """
-    A, units = balanced(closed)
-    B, C = enters / units[:, None], leaves * units
-    with np.errstate(all="ignore"):  # units of the inputs in which each enters as much as it leaves
-        inputs = np.sqrt(np.linalg.norm(C, axis=1) / np.linalg.norm(B, axis=0))
-    inputs = np.where((inputs > 0.0) & np.isfinite(inputs), inputs, 1.0)
-    loop = System(A, B * inputs, C / inputs[:, None], 0.5 * np.eye(len(C)))
+    A, units = balanced(A)
+    B, C = B / units[:, None], C * units
+    # In these units of u_i, column i of B is as large as row i of C.
+    with np.errstate(all="ignore"):
+        ratios = np.sqrt(np.linalg.norm(C, axis=1) / np.linalg.norm(B, axis=0))
+    units_of_u = np.where((ratios > 0.0) & np.isfinite(ratios), ratios, 1.0)
+    loop = System(A, B * units_of_u, C / units_of_u[:, None], 0.5 * np.eye(len(C)))
     if dt is None:
         return ClosedLoop(*loop)
     return ClosedLoop(*in_continuous_time(loop), dt=float(dt))
@@ -213,18 +214,19 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
     point = float(grid[largest])
     frequency = math.inf
     highest = float(scaled_norm(loop.D, best_scaling(loop.D)))
-    per_widening = max(MANY // len(loop.D) ** 2, 1)  # steps until the slack grows tenfold
+    # The distance of the level above the largest bound is multiplied by 10 after so many steps, so
+    # that the search ends.
+    steps_per_decade = max(MANY // len(loop.D) ** 2, 1)
     count = 0
     while pieces:
         count += 1
         M = loop.at(np.array([point]))[0]
-        slack = ABOVE * 10.0 ** (count // per_widening)
         scaling = best_scaling(M, scaling)
         bound = float(scaled_norm(M, scaling))
         if bound > highest * (1.0 + ABOVE):
             frequency = point
         highest = max(highest, bound)
-        level = highest * (1.0 + slack)
+        level = highest * (1.0 + ABOVE * 10.0 ** (count // steps_per_decade))
         pieces = _pieces_above(loop, scaling, level, pieces, point)
         if pieces:
             point = _between(*pieces[-1])
@@ -236,6 +238,7 @@ def _between(low: float, high: float) -> float:
     """Return a frequency inside an interval of frequencies, rad/s."""
     if math.isinf(high):
         return 4.0 * low or 1.0
+    # An interval above two octaves is halved on a logarithmic scale.
     return math.sqrt(low * high) if 0.0 < 4.0 * low < high else 0.5 * (low + high)
 
 
@@ -248,15 +251,16 @@ def _pieces_above(
 ) -> list[Piece]:
     """Return those parts of frequency intervals in which σ_max(D M D⁻¹) is above a level.
 
-    Between neighboring crossings of the level, it is everywhere above or everywhere below. The part
-    with the largest value comes last. A part that no number divides is left out.
+    Between neighboring crossings of the level, σ_max is everywhere above or everywhere below it.
+    The part with the largest σ_max comes last. A part without a double between its ends is left
+    out.
 
     scaling: log D, (m,)
     cut: frequency at which the intervals are divided too
     """
     D = np.exp(scaling)
-    C, through = D[:, None] * loop.C, D[:, None] * loop.D / D
-    crossings = np.append(level_crossings(loop.A, loop.B / D, C, through, level), cut)
+    C, feedthrough = D[:, None] * loop.C, D[:, None] * loop.D / D
+    crossings = np.append(level_crossings(loop.A, loop.B / D, C, feedthrough, level), cut)
     crossings.sort()
     parts: list[Piece] = []
     for low, high in pieces:
@@ -291,7 +295,8 @@ def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
     if m == 2:  # σ_max is least where |M12| D1/D2 = |M21| D2/D1, as |det M| is that of D M D⁻¹
         return log_D - log_D[-1]
     gamma = 2.0 * float(scaled_norm(M, log_D)) or math.inf
-    # D² - S'D² S grows by these parts of D² and S'D² S with log D² and log γ².
+    # Derivatives of γ² D² - M'D² M with respect to log D² and log γ² (columns), as multiples of the
+    # m terms of γ² D² and of the m terms of M'D² M (rows).
     growth = np.block([[np.eye(m), np.ones((m, 1))], [-np.eye(m), np.zeros((m, 1))]])
     while True:
         U, sizes, V = np.linalg.svd(np.exp(log_D[:, None] - log_D) * M)
@@ -301,16 +306,18 @@ def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
             return log_D - log_D[-1]
         roots = np.sqrt(weights)[:, None] * np.hstack([V, ratios[:, None] * U.conj().T])
         products = roots.conj().T @ roots
-        # by log D² and log γ²; t = Σ (1 + ratios²) weights
+
+        # Derivatives by log D² and log γ², with t = Σ (1 + ratios²) weights:
         slope = np.append((np.abs(U) ** 2 - np.abs(V.T) ** 2) @ weights, weights.sum())
         curvature = growth.T @ np.abs(products) ** 2 @ growth - np.diag(slope)
         curvature[m, :m] -= products.diagonal().real[:m]
         curvature[:m, m] -= products.diagonal().real[:m]
         curvature[:m, :m] += np.diag(2.0 * slope[:m] - 1.0) + 1.0  # the mean of log D is free
         curvature += 1e-15 * curvature.max() * np.eye(m + 1)
+
         step = np.linalg.solve(curvature, -slope)
         decrement = math.sqrt(max(-float(slope @ step), 0.0))
-        step /= max(1.0 + decrement, float(np.abs(step).max()))
+        step /= max(1.0 + decrement, float(np.abs(step).max()))  # damped Newton step
         log_D = log_D + 0.5 * step[:m]
         gamma *= math.exp(0.5 * step[m])
 
@@ -348,17 +355,17 @@ def disk_sizes(alpha: float) -> tuple[float, float]:
     return gain, math.degrees(2.0 * math.atan(alpha / 2.0))
 
 
-#: Where |M - 1/2| is below this fraction of its largest value, half of its digits may be lost: the
-#: loop gain is 0 there, up to rounding.
-ROUNDING = math.sqrt(np.finfo(float).eps)
-#: Where |M + 1/2| is below this, three of its digits may be left: the loop gain is infinite there.
-INFINITE = 1e3 * np.finfo(float).eps
+#: Where |T| is below this fraction of its largest value, half of its digits may be lost: the loop
+#: gain |l| = |T/S| is 0 there, up to rounding.
+_T_IS_ZERO = math.sqrt(np.finfo(float).eps)
+#: Where |S| is below this, three of its digits may be left: the loop gain is infinite there.
+_S_IS_ZERO = 1e3 * np.finfo(float).eps
 #: Largest number of alternating secant and bisection steps for a crossover.
 _ROUNDS = 17
 #: A crossover has converged if two secants agree to this relative accuracy.
 _SETTLED = 1e-15
 
-#: Function ω (N,) -> M of one loop, (N,).
+#: Function ω (N,) -> -T of one loop, (N,).
 Locus = Callable[[np.ndarray], np.ndarray]
 
 
@@ -411,53 +418,59 @@ def single_margin(loop: ClosedLoop, i: int) -> LoopMargin:
     """Return the stability margins of loop i, with all other loops closed.
 
     The gain margins follow from the frequencies at which M is real, the phase and delay margins
-    from those at which it is imaginary. They are searched for wherever Im M or Re M changes its
-    sign on a grid that resolves every resonance and every zero of Re M and Im M.
+    from those at which it is imaginary. These frequencies are searched for wherever Im M or Re M
+    changes its sign on a grid that resolves every resonance and every zero of Re M and Im M.
 
     loop: the closed loop, M at all inputs
 
     Source: Blight, Dailey and Gangsaas, Int. J. Control 59 (1994).
     """
-    only = loop.only(i)
-    zeros = np.unique(np.concatenate([_zeros(only, sign) for sign in (-1.0, 1.0)]))
+    single = loop.only(i)
+    zeros = np.unique(np.concatenate([_zeros(single, sign) for sign in (-1.0, 1.0)]))
     between = (zeros[1:] + zeros[:-1]) / 2.0
     resonances = frequency_grid(loop.modes.values)
     grid = np.unique(np.concatenate([zeros, between, resonances]))
 
-    below = replace(only, D=only.D - 0.5)  # M - 1/2, which is small without rounding
+    # -T = M - 1/2 and S = 1 - T. A subtraction of 1/2 from M would round a small T.
+    minus_T_loop = replace(single, D=single.D - 0.5)
 
     def locus(frequencies: np.ndarray) -> np.ndarray:
-        return below.at(frequencies)[:, 0, 0]
+        return minus_T_loop.at(frequencies)[:, 0, 0]
 
-    seen = locus(grid)  # M - 1/2
-    where_real = _crossings(np.imag, locus, grid, seen)
-    where_imaginary = _crossings(lambda values: np.real(values) + 0.5, locus, grid, seen)
-    at_zero, at_infinity = seen[grid == 0.0].real, below.D.ravel()
-    real_values = np.concatenate([at_zero, where_real.values.real, at_infinity])
-    real_values = real_values[~_is_rounding(real_values, seen)]
-    frequencies = only.rate(where_imaginary.frequencies)
-    # With M = S - I/2, a factor f on the loop reaches -1 where f = (M + 1/2) / (M - 1/2).
-    gains = (real_values + 1.0) / real_values
+    on_grid = locus(grid)
+    where_real = _crossings(np.imag, locus, grid, on_grid)
+    where_imaginary = _crossings(lambda minus_T: np.real(minus_T) + 0.5, locus, grid, on_grid)
+
+    # A gain f > 0 brings the loop to f l = -1 where l = T/S is real: f = S / -T.
+    at_zero, at_infinity = on_grid[grid == 0.0].real, minus_T_loop.D.ravel()
+    real_values = np.concatenate([at_zero, where_real.minus_T.real, at_infinity])
+    real_values = real_values[~_is_rounding(real_values, on_grid)]
+    gains = (1.0 + real_values) / real_values
     gains = gains[gains > 0.0]
-    angles = np.angle(where_imaginary.values / (where_imaginary.values + 1.0))
+
+    # Where |l| = 1, the angle of -l = -T/S is the phase lag that brings the loop to -1.
+    frequencies = single.rate(where_imaginary.frequencies)
+    angles = np.angle(where_imaginary.minus_T / (1.0 + where_imaginary.minus_T))
     phases = np.degrees(np.abs(angles))
     with np.errstate(divide="ignore"):  # no delay changes the phase at 0
         delays = np.mod(angles, 2.0 * np.pi) / frequencies
-    most_sensitive = float(grid[np.abs(seen + 0.5).argmax()])  # frequency of the largest |M|
+
+    at_largest_M = float(grid[np.abs(on_grid + 0.5).argmax()])
     return LoopMargin(
         gain_low=float(gains[gains < 1.0].max(initial=0.0)),
         gain_high=float(gains[gains > 1.0].min(initial=math.inf)),
         phase=float(phases.min(initial=math.inf)),
         crossover=float(frequencies[phases.argmin()]) if phases.size else math.nan,
         delay=float(delays.min(initial=math.inf)),
-        disk=disk_of(only, most_sensitive).disk,
+        disk=disk_of(single, at_largest_M).disk,
     )
 
 
 def _zeros(loop: ClosedLoop, sign: float) -> np.ndarray:
     """Return all frequencies at which Re M of one loop may be 0, or Im M, rad/s.
 
-    They are |Im λ| of the zeros λ of M(s) + M(-s), or of M(s) - M(-s), the eigenvalues of a pencil.
+    They are |Im λ| of the zeros λ of M(s) + M(-s), or of M(s) - M(-s), the eigenvalues of the
+    pencil (system, mass).
 
     sign: 1 for Re M, -1 for Im M
     """
@@ -469,8 +482,8 @@ def _zeros(loop: ClosedLoop, sign: float) -> np.ndarray:
     A = loop.A / unit
     system = np.block([[A, zero, B], [zero, -A, -sign * B], [C, C, loop.D * (1.0 + sign)]])
     mass = np.diag(np.repeat([1.0, 0.0], [2 * n, 1]))
-    # The eigenvalues λ of the pencil are those 1 / (λ - shift) of an inverse; 0 for infinite ones.
-    shift = 0.37  # is no eigenvalue
+    # (system - shift mass)⁻¹ mass has the eigenvalues 1 / (λ - shift), 0 for infinite λ.
+    shift = 0.37  # any real number that is not an eigenvalue; it leaves Im λ
     try:
         inverses = np.linalg.eigvals(np.linalg.solve(system - shift * mass, mass))
     except np.linalg.LinAlgError:  # every number is a zero, as where the loop gain is 0
@@ -478,52 +491,52 @@ def _zeros(loop: ClosedLoop, sign: float) -> np.ndarray:
     return unit * np.abs((1.0 / inverses[inverses != 0.0]).imag)
 
 
-def _is_rounding(values: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """Return whether the loop gain is 0 or infinite up to rounding at values of M - 1/2.
+def _is_rounding(minus_T: np.ndarray, on_grid: np.ndarray) -> np.ndarray:
+    """Return whether the loop gain |T/S| is 0 or infinite up to rounding, at values of -T.
 
-    seen: M - 1/2 at the grid
+    on_grid: -T at the grid
     """
-    sizes = np.abs(values)
-    is_zero = sizes <= ROUNDING * np.abs(seen).max()
-    return np.asarray(is_zero | (np.abs(values + 1.0) < INFINITE))
+    is_zero = np.abs(minus_T) <= _T_IS_ZERO * np.abs(on_grid).max()
+    is_infinite = np.abs(1.0 + minus_T) < _S_IS_ZERO  # S = 1 - T
+    return np.asarray(is_zero | is_infinite)
 
 
 class _Crossings(NamedTuple):
-    """Frequencies at which Re M or Im M changes its sign, rad/s, (J,), and M - 1/2 there."""
+    """Frequencies at which Re M or Im M changes its sign, rad/s, (J,), and -T = M - 1/2 there."""
 
     frequencies: np.ndarray
-    values: np.ndarray
+    minus_T: np.ndarray
 
 
 def _crossings(
-    part: Callable[[np.ndarray], np.ndarray], locus: Locus, grid: np.ndarray, seen: np.ndarray
+    part: Callable[[np.ndarray], np.ndarray], locus: Locus, grid: np.ndarray, on_grid: np.ndarray
 ) -> _Crossings:
     """Return the frequencies between points of a grid at which Re M or Im M changes its sign.
 
-    By secants and bisections in turn.
+    The frequencies are found by secants and bisections in turn.
 
-    part: function M - 1/2 -> Re M or Im M
-    locus: M - 1/2
-    seen: M - 1/2 at the grid, (N,)
+    part: function -T -> Re M or Im M
+    locus: function ω -> -T = M - 1/2
+    on_grid: -T at the grid, (N,)
     """
-    # If l is 0 or infinite up to rounding, rounding changes the sign of Im M.
-    is_rounding = _is_rounding(seen, seen)
-    is_positive = part(seen) > 0.0
+    # Where the loop gain is 0 or infinite up to rounding, the sign of Im M is that of a rounding.
+    is_rounding = _is_rounding(on_grid, on_grid)
+    is_positive = part(on_grid) > 0.0
     changes = is_positive[1:] != is_positive[:-1]
     (where,) = np.nonzero(changes & ~(is_rounding[1:] & is_rounding[:-1]))
     low, high = grid[where], grid[where + 1]
-    M_low, M_high = seen[where], seen[where + 1]
+    at_low, at_high = on_grid[where], on_grid[where + 1]
     last_secant = low
     for number in range(_ROUNDS):
         is_secant = number % 2 == 0
-        share = part(M_low) / (part(M_low) - part(M_high)) if is_secant else 0.5
+        share = part(at_low) / (part(at_low) - part(at_high)) if is_secant else 0.5
         point = low + share * (high - low)
-        M = locus(point)
-        is_low = (part(M) > 0.0) == is_positive[where]
-        low, M_low = np.where(is_low, point, low), np.where(is_low, M, M_low)
-        high, M_high = np.where(is_low, high, point), np.where(is_low, M_high, M)
+        at_point = locus(point)
+        is_low = (part(at_point) > 0.0) == is_positive[where]
+        low, at_low = np.where(is_low, point, low), np.where(is_low, at_point, at_low)
+        high, at_high = np.where(is_low, high, point), np.where(is_low, at_high, at_point)
         if is_secant:
             if np.all(np.abs(point - last_secant) <= _SETTLED * point):
                 break
             last_secant = point
-    return _Crossings(point, M)
+    return _Crossings(point, at_point)

@@ -44,8 +44,8 @@ class Mode(Result):
     participation: dict[str, float]
 
 
-#: Smallest participation on a sheet.
-_SEEN = 0.005
+#: Smallest participation that a table of modes prints.
+_LEAST_PRINTED = 0.005
 #: Least participation of a family in a mode that is named after it instead of another family.
 _SHARED = 0.25
 
@@ -74,9 +74,9 @@ def modes_of(
 
     The participation of state k in mode i is |w_ki v_ki| / Σ_k |w_ki v_ki|, with right and left
     eigenvectors v, w (Perez-Arriaga, Verghese, Schweppe 1982). A mode is named after the family of
-    states with the largest participation. A state without a family is its own family. Of two modes
-    of one family, one without oscillation is named after a family that would have none, if that
-    family participates in it by at least a fourth, as the spiral in a steep turn. More than two
+    states with the largest participation. A state without a family is its own family. A family that
+    names no mode, such as the spiral in a steep turn, takes a mode without oscillation from one
+    that names several, if its participation in that mode is at least a fourth. More than two
     eigenvalues 0, whose eigenvectors are arbitrary, are named "neutral". Equal names are
     distinguished by "fast" and "slow", or by numbers if there are more than two.
 
@@ -100,7 +100,7 @@ def modes_of(
         raise BadInputError("A has an entry that is not finite; give finite numbers")
     eigenvalues, _, right, left = spectrum(A)
     weights = np.abs(right * left.T)
-    coincide = weights.sum(axis=0) <= np.finfo(float).eps  # w v is 0 for a double eigenvalue
+    coincide = weights.sum(axis=0) <= np.finfo(float).eps  # w v = 0 for a double eigenvalue
     weights = np.where(coincide, np.abs(right) ** 2, weights)
     shares = weights / weights.sum(axis=0)
 
@@ -133,21 +133,21 @@ def _with_missing_families(
     participations: Sequence[Mapping[str, float]],
     families: Mapping[str, Iterable[str]],
 ) -> list[str]:
-    """Return names of modes in which each family that names none names one of several of another.
+    """Return names of modes, in which a family that names none takes a mode from one with several.
 
-    Of the modes of the other family without oscillation, it is the one in which the new family
-    participates most, if by at least `_SHARED`.
+    The family takes the mode without oscillation in which it participates most, if its share is at
+    least `_SHARED`.
     """
     named = list(names)
     for family in [name for name in families if name not in named]:
-        shared = {
+        shares = {
             mode: _share(participations[mode], families[family])
             for mode, name in enumerate(named)
             if name in families and named.count(name) > 1 and values[mode].imag == 0.0
         }
-        nearest = max(shared, key=shared.__getitem__, default=None)
-        if nearest is not None and shared[nearest] >= _SHARED:
-            named[nearest] = family
+        largest = max(shares, key=shares.__getitem__, default=None)
+        if largest is not None and shares[largest] >= _SHARED:
+            named[largest] = family
     return named
 
 
@@ -159,8 +159,8 @@ def _share(participation: Mapping[str, float], members: Iterable[str]) -> float:
 def spectrum(A: np.ndarray) -> Spectrum:
     """Return the eigenvalues and eigenvectors of A, with bounds on the errors of the eigenvalues.
 
-    The bounds are those of A in units of the states, powers of two, in which it is balanced. They
-    do not depend on the units of A.
+    The bounds are computed in units of the states, powers of two, in which A is balanced.
+    They therefore do not depend on the units of A.
 
     A: (n, n)
     """
@@ -174,18 +174,18 @@ def spectrum(A: np.ndarray) -> Spectrum:
 
 
 def _left_vectors(A: np.ndarray, values: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return left eigenvectors of A of length 1 as rows, (n, n): the right ones inverted."""
-    # Where right ones nearly coincide, the inverse mixes their left ones into all rows, by half of
-    # the digits or more; inverse iteration then separates them.
+    """Return left eigenvectors of A of length 1 as rows, (n, n): the inverse of the right ones."""
+    # Where right eigenvectors nearly coincide, half of the digits of the inverse or more are wrong
+    # in all rows: each row then begins an inverse iteration w (A - λ) = previous w.
     eps = np.finfo(float).eps
     U, singular, Vh = np.linalg.svd(right)
     left = (Vh.conj().T / np.maximum(singular, eps)) @ U.conj().T
     if singular[-1] < np.sqrt(eps):
         Q, R = np.linalg.qr((A - values[:, None, None] * np.eye(len(A))).swapaxes(1, 2))
-        pivots = np.einsum("kii->ki", R)
+        pivots = np.einsum("kii->ki", R)  # a view of the diagonals
         least = ROUNDING * float(np.linalg.norm(A))
-        pivots[np.abs(pivots) < least] = least
-        for _ in range(2):  # the first step leaves much of a defective pair's other direction
+        pivots[np.abs(pivots) < least] = least  # A - λ is singular
+        for _ in range(2):  # after one step, the vectors of a defective pair are not yet separated
             left = np.linalg.solve(R, Q.conj().swapaxes(1, 2) @ left[..., None])[..., 0]
             left /= np.abs(left).max(axis=1, keepdims=True)
     return np.asarray(left / np.linalg.norm(left, axis=1, keepdims=True))
@@ -196,11 +196,12 @@ def _errors_of_eigenvalues(
 ) -> np.ndarray:
     """Return bounds on the errors of the eigenvalues of A, (n,), due to the rounding of A."""
     # The error of a simple eigenvalue is the rounding error of A divided by |w'v| (Wilkinson), with
-    # its eigenvectors of length 1. That of an eigenvalue that coincides with another one is the
-    # distance at which the smallest singular value of A - s I exceeds the rounding error.
+    # its eigenvectors of length 1. The error of an eigenvalue that coincides with another one is
+    # the distance from it at which the smallest singular value of A - s I exceeds the rounding
+    # error, both for real and for imaginary distances, or the norm of A.
     eps = np.finfo(float).eps
-    size = float(np.linalg.norm(A))
-    rounding = ROUNDING * size
+    norm = float(np.linalg.norm(A))
+    rounding = ROUNDING * norm
     cosines = np.abs(np.sum(left * right.T, axis=1))
     errors = rounding / np.maximum(cosines, eps)
     distances = rounding * 4.0 ** np.arange(np.log(1.0 / ROUNDING) / np.log(4.0) + 1.0)
@@ -208,12 +209,12 @@ def _errors_of_eigenvalues(
         points = values[i] + np.outer(distances, [1.0, 1.0j])
         singular = np.linalg.svd(A - points[..., None, None] * np.eye(len(A)), compute_uv=False)
         outside = (singular[..., -1] > rounding).all(axis=1)
-        errors[i] = distances[np.argmax(outside)] if outside.any() else size
+        errors[i] = distances[np.argmax(outside)] if outside.any() else norm
     return np.asarray(errors)
 
 
 def _distinguished(names: list[str]) -> list[str]:
-    """Return names of modes, equal ones with "fast" and "slow", or with numbers."""
+    """Return names of modes, fastest first, equal ones with "fast" and "slow", or numbers."""
     different = []
     for index, name in enumerate(names):
         count = names.count(name)
@@ -253,7 +254,7 @@ def modes_table(modes: Iterable[Mode], time: str, *, participation: bool = True)
     rows = []
     for mode in modes:
         largest = sorted(mode.participation.items(), key=lambda item: -item[1])[:2]
-        largest = [(state, share) for state, share in largest if share >= _SEEN]
+        largest = [(state, share) for state, share in largest if share >= _LEAST_PRINTED]
         row = (
             mode.name,
             eigenvalue_text(mode.eigenvalue),

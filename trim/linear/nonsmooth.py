@@ -25,12 +25,12 @@ _ROUNDING = {ca.OP_FLOOR, ca.OP_CEIL}
 #: only to be resolved (ten digits of it are) and small beside the curvature.
 STEP = 1e-6
 #: Distance of the points on both sides, in steps. A switch is at most two steps away.
-_BESIDE = 3.0
+_DISTANCE = 3.0
 #: Number of points near a switch at which slopes are computed together.
 _AT_ONCE = 10_000
 #: Largest difference of equal slopes, as a fraction of 1 + |slope|, in scaled units. Extrapolation
 #: leaves (3 STEP)² J'', 1e-11 of a J'' of 1, and 1e-6 of one of 1e5.
-_APART = 1e-6
+_SLOPE_TOLERANCE = 1e-6
 #: Smallest jump of a rate, as a fraction of the change due to the slopes, and of the rate's scale,
 #: whose balance in a trim is 1e-10.
 _JUMP, _LEAST_JUMP = 1e-2, 1e-9
@@ -139,7 +139,7 @@ def near_switches(model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> 
     is_near = distances <= 0.0
     points = np.flatnonzero(is_near.any(axis=1))
     changes_of_near = changes.reshape(*distances.shape, len(steps))[is_near]
-    if not changes_of_near.any(axis=1).all():  # a switch that depends on z in second order only
+    if not changes_of_near.any(axis=1).all():  # a switch of second order in all of them
         return NearSwitches(points, np.arange(len(steps)))
     return NearSwitches(points, np.flatnonzero(changes_of_near.any(axis=0)))
 
@@ -163,13 +163,15 @@ def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
     """Return a function that shows how near points (x, u, p) are to each switch of the rates, or
     None if the rates call functions, such as `casadi.interpolant`, whose switches are not visible.
     """
-    # A switch |.|, sign, min, max, comparison or rounding is at the zeros of an expression s. For
-    # each one, the function returns |s| - 2 Σ m, which is not positive near the switch, and the
-    # changes m = |∂s/∂(x, u)| steps of s by a step of each state and input.
+    # A switch |.|, sign, min, max, comparison or rounding is at the zeros of an expression s. A
+    # step of state or input i changes s by m_i = |∂s/∂z_i| step_i. For each switch, the function
+    # returns |s| - 2 Σ m_i, which is not positive near the switch, and all m_i.
     rates = rates_of(layout)
     operations = [rates.instruction_id(k) for k in range(rates.n_instructions())]
     if ca.OP_CALL in operations:
         return None
+
+    # The rates are computed once more, operation by operation, to collect the expressions s.
     x, u, p = vectors = layout.symbols("x", "u", "p")
     switches = []
     memory = [ca.SX(0) for _ in range(rates.sz_w())]
@@ -191,9 +193,10 @@ def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
                 switches.append(ca.sin(ca.pi * operands[0]))
             make = ca.SX.unary if len(operands) == 1 else ca.SX.binary
             memory[target] = make(operation, *operands)
+
     z = ca.vertcat(x, u)
     affected = [switch for switch in switches if ca.depends_on(switch, z)]
-    s = ca.vertcat(ca.SX(0, 1), *affected)  # also without any
+    s = ca.vertcat(ca.SX(0, 1), *affected)  # a column even without a switch
     changes = ca.fabs(ca.densify(ca.jacobian(s, z))) @ ca.diag(ca.DM(steps))
     distances = ca.fabs(s) - 2 * ca.sum2(changes)
     parts = [ca.densify(distances), ca.vec(ca.densify(changes).T)]
@@ -203,22 +206,27 @@ def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
 def _mean_along(
     model: Model, z: np.ndarray, p: np.ndarray, slopes: np.ndarray, column: int
 ) -> tuple[np.ndarray, dict[int, list[str]]]:
-    """Return slopes (N, n) along a state or input, means where sides differ, and notes by point."""
+    """Return slopes (N, n) along a state or input, the mean where both sides differ, and notes by
+    point.
+    """
     name, signal = [*model.states.items(), *model.inputs.items()][column]
     rate_scales = _rate_scales(model)
-    step = _BESIDE * STEP * signal.nominal  # three steps: a switch is at most two away
+    step = _DISTANCE * STEP * signal.nominal  # beyond a switch, which is at most two STEP away
     below = _side(model, z, p, column, -step)
     above = _side(model, z, p, column, step)
     curvature = below.changes + above.changes  # change of the slopes in a step
-    # The slopes extrapolated from one side differ by less where the rates are smooth.
-    allowed = _APART * (rate_scales / signal.nominal + np.abs(slopes)) + curvature
+
+    # Where the rates are smooth, the slopes extrapolated from both sides differ by less than this:
+    allowed = _SLOPE_TOLERANCE * (rate_scales / signal.nominal + np.abs(slopes)) + curvature
     differences = np.maximum(np.abs(below.slopes - slopes), np.abs(above.slopes - slopes))
     is_nonsmooth = differences > allowed
-    # A jump is what the rates change by beyond the slopes of both sides.
+    mean = np.where(is_nonsmooth, (below.slopes + above.slopes) / 2.0, slopes)
+
+    # A jump is a change of the rates between both sides that the slopes do not explain.
     gap = np.abs(above.rates - below.rates - step * (above.slopes + below.slopes))
     by_slopes = step * (np.abs(above.slopes) + np.abs(below.slopes))
     jumps = gap > _JUMP * by_slopes + step * curvature + _LEAST_JUMP * rate_scales
-    mean = np.where(is_nonsmooth, (below.slopes + above.slopes) / 2.0, slopes)
+
     matrix = "A" if column < len(model.states) else "B"
     notes: dict[int, list[str]] = {}
     for place, row in np.argwhere(is_nonsmooth | jumps).tolist():
@@ -267,12 +275,12 @@ def _side(model: Model, z: np.ndarray, p: np.ndarray, column: int, step: float) 
     at, farther = z + step * direction, z + 2.0 * step * direction
     rates, near = along(at[:, :n], at[:, n:], p, direction)
     _, far = along(farther[:, :n], farther[:, n:], p, direction)
-    return _Side(rates, 2.0 * near - far, np.abs(near - far))
+    return _Side(rates=rates, slopes=2.0 * near - far, changes=np.abs(near - far))
 
 
 @lru_cache(maxsize=16)
 def _rates_along(layout: Layout) -> RowFunction:
-    """Return the function (x, u, p, direction) -> rates, derivatives of the rates along it."""
+    """Return the function (x, u, p, direction) -> rates, their derivatives in the direction."""
     rates = rates_of(layout)
     x, u, p = rates.sx_in()
     z = ca.vertcat(x, u)

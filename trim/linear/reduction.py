@@ -91,21 +91,23 @@ def reduced(
         raise BadInputError(
             "residualize contains every state of the model; remove at least one state"
         )
-    outputs = list(range(len(whole.outputs)))
-    if whole.outputs == whole.states:
-        outputs = rows
+    # Outputs that are the states, as by default, become the kept states.
+    outputs = rows if whole.outputs == whole.states else list(range(len(whole.outputs)))
+
     n, m = whole.B.shape
     # Columns of the kept states, the kept inputs, and all disturbances:
     chosen = [*rows, *(n + column for column in columns), *range(n + m, n + m + whole.E.shape[1])]
     by_columns = np.hstack([whole.A, whole.B, whole.E])[:, chosen]
     CDF = np.hstack([whole.C, whole.D, whole.F])[np.ix_(outputs, chosen)]
     ABE = by_columns[rows]
-    if following:
+
+    if following:  # x2 = -A22⁻¹ (A21 x1 + B2 u + E2 w)
         _refuse_singular(whole, following)
         A22 = whole.A[np.ix_(following, following)]
         followers_by_columns = -np.linalg.solve(A22, by_columns[following])
         ABE = ABE + whole.A[np.ix_(rows, following)] @ followers_by_columns
         CDF = CDF + whole.C[np.ix_(outputs, following)] @ followers_by_columns
+
     ends = np.cumsum([len(rows), len(columns)])
     A, B, E = np.split(ABE, ends, axis=1)
     C, D, F = np.split(CDF, ends, axis=1)

@@ -12,17 +12,17 @@ from hfa_support.errors import refuse_unknown
 from hfa_support.matrices import ROUNDING
 from trim.linear.modes import modes_of, order_fastest_first
 
-#: Bonus for keeping conjugate pairs together; it exceeds every gain.
-_PAIRED = 1e3
+#: Gain for keeping conjugate pairs together; it exceeds every other gain.
+_GAIN_OF_PAIRS = 1e3
 #: Weight of the distance of two eigenvalues compared with the similarity of their shapes. Two modes
 #: that interchange nearly parallel shapes keep their eigenvalues if these are far apart.
 _DISTANCE = 2.0
-#: Weight of a tie-breaking order; smaller than any difference of gains.
-_TIE = 1e-9
+#: Weight of an order that decides between equal gains; smaller than any difference of gains.
+_TIE_BREAK = 1e-9
 #: Number of pairs of points that are compared together.
 _AT_ONCE = 10_000
 #: Eigenvectors whose smallest singular value is below this fraction of the largest belong to modes
-#: that coincide: roundings part a double eigenvalue, and its eigenvectors, by the root of eps.
+#: that coincide: roundings separate a double eigenvalue, and its eigenvectors, by the root of eps.
 _PARALLEL = float(np.sqrt(np.finfo(float).eps))
 
 
@@ -127,13 +127,14 @@ def _along_tree(pairs: np.ndarray, paired: _Paired) -> Iterator[tuple[int, int, 
 
     count = len(paired.values)
     by_gain = np.argsort(-paired.gains)  # indices of the pairs, the most similar one first
-    rank = np.empty(len(pairs))
+    rank = np.empty(len(pairs))  # 1 for the most similar pair: the graph has no edge of weight 0
     rank[by_gain] = np.arange(1.0, len(pairs) + 1)
     graph = csr_array((rank, tuple(pairs.T.astype(np.int32))), (count, count))
     tree = minimum_spanning_tree(graph).tocoo()  # of the smallest ranks
     order, predecessors = breadth_first_order(tree, 0, directed=False)
-    ends = np.where(predecessors[tree.col] == tree.row, tree.col, tree.row)
+
     pair_to = np.empty(count, dtype=int)  # index of the pair that leads to each point
+    ends = np.where(predecessors[tree.col] == tree.row, tree.col, tree.row)
     pair_to[ends] = by_gain[tree.data.astype(int) - 1]
     for point in order[1:].tolist():
         match = paired.matches[pair_to[point]]
@@ -191,10 +192,9 @@ def _gain_of_pairing(modes: _Modes, others: _Modes) -> np.ndarray:
 
 def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Return the pairing of the eigenvalues of two points with the largest gain, (n,)."""
-    # Conjugate pairs, whose members are neighbors, are kept together. If a pair becomes two real
-    # eigenvalues, the member with positive imaginary part matches the lower real eigenvalue.
     from scipy.optimize import linear_sum_assignment
 
+    # Conjugate pairs, whose members are neighbors in order, are kept together.
     first_members = np.flatnonzero(values.imag > 0)
     other_first_members = np.flatnonzero(others.imag > 0)
     gain_of_pairs = gain[np.ix_(first_members, other_first_members)]
@@ -202,10 +202,13 @@ def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) 
     adjusted = gain.copy()
     for member in (0, 1):
         matched = first_members[pairs] + member, other_first_members[other_pairs] + member
-        adjusted[matched] += _PAIRED
+        adjusted[matched] += _GAIN_OF_PAIRS
+
+    # If a pair becomes two real eigenvalues, or the reverse, its members have equal gains: the
+    # member with positive imaginary part then matches the lower real eigenvalue.
     rank, other_rank = (roots.real.argsort().argsort() for roots in (values, others))
-    adjusted -= _TIE * np.outer(np.sign(values.imag), other_rank)
-    adjusted -= _TIE * np.outer(rank, np.sign(others.imag))
+    adjusted -= _TIE_BREAK * np.outer(np.sign(values.imag), other_rank)
+    adjusted -= _TIE_BREAK * np.outer(rank, np.sign(others.imag))
     _, best = linear_sum_assignment(adjusted, maximize=True)
     return np.asarray(best)
 
