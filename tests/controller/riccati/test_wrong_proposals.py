@@ -200,12 +200,17 @@ def test_nothing_is_accepted_where_there_is_no_solution(game):
                 proposed(equation, X, exact_Y(equation, X))
 
 
-def test_nothing_is_accepted_just_below_the_smallest_delta():
-    """P² - (0.75 + q) P + q = 0 has the double root 0.5 at q = 0.25, and none just above."""
-    game = Game([[0.5]], [[0.0]], E=[[1.0]], Q=[[0.2505]], R=[[1.0]], delta=1.0, dt=True)
+@pytest.mark.parametrize(
+    ("rate", "q", "root", "dt"), [(-1.0, 1.0, 1.0, None), (0.5, 0.25, 0.5, True)]
+)
+def test_nothing_is_accepted_just_below_the_smallest_delta(rate, q, root, dt):
+    """P² - 2 P + q = 0 has the double root 1 at q = 1, and P² - (0.75 + q) P + q = 0 has 0.5 at
+    q = 0.25. For q just above, they have none.
+    """
+    game = Game([[rate]], [[0.0]], E=[[1.0]], Q=[[q + 5e-4]], R=[[1.0]], delta=1.0, dt=dt)
     with precision(BITS):
         equation = equation_of(game, users_units(game), game.delta)
-        for X in np.linspace(0.3, 0.49, 20):
+        for X in root * np.linspace(0.6, 0.98, 20):
             proposal = ball_matrix(np.array([[X]]))
             with pytest.raises(NotProvedError):
                 proposed(equation, proposal, exact_Y(equation, proposal))
