@@ -206,6 +206,7 @@ class Turbulence:
                 f"turbulence requires; declare these, or a disturbance {UPDRAFT}"
             )
         taken: dict[str, dict[str, float]] = {}
+        # From a component to a disturbance: the direction, and the unit of the disturbance.
         for component, winds in directions.items():
             given = "ft/s" if component in "uvw" else "rad/s"
             for wind, direction in winds.items():

@@ -200,7 +200,7 @@ def exported_loop(
     now = loop.at(t, Y - ca.DM(trim_of_Y), held)
     U = now.inputs + ca.DM(point.u)
     vectors = Y[: len(point.states)], U, model.p
-    _, h = model.layout.expressions(vectors, tuple(model.outputs), w)
+    _, h = model.layout.expressions(vectors, tuple(model.outputs), w)  # the outputs alone
     outputs = [Channel(name, signal.unit) for name, signal in model.outputs.items()]
     if steering.sets_inputs:
         h = ca.vertcat(U, h)

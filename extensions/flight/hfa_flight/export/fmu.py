@@ -187,6 +187,7 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
     derivatives = xml.SubElement(structure, "Derivatives")
     computed = xml.SubElement(structure, "InitialUnknowns")
     variables = _variables(loop)
+    # References to variables count from 0, and their indices in the structure from 1.
     for number, variable in enumerate(variables):
         _add_variable(listed_variables, number, variable)
         index = str(number + 1)

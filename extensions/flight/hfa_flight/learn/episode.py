@@ -119,6 +119,7 @@ def _surviving_shares(
     model, flight = point.model, loop.flight
     rows = model.state_places(model.linear)
     count = len(directions) * len(_SHARES)
+    # A flight from each direction with each share: (D, shares, k), then one in each row.
     starts = np.tile(point.x, (count, 1))
     deviations = directions[:, None, :] * _SHARES[:, None] * box
     starts[:, rows] += deviations.reshape(count, len(box))
@@ -126,6 +127,7 @@ def _surviving_shares(
     ticks = step_count(_SURVIVED, flight.dt)
     flown, _ = loop.fly(flight.start(starts, trims), trims, ticks)
     envelope = flight_envelope(model, point)
+    # `least` and `most` are the limits with their tolerance.
     stays = flight.stays(flown.states, envelope.least, envelope.most).all(axis=1)
     stays = stays.reshape(len(directions), len(_SHARES))
     # True where the flights of this share, and of all smaller ones, stay.
@@ -198,6 +200,7 @@ class Episode:
         self.samples = round(seconds / dt)
         self._turbulence = turbulence
         boxes = np.array([start_box(deployed.model, point) for point in points])
+        # A sample of a flight, with given actions in place of those of the policy.
         self._flight = SampledFlight(
             deployed,
             dt,
@@ -215,6 +218,7 @@ class Episode:
             for point, envelope in zip(points, self._envelopes, strict=True)
         ]
         self._linear = deployed.model.state_places(deployed.model.linear)
+        # What changes from episode to episode, and the code of a sample.
         self.owner = 0
         self._winds_of_samples = np.zeros((self.samples, 0))
         self._observe = row_code(self._observation(), one_row=True)
@@ -396,6 +400,7 @@ class Episode:
         The reason is the violated limit or the value that is not a number.
         """
         time = self._done * self.deployed.deployment.dt
+        # Extremes in the sample: of a state the lower one if it is beyond a limit, else the upper.
         lowest, highest = self._flight.extremes(self._state[0, :-1])
         beyond = np.where(lowest < self.envelope.least, lowest, highest)
         if not self.envelope.within(beyond).all():

@@ -179,12 +179,12 @@ def scheduled_gains(
                 f"of {commanded}"
             )
     start = base.values[model.schedule]
-    if commands is None or not commands.names:
+    if commands is None or not commands.names:  # a command of 0: the variable is constant
         commands = CommandSteps((model.schedule,), np.zeros(1), np.zeros((1, 1)))
     commanded_values = np.append(start + commands.values, start)
     lowest, highest = float(commanded_values.min()), float(commanded_values.max())
     schedule.refuse_beyond(lowest, highest)
-    breakpoints = np.unique(np.linspace(lowest, highest, _TRIMS))
+    breakpoints = np.unique(np.linspace(lowest, highest, _TRIMS))  # one, if it is constant
     trims = [trim(model, condition(value)) for value in breakpoints.tolist()]
     path = TrimPath(
         base,

@@ -179,7 +179,7 @@ def _equations_identity(model: Model) -> tuple[str, ...]:
         return model.source.text, model.source.digest
     vectors = model.layout.symbols(*VECTORS)
     *given, w = vectors
-    rates = model.layout.expressions(given, (), w)[0]
+    rates, _ = model.layout.expressions(given, (), w)
     return (hashlib.sha256(ca.Function("f", vectors, [rates]).serialize().encode()).hexdigest(),)
 
 
@@ -330,6 +330,7 @@ def _template(plan: MonteCarlo) -> Any:
             units = np.array(model.units(signals), dtype=object)
             coordinates[f"{axis}_unit"] = (axis, units)
 
+    # Each result has a row for each member; until it is simulated, the row is filled with `fill`.
     arrays = {}
     for name, result in STORED.items():
         if result.axis and not names[result.axis]:

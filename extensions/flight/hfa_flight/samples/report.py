@@ -68,7 +68,7 @@ def member_report(plan: MonteCarlo, flown: Flown, where: str, uncontrolled: Flow
         parts.append(_quantile_table(plan, outcomes))
         if plan.scenario.moving_air and has_angle_of_attack(plan.model):
             parts.append(OVER_GROUND)
-    gust = plan.member(0).gust
+    gust = plan.member(0).gust  # its text is that of every member
     if gust is not None and gust.text(plan.model):
         parts += [gust.text(plan.model), *gust.left_out(plan.model)]
     if isinstance(plan.policy, FilteredPolicy):

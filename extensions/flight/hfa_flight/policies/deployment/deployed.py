@@ -182,7 +182,7 @@ class Deployed:
         """Return the expressions of all states, inputs and outputs in still air, by name."""
         model = self.model
         p = trim[len(model.states) + len(model.inputs) :]
-        _, y = model.layout.expressions((X, U, p), tuple(model.outputs))
+        _, y = model.layout.expressions((X, U, p), tuple(model.outputs))  # the outputs alone
         return dict(zip(self.names, ca.vertsplit(ca.vertcat(X, U, y)), strict=True))
 
     def at_trim(self, trim: ca.SX) -> dict[str, ca.SX]:

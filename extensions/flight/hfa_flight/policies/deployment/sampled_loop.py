@@ -201,6 +201,7 @@ class EquilibriumSearch:
         B = plant.B[np.ix_(self.rows, self.columns)]
         x, u = self.state_scales, self.input_scales
         deployed = self.deployed
+        # Normalized observations, output of the network and action.
         stages = deployed.stages(deployed.observe(X, U, self.trim))
         normalized, raw, action = (np.array(stage).ravel() for stage in stages)
         return Equilibrium(
