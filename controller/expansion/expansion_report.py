@@ -70,11 +70,11 @@ def _extent(radius: Radius, index: int, unit: str) -> str:
     return shown_value(float(radius.extents[index]), unit, ".3g")
 
 
-#: Number of distances, and their range relative to the radius of the whole value.
-_SIZES = 25
-_RANGE = (0.01, 3.0)
+#: Number of distances from the trim, and the least and largest one, relative to the radius.
+_DISTANCES = 25
+_NEAREST, _FARTHEST = 0.01, 3.0
 #: Errors outside this range are not drawn: flights have an error of integration of about 1e-4.
-_SHOWN = (2e-4, 10.0)
+_LEAST_ERROR, _LARGEST_ERROR = 2e-4, 10.0
 
 
 def expansion_figure(expansion: Expansion) -> Figure:
@@ -84,14 +84,15 @@ def expansion_figure(expansion: Expansion) -> Figure:
     curve ends where a flight does not converge.
     """
     bounded = [radius.c for radius in expansion.radii if 0.0 < radius.c < np.inf]
-    lowest = min(bounded, default=1.0) ** 0.5 * _RANGE[0]
-    highest = max(bounded, default=1.0) ** 0.5 * _RANGE[1]
-    sizes = np.geomspace(lowest, highest, _SIZES)
+    lowest = min(bounded, default=1.0) ** 0.5 * _NEAREST
+    highest = max(bounded, default=1.0) ** 0.5 * _FARTHEST
+    sizes = np.geomspace(lowest, highest, _DISTANCES)
     figure = new_figure(7.0, 4.5)
     axes = figure.subplots()
     for index, errors in enumerate(largest_errors(expansion, sizes)):
-        drawn = np.where((errors >= _SHOWN[0]) & (errors <= _SHOWN[1]), 100.0 * errors, np.nan)
-        axes.loglog(sizes**2, drawn, label=name_of_value(index + 2), marker=".")
+        is_drawn = (errors >= _LEAST_ERROR) & (errors <= _LARGEST_ERROR)
+        percent = np.where(is_drawn, 100.0 * errors, np.nan)
+        axes.loglog(sizes**2, percent, label=name_of_value(index + 2), marker=".")
     axes.axhline(100.0 * SHARE, color="black", linewidth=0.8, linestyle="--")
     axes.set_xlabel("z'Pz of the initial condition")
     axes.set_ylabel("largest error of the value, % of the cost of a flight")

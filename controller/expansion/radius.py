@@ -103,7 +103,8 @@ def flown_until_decayed(
     def over(flown: History) -> np.ndarray:
         """Return the mask (flights, steps) that is True at the last step of flights that are over.
 
-        These are flights whose z'Pz has decayed, or has grown by `FAR_OF_EXPANSION`.
+        These are flights whose z'Pz has decayed, or has grown by `FAR_OF_EXPANSION`, at the end of
+        an interval of `TESTED` steps, which are the steps of `flown`.
         """
         z_now = flown.states[:, -1, :-1]  # without the cost
         value = quadratic_forms(z_now, P)
@@ -123,16 +124,16 @@ def flown_until_decayed(
 
 #: Degree of the value of the linear game.
 _QUADRATIC = min(TO_DEGREE)
-#: Number of random directions, from which those with the largest terms are flown.
-_DRAWN = 2000
+#: Number of random directions, of which those with the largest terms are flown.
+_CANDIDATES = 2000
 #: Number of directions with the largest terms of each degree, and of further random directions.
-_LARGEST = 6
-_RANDOM = 8
+_DIRECTIONS_OF_TERM = 6
+_RANDOM_DIRECTIONS = 8
 #: Number and seed of the flights that confirm a radius. Further flights begin near the states with
 #: the largest errors, at these distances.
 _CONFIRMING = 200
-_WORST = 5
-_NEAR = 55
+_STATES_OF_LARGEST_ERRORS = 5
+_STATES_NEAR_THEM = 55
 _DISTANCES = (0.5, 0.25, 0.12)
 _SEED = 2015
 #: Ratio of two sizes between which the search stops, and the factor if a flight contradicts.
@@ -210,13 +211,14 @@ class _Search:
         self.expansion = expansion
         self.flights = Flights(expansion)
         n = expansion.states
-        drawn = directions(n, _DRAWN, _SEED)
-        flown = [drawn[:_RANDOM]]
+        drawn = directions(n, _CANDIDATES, _SEED)
+        flown = [drawn[:_RANDOM_DIRECTIONS]]
         self._largest_terms: dict[int, float] = {}  # degree -> largest |V_d| on z'Pz = 1
         for degree, term in enumerate(expansion.value_terms[1:], _QUADRATIC + 1):  # V3, V4, ...
             values = np.abs(homogeneous(n, degree).psi(drawn) @ (monomial_scales(n, degree) * term))
             self._largest_terms[degree] = float(values.max())
-            flown.append(drawn[np.argsort(values)[-_LARGEST:]])
+            flown.append(drawn[np.argsort(values)[-_DIRECTIONS_OF_TERM:]])
+        # The opposite directions too, in which terms of an odd degree have the other sign.
         self.directions = np.vstack([*flown, *(-rays for rays in flown)])
 
     def radius(self, degree: int) -> Radius:
@@ -229,26 +231,25 @@ class _Search:
         while 0.0 < size < math.inf and not self._agrees_at_random(size, degree):
             size *= _SMALLER
         z_of_y = np.linalg.inv(self.expansion.root.T)  # z'Pz = |y|²
-        return Radius(degree, SHARE, size**2, extents=size * np.linalg.norm(z_of_y, axis=1))
+        extents = size * np.linalg.norm(z_of_y, axis=1)  # largest |z_i| for |y| <= size
+        return Radius(degree, share=SHARE, c=size**2, extents=extents)
 
     def _largest_agreeing(self, degree: int) -> float:
         """Return the largest size s = √(z'Pz) whose flights agree, 0 if none do, inf if all do.
 
-        The size is doubled or halved to enclose the limit, and then bisected.
+        The size is doubled while flights agree, or halved until they do, and then bisected.
         """
-        first = self._guess(degree)
-        agreeing = disagreeing = first
-        while self._agrees(self.directions * disagreeing, degree):
-            agreeing, disagreeing = disagreeing, 2.0 * disagreeing
-            if disagreeing > first * _FARTHEST:
-                return math.inf
-        while not self._agrees(self.directions * agreeing, degree):
-            agreeing, disagreeing = agreeing / 2.0, agreeing
-            if agreeing < first / _FARTHEST:
-                return 0.0
+        size = first = self._guess(degree)
+        first_agrees = self._agrees(first, degree)
+        factor = 2.0 if first_agrees else 0.5
+        while self._agrees(size * factor, degree) == first_agrees:
+            size *= factor
+            if not first / _FARTHEST < size < first * _FARTHEST:
+                return math.inf if first_agrees else 0.0
+        agreeing, disagreeing = sorted((size, size * factor))
         while disagreeing > agreeing * _FINE:
             middle = math.sqrt(agreeing * disagreeing)
-            if self._agrees(self.directions * middle, degree):
+            if self._agrees(middle, degree):
                 agreeing = middle
             else:
                 disagreeing = middle
@@ -257,7 +258,8 @@ class _Search:
     def _guess(self, degree: int) -> float:
         """Return the size s = √(z'Pz) at which the next term of V has the permitted share of V2.
 
-        V2 is s², and the term of degree d is at most largest s^d.
+        V2 is s², and the term of degree d is at most largest s^d. The error of the whole V is
+        guessed from its last term.
         """
         nonzero = {d: largest for d, largest in self._largest_terms.items() if largest > 0.0}
         if not nonzero:
@@ -265,9 +267,9 @@ class _Search:
         d = min((d for d in nonzero if d > degree), default=max(nonzero))
         return (SHARE / nonzero[d]) ** (1.0 / (d - 2))
 
-    def _agrees(self, y: np.ndarray, degree: int) -> bool:
-        """Return whether the value agrees with the cost of all flights from y, (N, n)."""
-        return bool(np.all(self._errors(y, degree) <= SHARE))
+    def _agrees(self, size: float, degree: int) -> bool:
+        """Return whether all flights from states of a size, along the directions, agree."""
+        return bool(np.all(self._errors(size * self.directions, degree) <= SHARE))
 
     def _errors(self, y: np.ndarray, degree: int) -> np.ndarray:
         """Return the error of the value for each flight from y, (N,), inf if it diverges."""
@@ -277,17 +279,17 @@ class _Search:
         return _relative_errors(values, costs)
 
     def _agrees_at_random(self, size: float, degree: int) -> bool:
-        """Return whether flights from random states of a size agree, and then from states ever
-        closer to those with the largest errors."""
+        """Return whether flights from random states of a size agree, and then from further states
+        near those with the largest errors, at smaller and smaller distances."""
         n = self.expansion.states
         unit_y = directions(n, _CONFIRMING, _SEED + degree)
         errors = self._errors(size * unit_y, degree)
         for distance in _DISTANCES:
             if not np.all(errors <= SHARE):
                 return False
-            worst = unit_y[np.argsort(errors)[-_WORST:]]
-            random = directions(n, _NEAR, _SEED + degree)
-            near = np.resize(worst, random.shape) + distance * random
+            worst = unit_y[np.argsort(errors)[-_STATES_OF_LARGEST_ERRORS:]]
+            random = directions(n, _STATES_NEAR_THEM, _SEED + degree)
+            near = np.resize(worst, random.shape) + distance * random  # the worst, repeated
             unit_y = np.vstack([worst, near / np.linalg.norm(near, axis=1, keepdims=True)])
             errors = self._errors(size * unit_y, degree)
         return bool(np.all(errors <= SHARE))

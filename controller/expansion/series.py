@@ -123,7 +123,8 @@ class Rays:
         for order in range(1, highest + 1):
             derivative = ca.jacobian(derivative, t)
             f.append(ca.substitute(derivative, t, 0) / math.factorial(order))
-            # the coefficient of λ'F: λ1'f_k + λ2'f_(k-1) + ... + λk'f1
+            # The coefficient k + 1 of λ'F is λ1'f_k + λ2'f_(k-1) + ... + λk'f1. Its derivative with
+            # respect to u1, which acts as t u1, is the coefficient g_k of that of λ'F to u.
             terms = zip(f, reversed(gradients[:order]), strict=True)
             product = sum((ca.dot(rate, gradient) for rate, gradient in terms), ca.SX(0))
             arguments = [z, *u[:order], *gradients[:order]]
@@ -232,18 +233,19 @@ def coefficient(
     inputs: u1 ... u_{d-1}, (m, N) each
     gradients: ∂V2/∂z ... ∂V_d/∂z on the rays, (n, N) each
     """
-    order = len(gradients)
-    # Of λ'F + u'Ru + δ²d'd + 2 z'Nu + z'Qz, the products of a factor of order k and one of order
-    # d - k, k = 1 ... d - 1, with the worst disturbance δ d = E'λ / 2δ.
+    last_order = len(gradients)  # d - 1
+    # The worst disturbance is δ w = E'λ / 2δ, for which λ'E w - δ² w'w = δ² w'w. Of the equation
+    # λ'F + u'Ru + δ²w'w + 2 z'Nu + z'Qz, add the products of a factor of order k and one of order
+    # d - k, k = 1 ... d - 1. The k-th entry of a list has the index k - 1.
     products: list[np.ndarray] = []
-    delta_d = [game.E.T @ gradient_in_z / (2.0 * game.delta) for gradient_in_z in gradients]
-    for k in range(1, order + 1):
+    delta_w = [game.E.T @ gradient_in_z / (2.0 * game.delta) for gradient_in_z in gradients]
+    for k in range(1, last_order + 1):
         rates, _ = rays(z, inputs[:k], gradients[:k])
-        products.append(rates * gradients[order - k])
-        products.append(inputs[k - 1] * (game.R @ inputs[order - k]))
-        products.append(delta_d[k - 1] * delta_d[order - k])
-    products.append(2.0 * z * (game.N @ inputs[-1]))
-    if order == 1:  # d = 2: of z'Qz, no other degree
+        products.append(rates * gradients[last_order - k])
+        products.append(inputs[k - 1] * (game.R @ inputs[last_order - k]))
+        products.append(delta_w[k - 1] * delta_w[last_order - k])
+    products.append(2.0 * z * (game.N @ inputs[-1]))  # z has the order 1 only
+    if last_order == 1:  # z'Qz has the degree 2 only
         products.append(z * (game.Q @ z))
     terms = np.vstack(products)
     return terms.sum(axis=0), np.abs(terms).sum(axis=0)
@@ -269,15 +271,15 @@ def root_of(P: np.ndarray) -> np.ndarray:
         ) from None
 
 
-def least_squares(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return X (M, k) that minimizes |matrix X - right|, with one correction by the residual.
+def least_squares(matrix: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Return X (M, k) that minimizes |matrix X - values|, with one correction by the residual.
 
     matrix: (N, M), N > M
-    right: (N, k)
+    values: (N, k)
     """
-    basis, triangle = np.linalg.qr(matrix)
-    X = np.linalg.solve(triangle, basis.T @ right)
-    return X + np.linalg.solve(triangle, basis.T @ (right - matrix @ X))
+    orthogonal, triangle = np.linalg.qr(matrix)
+    X = np.linalg.solve(triangle, orthogonal.T @ values)
+    return X + np.linalg.solve(triangle, orthogonal.T @ (values - matrix @ X))
 
 
 def gradient(y: np.ndarray, degree: int, weights: np.ndarray) -> np.ndarray:

@@ -60,11 +60,11 @@ class PlantFit:
                 "there are states, inputs and disturbances, to see the noise"
             )
         self.scales = root_mean_square(begins)
-        self.excitation = _refused_unless_excited(game, transitions, self.scales)
-        self.scaled = begins / self.scales
-        fit, *_ = np.linalg.lstsq(self.scaled, ends, rcond=None)
+        self.excitation = _checked_excitation(game, transitions, self.scales)
+        self.scaled_begins = begins / self.scales
+        fit, *_ = np.linalg.lstsq(self.scaled_begins, ends, rcond=None)
         self.matrix = fit.T / self.scales
-        self.residuals = ends - self.scaled @ fit
+        self.residuals = ends - self.scaled_begins @ fit
         self.degrees_of_freedom = count - columns
         self.covariance = self.residuals.T @ self.residuals / self.degrees_of_freedom
         self.noise = np.sqrt(np.diag(self.covariance))
@@ -91,20 +91,20 @@ class PlantFit:
     def begins_of_laws(self, seed: int) -> np.ndarray:
         """Return [x u d] for a finite delta, else [x u], from which the laws learn by the fit.
 
-        x is recorded. u and d are the recorded ones beyond their linear function of x, in their
-        sizes, so that a policy in the data does not hide their effects; d that the game needs and
-        the data lack is random.
+        x is recorded. From the recorded u and d, the part that is a linear function of x is
+        removed, so that a policy in the data does not hide their effects. The rest is enlarged to
+        their recorded size. A d that the game needs and the data lack is random.
 
         seed: seed of the random d
         """
         n = len(self.matrix)
-        widths = widths_of(self.game)  # of all columns that the laws need
+        widths = widths_of(self.game)  # half-widths of all columns that the laws need
         x, recorded = np.split(self.transitions.begins[:, : len(widths)], [n], axis=1)
-        beyond = _beyond(x, recorded)
-        sizes = root_mean_square(beyond) / self.scales[n : len(widths)]  # relative to the recorded
-        missing = len(widths) - n - len(sizes)
+        beyond_x = _beyond(x, recorded)
+        shares = root_mean_square(beyond_x) / self.scales[n : len(widths)]  # of recorded sizes
+        missing = len(widths) - n - len(shares)
         d = np.random.default_rng(seed).uniform(-1.0, 1.0, (len(x), missing))
-        return np.hstack([x, beyond / sizes, d * widths[len(widths) - missing :]])
+        return np.hstack([x, beyond_x / shares, d * widths[len(widths) - missing :]])
 
     def summary(self) -> DataSummary:
         """Return what the data can tell."""
@@ -123,65 +123,65 @@ class PlantFit:
         """Yield sentences on what contradicts a linear plant with independent noise."""
         if self.misfit <= RANK_TOLERANCE:
             return
-        constant = _beyond(self.scaled, np.ones(len(self.scaled)))  # the part that M cannot fit
-        parts = np.abs(constant @ self.residuals) / np.linalg.norm(constant)
-        # Of independent residuals, a part has the deviation of the noise, and exceeds 4 of them in
-        # one of 16,000.
-        if np.any(parts > 4.0 * self.noise):
+        # The part of a constant that M cannot fit. The component of independent residuals along it
+        # has the standard deviation of the noise. It exceeds 4 of them in one of 16,000 cases.
+        constant = _beyond(self.scaled_begins, np.ones(len(self.scaled_begins)))
+        components = np.abs(constant @ self.residuals) / np.linalg.norm(constant)
+        if np.any(components > 4.0 * self.noise):
             yield "the data have a constant part: give deviations from the trim"
-        pairs = np.flatnonzero(self.transitions.follows)
-        if len(pairs):
+        followers = np.flatnonzero(self.transitions.follows)
+        if len(followers):
+            # For independent residuals, an entry has the variance 1. It exceeds 5 in one of 1.7e6.
             unit = self.residuals / np.where(self.noise > 0.0, self.noise, 1.0)
-            products = unit[pairs].T @ unit[pairs - 1] / math.sqrt(len(pairs))
-            # Of independent residuals, an entry has the variance 1, and exceeds 5 in one of 1e6.
-            if np.abs(products).max() > 5.0:
+            correlations = unit[followers].T @ unit[followers - 1] / math.sqrt(len(followers))
+            if np.abs(correlations).max() > 5.0:
                 yield (
                     "residuals of successive samples are correlated, as noise of sensors makes "
                     "them: the bands do not contain its bias"
                 )
 
     @cached_property
-    def _roots(self) -> np.ndarray:
+    def _root_of_row(self) -> np.ndarray:
         """Root of the covariance of a row of M for noise of variance 1, (s, s).
 
-        With the triangle R of begins, the covariance (R'R)⁻¹ is R⁻¹R⁻ᵀ.
+        With begins = Q R and Q'Q = 1, the covariance (begins'begins)⁻¹ is R⁻¹R⁻ᵀ.
         """
-        return np.asarray(np.linalg.inv(np.linalg.qr(self.scaled, mode="r")) / self.scales[:, None])
+        R = np.linalg.qr(self.scaled_begins, mode="r")
+        return np.asarray(np.linalg.inv(R) / self.scales[:, None])
 
     def _quantile(self, bands: int = 1) -> float:
-        """Return the half-width in standard deviations of bands that all hold in 95 %."""
+        """Return the half-width, in standard deviations, of bands that are all right in 95 %."""
         from scipy.stats import t
 
         # The probability outside is divided among the ends of all bands (Bonferroni).
         return float(t.ppf(1.0 - 0.5 * (1.0 - _CONFIDENCE) / bands, self.degrees_of_freedom))
 
     def refuse_without_effect(self) -> None:
-        """Raise BadInputError if the 95 % bands of the effects of an input on all states hold 0."""
+        """Raise BadInputError for an input whose effect on each state has 0 in its 95 % band."""
         n = len(self.matrix)
-        bands = self._quantile(n) * np.outer(self.noise, np.linalg.norm(self._roots, axis=1))
+        bands = self._quantile(n) * np.outer(self.noise, np.linalg.norm(self._root_of_row, axis=1))
         for place, name in enumerate(self.user_game.names.inputs, start=n):
             if np.any(np.abs(self.matrix[:, place]) > bands[:, place]):
                 continue
-            own = root_mean_square(_beyond(self.scaled[:, :n], self.scaled[:, place]))  # not of x
+            of_input = self.scaled_begins[:, place]  # its mean square is 1
+            share = root_mean_square(_beyond(self.scaled_begins[:, :n], of_input))
             raise BadInputError(
-                f"the data show no effect of {name} in 95 % bands: {100.0 * own:.2g} % of it is "
+                f"the data show no effect of {name} in 95 % bands: {100.0 * share:.2g} % of it is "
                 f"not a policy u = -K x, and the misfit is {100.0 * self.misfit:.2g} %; record "
                 "longer, with less noise, or with larger independent excitation"
             )
 
     def bands(self, P: np.ndarray) -> Bands:
         """Return the 95 % bands of the value z'P z and of its gain, for independent noise."""
-        # The error of M is a sum of independent numbers of variance 1 times n s matrices, products
-        # of a column of the root of the covariance of rows and of one of that of columns.
+        # The error of M is Σ e_ij a_i b_j' with independent e_ij of variance 1, and the columns a_i
+        # and b_j of the roots of the covariances of a column and of a row of M.
         variances, vectors = np.linalg.eigh(self.covariance)
-        root_of_rows = vectors * np.sqrt(variances.clip(0.0))
+        root_of_column = vectors * np.sqrt(variances.clip(0.0))
         changes = [
-            self._changes(P, np.outer(of_rows, of_columns))
-            for of_rows in root_of_rows.T
-            for of_columns in self._roots.T
+            self._changes(P, np.outer(a, b)) for a in root_of_column.T for b in self._root_of_row.T
         ]
-        # of all changes of P, and of all of K
-        deviations = (np.linalg.norm(each, axis=0) for each in zip(*changes, strict=True))
+        # Variances add: the norm of all changes of P, and that of all changes of K.
+        deviations = (np.linalg.norm(of_one, axis=0) for of_one in zip(*changes, strict=True))
         return Bands(*(self._quantile() * deviation for deviation in deviations))
 
     def _changes(self, P: np.ndarray, change: np.ndarray) -> Bands:
@@ -197,48 +197,49 @@ class PlantFit:
         game = self.game
         n, m = game.B.shape
         if self.transitions.hold is not None:  # the fit is of steps, M of rates
-            change = np.linalg.solve(self._of_rates, change.ravel()).reshape(change.shape)
+            change = np.linalg.solve(self._fit_by_rates, change.ravel()).reshape(change.shape)
+
         H = q_function(game, P if game.is_discrete else np.zeros_like(P))
         M = plant_of(game, len(H))
         dM = np.pad(change, ((0, 0), (0, len(H))))[:, : len(H)]  # 0 for d that was not recorded
         K, L = game.policies(P)
         V = np.vstack([np.eye(n), -K, L])[: len(H)]
-        a, J = game.discount, M if game.is_discrete else np.eye(n, len(H))
-        dH = a * (J.T @ P @ dM + dM.T @ P @ J)  # of the Q-function, for the same P
+        alpha, J = game.discount, M if game.is_discrete else np.eye(n, len(H))
+        dH = alpha * (J.T @ P @ dM + dM.T @ P @ J)  # of the Q-function, for the same P
+
         sizes = self.scales[:n]  # solved in states of size 1, whatever their units
         products = np.outer(sizes, sizes)
         loop = M @ V * sizes / sizes[:, None]
-        right = V.T @ dH @ V * products
+        cost = V.T @ dH @ V * products
         if game.is_discrete:
-            dP = solve_discrete_lyapunov(math.sqrt(a) * loop.T, right) / products
-            dH = dH + a * M.T @ dP @ M
+            dP = solve_discrete_lyapunov(math.sqrt(alpha) * loop.T, cost) / products
+            dH = dH + alpha * M.T @ dP @ M
         else:
-            dP = solve_continuous_lyapunov(loop.T, -right) / products
+            dP = solve_continuous_lyapunov(loop.T, -cost) / products
             dH = dH + J.T @ dP @ M + M.T @ dP @ J
         dK = np.linalg.solve(H[n:, n:], (dH @ V)[n:])[:m]  # ∂Q/∂(u, d) stays 0 along V x
         return Bands(dP, dK)
 
     @cached_property
-    def _of_rates(self) -> np.ndarray:
-        """Derivative of the fit of steps by [A B E] of the rates, row by row, (n s, n s).
+    def _fit_by_rates(self) -> np.ndarray:
+        """Derivative of the fit of steps with respect to [A B E], row by row, (n s, n s).
 
         The fit is the first rows of exp(hold [A B E; 0]), as u and d are constant in a step.
         """
         from scipy.linalg import expm_frechet
 
         n, s = self.matrix.shape
-        hold, rates = self.transitions.hold or 0.0, plant_of(self.game, s)
+        hold, rates = self.transitions.hold, plant_of(self.game, s)
+        assert hold is not None  # the fit is of steps
         exponent = np.zeros((s, s))
         exponent[:n] = hold * rates
-        derivatives = []
-        for place in range(n * s):
-            change = np.zeros((s, s))
-            change.flat[place] = hold  # an entry of the rates grows by 1
-            derivatives.append(expm_frechet(exponent, change, compute_expm=False)[:n].ravel())
-        return np.column_stack(derivatives)
+        changes = hold * np.eye(n * s, s * s).reshape(-1, s, s)  # each of one rate's entry by 1
+        return np.column_stack(
+            [expm_frechet(exponent, change, compute_expm=False)[:n].ravel() for change in changes]
+        )
 
 
-def _refused_unless_excited(game: Game, transitions: Transitions, scales: np.ndarray) -> Excitation:
+def _checked_excitation(game: Game, transitions: Transitions, scales: np.ndarray) -> Excitation:
     """Return the excitation of [x u d]. Raises BadInputError, with the reason, if it is poor."""
     n, m = game.B.shape
     names = (*game.names.states, *game.names.inputs, *numbered("d", len(scales) - n - m))
@@ -247,11 +248,11 @@ def _refused_unless_excited(game: Game, transitions: Transitions, scales: np.nda
     scaled, rounding = transitions.begins / scales, transitions.rounding / scales
     gains = np.linalg.lstsq(scaled[:, :n], scaled[:, n:], rcond=None)[0]  # (u, d) from x
     beyond_policy = np.abs(scaled[:, n:] - scaled[:, :n] @ gains).max(axis=0)
-    # Rounding moves u and x by half of their last digits, and the fit by half of that.
-    by_rounding = 0.75 * (rounding[n:] + rounding[:n] @ np.abs(gains))
-    by_policy = beyond_policy <= np.maximum(by_rounding, RANK_TOLERANCE)
-    if by_policy.any():
-        moved = ", ".join(names[n + place] for place in np.flatnonzero(by_policy))
+    # Rounding changes u and x by up to 0.5 of their last digits, and their fit by half of that.
+    rounding_errors = (0.5 + 0.25) * (rounding[n:] + rounding[:n] @ np.abs(gains))
+    is_policy = beyond_policy <= np.maximum(rounding_errors, RANK_TOLERANCE)
+    if is_policy.any():
+        moved = ", ".join(names[n + place] for place in np.flatnonzero(is_policy))
         raise BadInputError(
             f"in every row, {moved} is a policy u = -K x of the states, up to rounding, so that "
             "its effect cannot be told from theirs; add independent excitation to it while "

@@ -13,7 +13,7 @@ The iterations begin with u = 0 and a discount rate β that makes the plant stab
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -47,7 +47,6 @@ class Problem(NamedTuple):
     share: float
 
 
-@dataclass(frozen=True, eq=False)
 class Iteration(Samples):
     """Policy iteration on the samples of a game, with a quadratic basis."""
 
@@ -104,14 +103,14 @@ def reached(
     problem_at: Callable[[float], Problem],
     report: Callable[[float], object],
 ) -> tuple[np.ndarray, float]:
-    """Return P (n, n) at the end of a way of problems, or at the last one solved, and its share.
+    """Return P (n, n) of the last problem that was solved on a path of problems, and its share.
 
-    The share of the way is 0 at its begin and 1 at its end. A share is accepted if the iterations
-    converge to a P >= 0 with a stable A - βI - S_s P, which is unique. Otherwise half the step is
-    tried.
+    The path begins at the share 0, and ends at the share 1. P of a problem begins the iterations of
+    the next one. A problem is solved if they converge to the only P >= 0 for which the policies
+    stabilize the discounted plant (`is_solved`). Otherwise, half the step in the share is tried.
 
-    P: stabilizes at the share 0
-    problem_at: share of the way -> problem
+    P: its policies stabilize the plant of the problem at the share 0
+    problem_at: share -> problem
     report: called with the share after each trial
     """
     share, step = 0.0, 1.0
@@ -135,29 +134,35 @@ def policy_iteration(samples: Samples, progress: Progress | None) -> Learned:
     Raises NoSolutionError if (A, B) is not stabilizable, or, with the δ at which the solution
     ceases to exist, if the game has none.
     """
-    game, scales = samples.game, root_mean_square(samples.states)
-    products_of_scales, report = np.outer(scales, scales), progress or (lambda *_: None)
-    # In states z / scales, whose sizes are 1.
+    game, report = samples.game, progress or (lambda *_: None)
+
+    # The same game in states z / scales, whose sizes are 1.
+    scales = root_mean_square(samples.states)
+    products_of_scales = np.outer(scales, scales)
     A, B, E = (M / scales[:, None] for M in (game.A * scales, game.B, game.E))
     scaled = replace(game, A=A, B=B, E=E, Q=game.Q * products_of_scales)
     iteration = Iteration(scaled, samples.psi, samples.states / scales)
+
+    # Lower the discount to 0, without disturbance.
     first = max(0.0, spectral_abscissa(A) + FIRST_MARGIN)  # u = 0 is stable with this discount
     P, share = reached(
         iteration,
         np.zeros_like(A),
-        lambda share: Problem((1.0 - share) * first, 0.0),
+        lambda share: Problem(discount=(1.0 - share) * first, share=0.0),
         lambda share: report(0.5 * share, 1.0, f"discount {(1.0 - share) * first:.3g} 1/s"),
     )
-    if share < 1.0:  # the discount is not 0
+    if share < 1.0:
         raise NoSolutionError(
             f"the discount cannot be lowered below {(1.0 - share) * first:.6g} 1/s, where the "
             "learned policies leave a mode unstable; check that (A, B) is stabilizable and that Q "
             "weights the mode"
         )
+
+    # Raise the share of 1/δ² to 1.
     P, share = reached(
         iteration,
         P,
-        lambda share: Problem(0.0, share),
+        lambda share: Problem(discount=0.0, share=share),
         lambda share: report(0.5 + 0.5 * share, 1.0, f"share {share:.3g} of 1/delta²"),
     )
     if share < 1.0:  # solved up to share / δ²

@@ -111,7 +111,6 @@ class TheoremGains(NamedTuple):
     explicit_step_limit: float
 
 
-@dataclass(frozen=True, eq=False)
 class PublishedLaw(Samples):
     """Learner of Eq. (46) for `controller.run`, on the samples of a game."""
 
@@ -146,7 +145,7 @@ class PublishedLaw(Samples):
             (alpha1 + 1.0) * (1.0 - ETA) * residuals**-ETA
             + (alpha2 + 1.0) * (1.0 + ETA) * residuals**ETA
         )
-        # The largest eigenvalue of -∂W'/∂W at W(0), 1/s. Euler steps above 2 of its time diverge.
+        # The largest eigenvalue of -∂W'/∂W at W(0), 1/s. Euler steps above 2 / fastest diverge.
         fastest = GAMMA * float(np.linalg.norm(np.sqrt(slopes)[:, None] * regressors, 2)) ** 2
         return TheoremGains(lambda_0, alpha1, alpha2, 2.0 / fastest)
 

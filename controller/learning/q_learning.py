@@ -94,7 +94,8 @@ class QLearner:
     def __post_init__(self) -> None:
         """Compute what all iterations use, with features of (x, u, w) in units of their sizes.
 
-        The weights of H in these units are `inverse` times values of Q at the steps.
+        The least-squares weights of H in these units are `pseudoinverse` times the values of Q
+        at the steps.
         """
         size = self.begins.shape[1]
         self.scales = root_mean_square(self.begins)
@@ -102,7 +103,7 @@ class QLearner:
         self.ends = self.begins @ plant_of(self.game, size).T
         self.psi = basis("quadratic", size)
         self.features = self.psi.psi(self.begins / self.scales)
-        self.inverse = np.linalg.pinv(self.features)
+        self.pseudoinverse = np.linalg.pinv(self.features)
         cost_matrix = q_function(self.game, np.zeros_like(self.game.A))  # no cost after the step
         self.costs = quadratic_forms(self.begins, cost_matrix)
 
@@ -112,7 +113,8 @@ class QLearner:
         Raises NoSolutionError if w gains more than it costs, or if the value diverges.
         """
         self.iterations += 1
-        H = self.psi.matrix(self.inverse @ (self.costs + self._after(P))) / self.products_of_scales
+        weights = self.pseudoinverse @ (self.costs + self._costs_after(P))
+        H = self.psi.matrix(weights) / self.products_of_scales
         is_moderate = bool(np.abs(H).max() <= LARGEST_CRITIC_ENTRY)
         if is_moderate and self.has_saddle(H):
             return H
@@ -128,7 +130,7 @@ class QLearner:
     def policy_iteration(self, H: np.ndarray) -> np.ndarray:
         """Return the Q-function of the policies that are optimal for H, applied from x⁺ on.
 
-        Its weights h solve h = inverse (costs + α features_after h), with the features of the
+        Its weights h solve h = pseudoinverse (costs + α features_after h), with the features of the
         policies at x⁺.
         """
         self.iterations += 1
@@ -137,8 +139,8 @@ class QLearner:
         if "L" in optimum:
             rows.append(optimum["L"])
         features_after = self.psi.psi(self.ends @ np.vstack(rows).T / self.scales)
-        equations = np.eye(self.psi.size) - self.game.discount * self.inverse @ features_after
-        weights = np.linalg.solve(equations, self.inverse @ self.costs)
+        equations = np.eye(self.psi.size) - self.game.discount * self.pseudoinverse @ features_after
+        weights = np.linalg.solve(equations, self.pseudoinverse @ self.costs)
         return self.psi.matrix(weights) / self.products_of_scales
 
     def has_saddle(self, H: np.ndarray) -> bool:
@@ -169,7 +171,7 @@ class QLearner:
     def training_run(self, H: np.ndarray, seed: int, of_samples: Excitation) -> TrainingRun:
         """Return the result of the last iteration, with the residual of Bellman's equation."""
         optimum = q_extremum(self.game, H)
-        values, after = quadratic_forms(self.begins, H), self._after(optimum["P"])
+        values, after = quadratic_forms(self.begins, H), self._costs_after(optimum["P"])
         terms = np.abs(values) + np.abs(self.costs) + np.abs(after)
         errors = values - self.costs - after
         residual = relative_residual(errors, self.costs, terms)
@@ -187,6 +189,6 @@ class QLearner:
             H=H,
         )
 
-    def _after(self, P: np.ndarray) -> np.ndarray:
+    def _costs_after(self, P: np.ndarray) -> np.ndarray:
         """Return the cost α x⁺'P x⁺ after each step, (N,)."""
         return self.game.discount * quadratic_forms(self.ends, P)

@@ -7,7 +7,6 @@ import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -83,16 +82,20 @@ class Transitions(NamedTuple):
 def simulated(game: Game, seed: int) -> Transitions:
     """Return exact transitions from random states with random inputs and disturbances.
 
-    No input or disturbance changes a state by more than the spread of the state in one step, or in
-    the time of the fastest mode. The cost of each is at most the cost of all states together.
+    [x u d] is drawn uniformly from a box, whose half-widths are those of `widths_of`.
 
     seed: seed of the random numbers
     """
     widths = widths_of(game)
-    count = SAMPLES_PER_WEIGHT * len(widths) * (len(widths) + 1) // 2
-    begins = np.random.default_rng(seed).uniform(-widths, widths, (count, len(widths)))
-    ends = begins @ plant_of(game, len(widths)).T
-    return Transitions(begins, ends, np.zeros(count, dtype=bool), np.zeros(len(widths)))
+    size = len(widths)
+    count = SAMPLES_PER_WEIGHT * size * (size + 1) // 2  # a quadratic form has these weights
+    begins = np.random.default_rng(seed).uniform(-widths, widths, (count, size))
+    return Transitions(
+        begins=begins,
+        ends=begins @ plant_of(game, size).T,
+        follows=np.zeros(count, dtype=bool),
+        rounding=np.zeros(size),
+    )
 
 
 def plant_of(game: Game, columns: int) -> np.ndarray:
@@ -101,17 +104,23 @@ def plant_of(game: Game, columns: int) -> np.ndarray:
 
 
 def widths_of(game: Game) -> np.ndarray:
-    """Return half-widths of random x and u, and of d for a finite delta, (s,) (`simulated`)."""
+    """Return half-widths of random x and u, and of d for a finite delta, (s,).
+
+    Those of x are the `natural_spread`. No input or disturbance changes a state by more than its
+    spread in one step, or in the time of the fastest mode, and none costs more than all states.
+    """
     columns, weights = game.B, np.diag(game.R)
     if np.isfinite(game.delta):
         columns = np.hstack([columns, game.E])
         weights = np.append(weights, np.full(game.E.shape[1], game.delta**2))
     spread = natural_spread(game)
-    cost_of_states = float(np.diag(game.Q) @ spread**2) or 1.0
-    # Largest change or rate (1/s) of a state, in spreads, for an input of 1.
+
+    # Change in a step, or rate (1/s), of the state that an input of 1 moves most, in spreads.
     effects = np.abs(columns / spread[:, None]).max(axis=0)
-    largest_effect = 1.0 if game.is_discrete else spectral_radius(game.A) or 1.0
-    by_effect = largest_effect / np.where(effects > 0.0, effects, 1.0)
+    permitted = 1.0 if game.is_discrete else spectral_radius(game.A) or 1.0
+    by_effect = permitted / np.where(effects > 0.0, effects, 1.0)
+
+    cost_of_states = float(np.diag(game.Q) @ spread**2) or 1.0
     by_cost = np.sqrt(cost_of_states / weights)
     return np.append(spread, np.minimum(by_effect, by_cost))
 
@@ -281,8 +290,8 @@ def matrices_in(data: Any, names: PlantNames) -> dict[str, dict[str, Any]]:
     Columns by name become matrices, with names and units.
 
     data: file, mapping or table, or a list of them
-    names: names of a plant, by which columns are states and inputs; without them, states are the
-        columns with one of the end of a transition
+    names: names of the states and inputs, which are columns. Without names, a state is a column
+        beside one of its next value or rate, such as alpha beside alpha_next
 
     Raises BadInputError, which names the source, if it cannot be read.
     """
@@ -313,7 +322,10 @@ def _entries(source: Any) -> dict[str, Any]:
 
 
 def _of_columns(entries: Mapping[str, Any], names: PlantNames) -> dict[str, Any]:
-    """Return the matrices of a table, by the names of its columns."""
+    """Return the matrices of a table, by the names of its columns, such as alpha and alpha_next.
+
+    The units of the states and inputs are entries; an end must have the unit of its state.
+    """
     columns: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     for text, values in entries.items():
@@ -322,25 +334,28 @@ def _of_columns(entries: Mapping[str, Any], names: PlantNames) -> dict[str, Any]
             columns[name], units[name] = np.ravel(numbers_in(name, values)), unit
     if len(set(map(len, columns.values()))) > 1:
         raise BadInputError("the columns differ in length; give x and u, or columns of one length")
+
     states, inputs, disturbances = _signals_among(columns, names)
     if not states or not inputs:
-        what = ", ".join((*names.states, *names.inputs)) or "alpha, alpha_next, elevator"
+        expected = ", ".join((*names.states, *names.inputs)) or "alpha, alpha_next, elevator"
         raise BadInputError(
-            f"the data have neither x and u nor columns of all states and inputs ({what})"
+            f"the data have neither x and u nor columns of all states and inputs ({expected})"
             f"{entries_found(entries)}; name the columns so, with units as in alpha [deg], or "
             "give a plant that names them"
         )
-    blocks = {"x": states, "u": inputs, "d": disturbances}
+
+    blocks = {"x": states, "u": inputs, "d": disturbances}  # matrix -> names of its columns
     for key, suffix in _ENDS.items():
-        ends = {f"{state}{suffix}": units[state] for state in states}
+        ends = {f"{state}{suffix}": units[state] for state in states}  # with the unit of the state
         if ends.keys().isdisjoint(columns):
             continue
         blocks[key] = [*ends]
-        for end, unit in ends.items():  # unit of the state
+        for end, unit in ends.items():
             end_unit = f"{unit}/s" if unit and key == "x_rate" else unit
             if end not in columns or conversion_factor(units[end], end_unit) != 1.0:
                 label = f"{end} [{end_unit}]" if end_unit else end
                 raise BadInputError(f"there is no column {label}; add it, or remove the others")
+
     matrices: dict[str, Any] = {
         key: np.column_stack([columns[name] for name in block])
         for key, block in blocks.items()
@@ -356,16 +371,17 @@ def _of_columns(entries: Mapping[str, Any], names: PlantNames) -> dict[str, Any]
 def _signals_among(columns: Collection[str], names: PlantNames) -> tuple[list[str], ...]:
     """Return the names of the states, inputs and disturbances among the columns of a table.
 
-    States and inputs are those of the plant, if the table has all. Else, states are columns with
-    another one of their end, such as alpha beside alpha_next, and inputs are the other columns.
+    The states are those of the plant, if the table has all of them, and otherwise the columns
+    beside one of their next value or rate, such as alpha beside alpha_next. The inputs are those of
+    the plant, if the table has all of them, and otherwise all other columns.
     """
-    suffixes = tuple(_ENDS.values())
+    suffixes = tuple(_ENDS.values())  # _next, _rate
     states = [name for name in columns if any(f"{name}{end}" in columns for end in suffixes)]
     if names.states and set(names.states) <= set(columns):
         states = list(names.states)
     disturbances = [name for name in columns if re.fullmatch(r"d\d*", name)]
-    others = [name for name in columns if name not in (*states, *disturbances, *_OTHERS)]
-    inputs = [name for name in others if not name.endswith(suffixes)]
+    no_inputs = (*states, *disturbances, *_OTHERS)
+    inputs = [name for name in columns if name not in no_inputs and not name.endswith(suffixes)]
     if names.inputs and set(names.inputs) <= set(columns):
         inputs = list(names.inputs)
     return states, inputs, disturbances
@@ -384,11 +400,14 @@ def transitions_in(data: Any, game: Game) -> Transitions:
         raise BadInputError(
             "the episodes differ in sample time or in disturbances; give equal ones"
         )
-    # The fields of all parts, in their order in `Transitions`.
-    *arrays, rounding, holds, notes = zip(*parts, strict=True)
-    begins, ends, follows = map(np.concatenate, arrays)
-    once = dict.fromkeys(chain.from_iterable(notes))
-    return Transitions(begins, ends, follows, np.min(rounding, axis=0), holds[0], tuple(once))
+    return Transitions(
+        begins=np.concatenate([part.begins for part in parts]),
+        ends=np.concatenate([part.ends for part in parts]),
+        follows=np.concatenate([part.follows for part in parts]),
+        rounding=np.min([part.rounding for part in parts], axis=0),
+        hold=parts[0].hold,
+        notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),  # each once
+    )
 
 
 def game_of_data(
@@ -447,23 +466,27 @@ class _Source:
             k = blocks[-1].shape[1]
             if math.isfinite(self.game.delta) and k != self.game.E.shape[1]:
                 self.notes.append(f"E of the game is replaced by {k} recorded disturbances")
+
         x = blocks[0]
         count = len(x)
         starts = self._starts(count)
-        # Without a matrix of ends, a sample ends at the next row. The last of an episode has none,
-        # and u and d need no row for it.
-        kept = np.arange(count) if end else np.flatnonzero(~starts[1:])
-        after = self._matrix(end, n) if end else x[1:]
+        if end:
+            rows, after, permitted = np.arange(count), self._matrix(end, n), {count}
+        else:
+            # The transition of a row ends at the next row, unless an episode begins there. The last
+            # row only ends one, so that u and d may lack it.
+            rows, after, permitted = np.flatnonzero(~starts[1:]), x[1:], {count, count - 1}
         for block in (*blocks, after):
-            if len(block) not in (count, count if end else count - 1):
+            if len(block) not in permitted:
                 raise BadInputError(
                     f"x has {count} rows, another matrix {len(block)}; give a row of each for each "
                     "sample"
                 )
-        begins, ends = np.hstack([block[kept] for block in blocks]), after[kept]
-        follows = np.zeros(len(kept), dtype=bool)
+
+        begins, ends = np.hstack([block[rows] for block in blocks]), after[rows]
+        follows = np.zeros(len(rows), dtype=bool)
         if end != "x_rate":
-            follows[1:] = (ends[:-1] == x[kept][1:]).all(axis=1)
+            follows[1:] = (ends[:-1] == begins[1:, :n]).all(axis=1)
         factors = np.ones(begins.shape[1])  # to the units of the game; d has none
         factors[: n + m] /= np.concatenate(self._scales())
         return Transitions(
@@ -471,7 +494,7 @@ class _Source:
             ends=ends * factors[:n],
             follows=follows,
             rounding=_last_digits(begins) * factors,
-            hold=None if end == "x_rate" else self._hold(starts, end),
+            hold=None if end == "x_rate" else self._time_of_hold(starts, end),
             notes=tuple(self.notes),
         )
 
@@ -516,31 +539,35 @@ class _Source:
             starts[1:] |= labels[1:] != labels[:-1]
         return starts
 
-    def _hold(self, starts: np.ndarray, end: str) -> float | None:
-        """Return the time for which inputs are constant, s, or None of a game in discrete time.
+    def _time_of_hold(self, starts: np.ndarray, end: str) -> float | None:
+        """Return the time for which inputs are constant, s, or None for a game in discrete time.
 
         starts: whether a row is the first of an episode, (N,)
-        end: "x_next" if each row has its own end, so that the times of rows tell nothing, or ""
+        end: "x_next" if each row contains its next state. Rows may then have any order, and the
+            difference of their times is no step. "" if the next state is the next row
         """
-        stated = dt = sample_time(self.entries)
-        accuracy = 0.0
+        stated = sample_time(self.entries)  # True if it is not known, None without an entry
+        dt, accuracy = stated, 0.0
+        # The entry time contains the times of the rows, or a word such as "continuous".
         if "time" in self.entries and not words(self.entries, "time") and not end:
             times = np.ravel(numbers_in("time", self.entries["time"]))
             if len(times) != len(starts):
                 raise BadInputError(f"time has {len(times)} entries, x has {len(starts)} rows")
-            if not starts.all():  # some rows follow others
+            if not starts.all():  # some rows are not the first of an episode
                 dt, accuracy = _step_of(times, starts)
         for whose, other in (("their dt", stated), ("the game", self.game.dt)):
-            if not (isinstance(dt, float) and isinstance(other, float)):
-                continue
-            if not math.isclose(dt, other, rel_tol=1e-6, abs_tol=accuracy):
+            if (
+                isinstance(dt, float)
+                and isinstance(other, float)
+                and not math.isclose(dt, other, rel_tol=1e-6, abs_tol=accuracy)
+            ):
                 raise BadInputError(
                     f"the sample time of the data is {dt:g} s, but that of {whose} is {other:g} s; "
                     "give data of this sample time, or correct dt"
                 )
         if self.game.is_discrete:
             return None
-        if dt is None or dt is True:
+        if not isinstance(dt, float):
             raise BadInputError(
                 "the sample time of the data is not known, for a game in continuous time; add dt "
                 "(s), or time of successive samples, or x_rate in place of x_next"
@@ -556,13 +583,14 @@ def _step_of(times: np.ndarray, starts: np.ndarray) -> tuple[float, float]:
     steps = np.where(starts[1:], np.nan, np.diff(times))
     mean = float(np.nanmean(steps))
     # A step between two times, each rounded to half a unit of its last digit, has an error of this
-    # digit. Times such as 0, 1, 2 s, with a last digit of the size of the step, are exact.
+    # digit. Times such as 0, 1, 2 s, with a last digit of the size of the step, are exact up to a
+    # few floating-point spacings.
     (rounding,) = _last_digits(times[:, None])
     if 2.0 * rounding > mean:
         rounding = 8.0 * float(np.spacing(np.abs(times).max()))
     place = int(np.nanargmax(np.abs(steps - np.nanmedian(steps))))
     if abs(steps[place] - mean) > rounding:
-        raise BadInputError(
+        raise BadInputError(  # the step ends at the row place + 2, counted from 1
             f"the samples are not equally spaced: {steps[place]:g} s at row {place + 2}, {mean:g} "
             "s on average; sort the rows, give episode, a number for each row, or x_next for each "
             "row, with dt"
@@ -575,6 +603,7 @@ def _last_digits(columns: np.ndarray) -> np.ndarray:
 
     It is 0.01 for 0.5, 1.25, and the floating-point precision for numbers that were not rounded.
     """
+    # A few floating-point spacings, then 10^-place for the fewest decimals that suffice.
     unit = 4.0 * np.spacing(np.abs(columns).max(axis=0, initial=0.0))
     for place in range(16, -1, -1):
         is_rounded = (np.abs(np.round(columns, place) - columns) <= unit).all(axis=0)
