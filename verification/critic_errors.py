@@ -303,4 +303,5 @@ def higher_terms(critic: Critic, box: np.ndarray) -> HigherTerms:
     with np.errstate(all="ignore"):
         reach = REACH ** np.abs(exponents.sum(axis=1) - 2)  # largest λ^(p-2)
         terms = sizes * np.prod(box**exponents, axis=1) * reach
+    # b_i times the derivative of a monomial by z_i is its exponent of z_i times the monomial.
     return HigherTerms(float(terms.sum()), terms @ exponents)

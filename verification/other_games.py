@@ -120,6 +120,7 @@ def continuous(game: Game) -> Game | None:
     if rates is None:
         return None
     A, B, E = np.split(rates, [n, n + m], axis=1)
+    # A step costs as much as dt seconds; delta² is a weight, too.
     weights = {name: getattr(game, name) / game.dt for name in "QRN"}
     delta = game.delta / math.sqrt(game.dt)
     try:

@@ -138,7 +138,7 @@ def _reason_for_gain(exact: Solution, K: np.ndarray, limit: float) -> str:
 
 def _reason_for_policy(exact: Solution, critic: Critic, P: np.ndarray, limit: float) -> str:
     """Return a sentence on the wrong policy of a critic with a right P, or ""."""
-    if critic.slope_gain is not None and critic.is_quadratic:
+    if critic.slope_gain is not None and critic.is_quadratic:  # K is R⁻¹B'P of this P
         return (
             "P is right within the limit; the K that follows from it is off by"
             f" {relative_error(critic.K, exact.K):.2g}: it needs more digits of P"
@@ -244,6 +244,7 @@ def _of_value(game: Game, values: Compared) -> Iterator[Mistake]:
 
 def _order_of_states(P: np.ndarray, exact: np.ndarray) -> np.ndarray:
     """Return the order of the states in P for which the sorted entries of rows fit best, (n,)."""
+    # The sorted entries of a row do not depend on the order of the states.
     rows = np.sort(P)[:, None]
     exact_rows = np.sort(exact)[None]
     with np.errstate(all="ignore"):

@@ -145,6 +145,7 @@ def _facts(verdict: Verdict) -> list[str]:
     is_nonsmooth = verdict.critic.is_nonsmooth and bool(failed)
     facts = [exactness] if is_nonsmooth else []
     if failed and not any(check.kind in _IN_THE_FACTS for check in failed):
+        # No other finding says why the critic fails.
         facts.append(failed[0].reason)
     facts += [_cost_text(verdict)] if verdict.flights is None else _network_facts(verdict)
     if not verdict.stabilizing:
@@ -226,7 +227,7 @@ def grade_word(grade: str) -> str:
 
 
 def _exactness(verdict: Verdict, failed: Sequence[Check]) -> str:
-    """Return whether the critic is exact, as text; K of a simulated one is another finding."""
+    """Return whether the critic is exact, as text; of a simulated critic, K is another finding."""
     others = () if verdict.flights is None else _OF_K
     errors = (check for check in failed if check.kind == "error" and check.name not in others)
     wrong = next(errors, None)

@@ -82,7 +82,7 @@ def linearize(request: LinearizeRequest, given: TrimInput) -> Outcome:
 def _signals(request: LinearizeRequest, model: Model) -> dict[str, tuple[str, ...] | None]:
     """Return "states", "inputs", "outputs" -> names of the option, or None for the usual ones."""
     chosen = {kind: getattr(request, kind) for kind in ("states", "inputs", "outputs")}
-    return {
+    return {  # None stays None, and an alias becomes the name in the model
         kind: names and tuple(map(model.about.name_of, names)) for kind, names in chosen.items()
     }
 
@@ -112,6 +112,7 @@ def _of_trim(request: LinearizeRequest, given: GivenTrim) -> Outcome:
     point = trimmed(given)
     signals = _signals(request, given.model)
     kept = signals["states"] or given.model.linear
+    # Disturbances that act on the kept states through omitted ones have no column.
     linear = point.linearize(**signals, disturbances=direct_disturbances(point, kept))
     report = linear_model_report(linear, responses=request.bode)
 

@@ -166,6 +166,7 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
         point: OperatingPoint | None
         try:
             point = trimmed(points.trims.trim_of(row))
+            # Of a list that is only printed, the rows that are read first suffice.
             report = _sheet(request, point) if is_whole else read_first(point, airplane)
             report = _with_name(report, row.name)
         except TrimError as error:

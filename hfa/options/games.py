@@ -211,14 +211,13 @@ def given_weights(request: WeightOptions, model: Model | None) -> dict[str, Any]
     if model is None:
         return given | {"sizes": partial(_sizes_of_file, request.sizes)}
     names = (*model.linear, *model.inputs)
-    return given | {
-        "sizes": each_of(
-            "--sizes",
-            model,
-            request.sizes,
-            lambda model, name, text: _positive(among(names, model, name, text), text),
-        )
-    }
+    sizes = each_of(
+        "--sizes",
+        model,
+        request.sizes,
+        lambda model, name, text: _positive(among(names, model, name, text), text),
+    )
+    return given | {"sizes": sizes}  # deviations, of which Q and R are 1/size²
 
 
 def _positive(size: float, text: str) -> float:

@@ -274,6 +274,7 @@ class Parser(argparse.ArgumentParser):
         A message on one option contains only the option and its fault. Other messages also name
         `--help`.
         """
+        # "argument -o/--output: expected one argument" becomes "--output expected one argument".
         complaint = re.sub(r"^argument (?:\S+/)?(\S+): ", r"\1 ", message)
         raise BadInputError(
             complaint if complaint != message else f"{message} (see `{self.prog} --help`)"

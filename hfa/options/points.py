@@ -103,7 +103,7 @@ def given_points(request: PointOptions, given: TrimInput) -> GivenPoints:
         names = [*rows[0].values]
         is_mixed = any(row.free or row.limits or {*row.values} != {*names} for row in rows)
         if is_mixed or not names:  # the points are no table of numbers
-            if given.at is not None:
+            if given.at is not None:  # it has one value, as several are refused above
                 constants[model.schedule] = given.at[0]
             return GivenPoints(given, constants, {}, listed=True)
         columns = {name: tuple(row.values[name] for row in rows) for name in names}

@@ -88,6 +88,7 @@ def test_each_file_has_the_models_of_single_rows_to_the_bit(words, book, tmp_pat
             ):
                 assert np.array_equal(found, given), (name, matrix)
         assert np.array_equal(in_folder.A, single["A"])
+        # The structs have a name for each eigenvalue, and an oscillation has two.
         named = dict.fromkeys(str(name[0]) for name in structs[0, row]["mode_names"][0])
         assert [*named] == [mode["name"] for mode in single["modes"]]
         poles = control.ss(*(arrays[matrix][row] for matrix in "ABCD")).poles()

@@ -73,8 +73,8 @@ def test_the_cover_names_document_aircraft_mass_and_results(pages):
 
 def test_the_table_of_a_book_has_the_result_of_each_condition(pages):
     """The table on the second page has a row for each condition, with the thrust and its share of the
-    60 N, with the inertia Ixz that one condition sets, and with the reason of a stall, a warning or
-    a missing trim.
+    60 N (all of it in the climb, 31 % in another trim), with the inertia Ixz that one condition sets,
+    and with the reason of a stall, a warning or a missing trim.
     """
     matrix = pages[1]
     for number, name in enumerate(("stall", "planted", "tooslow", "climb"), start=1):

@@ -200,7 +200,7 @@ def test_the_table_has_the_figures_of_the_sheets(book, uav):
     """
     cells = rows_of(book / "matrix.csv")
     assert cells["climb full thrust"]["limits reached"].split(", ")[0] == "thrust"
-    trims = hfa.conditions(hfa.load_model(uav), book / "few.csv")
+    trims = hfa.conditions(hfa.load_model(uav), book / "few.csv")  # "stall" and "planted"
     for name in trims:
         sheet = trims[name].sheet
         assert ("stalled" in {each.name for each in sheet}) == (name == "stall")

@@ -50,7 +50,7 @@ def over_the_box(game, candidate, box=None):
     return {check.name: check.value for check in checks}
 
 
-def test_a_critic_of_poor_data_is_refused(game):
+def test_a_critic_whose_data_have_too_low_a_rank_fails(game):
     """A right critic fails if its data had only rank 15, less than the 21 weights, and the reason
     names both numbers.
     """
@@ -317,7 +317,10 @@ def test_terms_that_are_not_quadratic_count_in_a_box_ten_times_as_large_or_small
 
 
 def test_the_relative_error_to_zeros_or_of_nan_is_infinite():
-    """The relative error of zeros to zeros is 0. Arrays of two shapes are refused."""
+    """The relative error of other numbers to zeros, or of nan, is inf; of zeros to zeros it is 0.
+
+    Arrays of two shapes are refused.
+    """
     assert relative_error(np.zeros(2), np.zeros(2)) == 0.0
     assert relative_error(np.ones(2), np.zeros(2)) == math.inf
     assert relative_error(np.array([1.0, np.nan]), np.ones(2)) == math.inf
