@@ -607,6 +607,7 @@ def test_a_filter_of_another_sample_time_and_c_of_a_deployment_with_one_are_refu
     ],
 )
 def test_wrong_arguments_of_a_filter_are_refused(linear, given, said):
+    """The refusal contains the name of the wrong argument or the form of its text."""
     with pytest.raises(BadInputError, match=said):
         hfa.filter(linear, **given)
 

@@ -168,8 +168,8 @@ FILTER = [
 
 
 def test_an_fmu_behind_a_filter_simulates_the_flight(folder):
-    """Co-simulation in FMPy gives the flight of `fly` with a sensor that is 0.02 rad off, in steps
-    that samples do not divide.
+    """Co-simulation in FMPy, in steps of 25 ms that samples of 10 ms do not divide, gives the flight of
+    `fly` with a sensor that is 0.02 rad off.
     """
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
     validation = pytest.importorskip("fmpy.validation")

@@ -167,7 +167,9 @@ def test_an_episode_ends_if_the_action_is_nan():
 
 
 def test_fly_and_environments_give_equal_flights():
-    """A flight of one second with a delay of a sample and a half ends at the same state."""
+    """A flight and an episode of one second, 50 samples, with the same gain and a delay of a sample and a
+    half end at the same state.
+    """
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     gain = np.array([[0.0, 0.4, 0.2, 0.4], [-1.0, 0.0, 0.0, 0.0]])
     o = ca.SX.sym("o", 4)
