@@ -52,7 +52,7 @@ def _advised(given: GivenTrim, failure: TrimError) -> TrimError:
 
 def _advice(given: GivenTrim, failure: TrimError) -> str:
     """Return the imposed values of which one must be free, so that a trim exists, or ""."""
-    if failure.attempt._unmoved:  # no input moves an angular rate: the model is at fault
+    if failure.attempt._uncontrolled_rates:  # no input moves an angular rate: the model is at fault
         return ""
     if advice_on_inputs := _free_inputs(given):
         return advice_on_inputs

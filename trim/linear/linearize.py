@@ -50,7 +50,7 @@ def linearize(
     >>> hfa.linearize(hfa.aircraft(), point).A.shape
     (6, 6)
     """
-    point._refuse_other(model)
+    point._refuse_other_model(model)
     if states or inputs:
         positions("state", states or (), tuple(model.states))
         # The linear model of all states is reduced to the chosen ones.

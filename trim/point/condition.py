@@ -86,9 +86,12 @@ class TrimCondition:
         for names, known in ((self.imposed, model.holdable), (self.limits, model.limits)):
             for name in names:
                 refuse_unknown("unknown trim variable", name, known)
+
+        # `imposed` and `rates` as numbers
         numbers = {name: model.number(name, value) for name, value in self.imposed.items()}
         rates = {name: model.number(f"{name}_dot", rate) for name, rate in self.rates.items()}
         vars(self).update(imposed=numbers, rates=rates)
+
         for name, rate in self.rates.items():
             if not is_finite(rate):
                 raise BadInputError(f"the rate of {name} is {shown(rate)}; give a finite number")
@@ -99,6 +102,8 @@ class TrimCondition:
                     f"the limits of {name} are {model.describe(name, lowest)} and "
                     f"{model.describe(name, highest)}; give two different limits, the lower first"
                 )
+
+        # imposed values within their limits
         limits = self.limits_on(tuple(self.imposed))
         for index, (name, value) in enumerate(self.imposed.items()):
             for number in value.values.tolist() if isinstance(value, LinearTable) else [value]:
@@ -139,12 +144,12 @@ class TrimCondition:
         Raises BadInputError outside the breakpoints of a table, and if a value is outside its
         limits.
         """
-        by = self.model.schedule  # name of the scheduling variable
+        schedule = self.model.schedule  # name of the scheduling variable
         held = dict(hold or {})
         if scheduled is None:
-            scheduled = self.imposed.get(by, self.begin.get(by, 0.0))
-        elif by in self.imposed:
-            held = {by: scheduled, **held}
+            scheduled = self.imposed.get(schedule, self.begin.get(schedule, 0.0))
+        elif schedule in self.imposed:
+            held = {schedule: scheduled, **held}
         numbers = {
             name: float(
                 self.values_at(name, scheduled) if isinstance(value, LinearTable) else value
@@ -152,8 +157,8 @@ class TrimCondition:
             for name, value in self.imposed.items()
         }
         begin = self.begin
-        if by in self.model.variables and by not in {**numbers, **held}:
-            begin = {**begin, by: scheduled}
+        if schedule in self.model.variables and schedule not in {**numbers, **held}:
+            begin = {**begin, schedule: scheduled}
         return release(replace(self, imposed=numbers, begin=begin), hold=held)
 
     def freed_for(self, names: Iterable[str]) -> TrimCondition:
@@ -179,7 +184,7 @@ class TrimCondition:
         table = self.imposed[name]
         if not isinstance(table, LinearTable):
             return np.full(np.shape(scheduled), table)
-        by = self.model.schedule
+        by = self.model.schedule  # name of the scheduling variable
         first, last = table.breakpoints[[0, -1]].tolist()
         points = np.atleast_1d(scheduled)
         outside = points[~Limits.of(self.model, (by,), {by: (first, last)}).within(points)]
@@ -305,17 +310,22 @@ def release(
             raise BadInputError(
                 f"{name} is both free and held; free or hold the variable, not both"
             )
-    values = {name: value for name, value in hold.items() if name not in model.rates}
+
     rates = {name: rate for name, rate in condition.rates.items() if f"{name}_dot" not in free}
     held_rates: dict[str, Any] = {
         name.removesuffix("_dot"): value for name, value in hold.items() if name in model.rates
     }
+    # A held mach, for example, replaces an imposed speed.
+    values = {name: value for name, value in hold.items() if name not in model.rates}
     imposed = model.without_alternatives(condition.imposed, values) | values
+
+    # The search begins at the value that was imposed on a variable that is now free.
     begin = dict(condition.begin)
     for name in free:
         if name in imposed:
             value = imposed.pop(name)
             begin[name] = float(value.values[0]) if isinstance(value, LinearTable) else value
+
     return replace(
         condition,
         rates=rates | held_rates,

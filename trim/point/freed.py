@@ -35,11 +35,11 @@ def with_parameters_as_inputs(model: Model, names: tuple[str, ...]) -> Model:
 
     def begin(imposed: Mapping[str, Any]) -> Mapping[str, Any]:
         """Return the initial values that the model computes, at the start values of `names`."""
-        loaded = {name: model.parameters[name].start for name in names}
-        return model.trimming.initial({**loaded, **imposed})
+        starts = {name: model.parameters[name].start for name in names}
+        return model.trimming.initial({**starts, **imposed})
 
     computed = None if model.trimming.begin is None else begin
-    # values before a change, of the parameters that remain
+    # original values of the changed parameters, of those that remain parameters
     declared = {name: value for name, value in model.source.declared.items() if name not in names}
     return replace(
         model,
@@ -66,6 +66,7 @@ def with_found_parameters(
         problem = TrimProblem(fixed, condition, point.values, kept)
     inputs = record(tuple(model.inputs))(*(point[name] for name in model.inputs))
     found_point = replace(point, inputs=inputs, model=fixed, found_by=problem)
-    # The parameters found are constants of `problem`; those of the solved problem were unknowns.
+    # `_undetermined` is cached from the solved problem, in which the parameters were unknowns. It
+    # would be another one of `problem`, in which they are fixed.
     vars(found_point)["_undetermined"] = point._undetermined
     return found_point

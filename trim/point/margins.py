@@ -109,7 +109,7 @@ class Margin(Result):
 
 
 def all_margins(
-    model: Model, condition: TrimCondition, x: Any, u: Any, left: Sequence[str]
+    model: Model, condition: TrimCondition, x: Any, u: Any, undetermined: Sequence[str]
 ) -> dict[str, Margin]:
     """Return the margins of a trim, name -> `Margin`, for all states, relevant outputs and inputs.
 
@@ -119,12 +119,12 @@ def all_margins(
     condition: condition of the trim
     x: state at the trim, by name
     u: input at the trim, by name
-    left: names of free variables that no equation determines
+    undetermined: names of free variables that no equation determines
     """
     roles = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
-    roles |= dict.fromkeys(left, "left")
+    roles |= dict.fromkeys(undetermined, "left")
     if set(condition.free) <= set(model.inputs):
-        # No state is free, so that those that outputs replace are held as well.
+        # No state is free, so that also the states that outputs replace are held.
         roles |= dict.fromkeys(model.replaced, "held")
     named = {*model.variables, *model.trim, *condition.imposed}
     outputs = [
@@ -133,6 +133,7 @@ def all_margins(
         if name in named or math.isfinite(signal.min) or math.isfinite(signal.max)
     ]
     values = model.outputs_at(x, u, outputs) | x._asdict() | u._asdict()
+
     named_limits = condition.limits_on((*model.states, *outputs, *model.inputs))
     ends = zip(named_limits.lowest.tolist(), named_limits.highest.tolist(), strict=True)
     limits = dict(zip(named_limits.names, ends, strict=True))
@@ -143,6 +144,7 @@ def all_margins(
         limits[output] = max(declared[0], lowest), min(declared[1], highest)
         if limits[output] != declared:
             assumed[output] = assumed[state]
+
     margins = {}
     for name, (lowest, highest) in limits.items():
         signal, role = model.signals[name], roles.get(name, "follows")
@@ -174,8 +176,8 @@ def _limits_by_state(
     return lowest, highest
 
 
-#: Outputs with which the lift is compared with a declared largest lift coefficient.
-_LARGEST = ("dynamic_pressure", "reference_area", "largest_lift_coefficient")
+#: Outputs whose product is the largest lift, of a model that declares them.
+_FACTORS_OF_LARGEST_LIFT = ("dynamic_pressure", "reference_area", "largest_lift_coefficient")
 
 
 def stalled(
@@ -193,9 +195,9 @@ def stalled(
     alpha = recognized(model.states).get("alpha", "")
     if not alpha or "lift" not in model.outputs:
         return np.zeros(len(states), dtype=bool)
-    is_declared = {*_LARGEST} <= {*model.outputs}
+    is_declared = {*_FACTORS_OF_LARGEST_LIFT} <= {*model.outputs}
     symbols = model.layout.symbols("x", "u", "p")
-    names = ("lift", *(_LARGEST if is_declared else ()))
+    names = ("lift", *(_FACTORS_OF_LARGEST_LIFT if is_declared else ()))
     _, outputs = model.layout.expressions(symbols, names)
     lift = outputs[0]
     # reserve: negative beyond the stall

@@ -187,18 +187,18 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
     @property
     def dihedral_deg(self) -> float | None:
         """Dihedral angle of the flexible aircraft, degrees, or None for other models."""
-        is_flexible_aircraft = self.model.about.names_schedule
+        is_flexible_aircraft = self.model.about.names_schedule  # of this model alone
         return in_degrees(self.values[self.model.schedule]) if is_flexible_aircraft else None
 
     @property
     def scheduled(self) -> dict[str, float] | None:
         """Value of the scheduling variable, name -> value, as files contain it.
 
-        The mapping is {} if the model has no scheduling variable, or a parameter as one. It is None
-        for the paper's aircraft, whose files contain `dihedral_deg` instead.
+        The mapping is {} if the model has no scheduling variable, or if that is a parameter. It is
+        None for the paper's flexible aircraft, whose files contain `dihedral_deg` instead.
         """
         name = self.model.schedule
-        if self.model.about.names_schedule:  # of the paper's aircraft
+        if self.model.about.names_schedule:  # of the flexible aircraft alone
             return None
         return {name: self.values[name]} if name in self.values else {}
 
@@ -235,8 +235,8 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         from trim.point.margins import all_margins
 
         problem = self.trim_problem
-        left = (*problem.idle, *problem.kept)
-        return all_margins(self.model, problem.asked, self.states, self.inputs, left)
+        undetermined = (*problem.idle, *problem.kept)
+        return all_margins(self.model, problem.asked, self.states, self.inputs, undetermined)
 
     @cached_property
     def _undetermined(self) -> Undetermined:
@@ -261,7 +261,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         ]
 
     @property
-    def _unmoved(self) -> list[str]:
+    def _uncontrolled_rates(self) -> list[str]:
         """Names of the angular rates whose equations do not balance, and which no input changes."""
         roles = recognized(self.model.states)
         B = self.model.at(self.states, self.inputs).B
@@ -273,9 +273,10 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
             if abs(scaled.get(name, 0.0)) > BALANCE and not B[row].any()
         ]
 
-    def _refuse_other(self, model: Model) -> None:
+    def _refuse_other_model(self, model: Model) -> None:
         """Raise BadInputError if the point was not trimmed with this model's units and dynamics."""
-        if bool(self.model.source.native) != bool(model.source.native):  # one is in SI units
+        # `native` is the original of a model that was converted to SI units.
+        if bool(self.model.source.native) != bool(model.source.native):
             raise BadInputError(
                 "the operating point and the model have different units; trim this model"
             )

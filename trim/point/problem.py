@@ -138,10 +138,10 @@ class TrimProblem:
         if abs(residual) <= BALANCE:
             return
         imposed = self.condition.imposed[row.name]
-        decided = model.describe(row.name, imposed + residual * row.scale)
+        actual = model.describe(row.name, imposed + residual * row.scale)
         raise BadInputError(
             f"{row.name} is {model.describe(row.name, imposed)}, but no free variable changes "
-            f"it from {decided}{self._advice_instead_of(row.name)}"
+            f"it from {actual}{self._advice_instead_of(row.name)}"
         )
 
     def _advice_instead_of(self, name: str) -> str:
@@ -354,7 +354,7 @@ def _sizes(problem: TrimProblem) -> np.ndarray:
     for name in problem.free:
         unit = model.unit(name)
         quantity = si_unit(unit)
-        size = 1.0 if quantity == "rad" else largest[quantity]
-        has_size = size and quantity != "1"
-        sizes.append(size / si_factor(unit) if has_size else model.signals[name].nominal)
+        si_size = 1.0 if quantity == "rad" else largest[quantity]
+        is_known = si_size > 0.0 and quantity != "1"
+        sizes.append(si_size / si_factor(unit) if is_known else model.signals[name].nominal)
     return np.array(sizes)

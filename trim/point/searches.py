@@ -34,8 +34,8 @@ _FARTHEST = 1.0
 _INSIDE = 1e-9
 
 
-def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[np.ndarray, int]]:
-    """Yield the end of each further search for a trim, after the first one has failed: scaled
+def after_newton(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[np.ndarray, int]]:
+    """Yield the end of each further search, after Newton's method from the guess has failed: scaled
     unknowns (k,), which need not be a trim, and the number of the initial point.
 
     The searches have these initial points, in this order:
@@ -59,7 +59,7 @@ def in_balance(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[np.nda
 
 
 def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[np.ndarray, int]]:
-    """Yield the end of each search for a trim of least effort, as `in_balance` does.
+    """Yield the end of each search for a trim of least effort, as `after_newton` does.
 
     The searches have these initial points, in this order:
 
@@ -84,8 +84,8 @@ def _continued(problem: TrimProblem) -> np.ndarray | None:
     """Return the unknowns (k,) found by continuation from the model's declared trim, or None."""
     # The imposed values c0 at the declared trim change to the requested ones, c1:
     # r(z, c0 + s (c1 - c0)) = 0, s from 0 to 1.
-    # None: the system is not square or has other unknowns than the problem, the declared trim is
-    # not found, Newton's method fails before s = 1, or nothing changes.
+    # The result is None if the system is not square or has other unknowns than the problem, the
+    # declared trim is not found, Newton's method fails before s = 1, or nothing changes.
     if not problem.system.equations.square:
         return None
     declared = _declared_trim(problem.model)
@@ -170,7 +170,7 @@ def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarra
     part = _PartOfUnknowns(problem, nearest, moving)
     bounds = (lowest[moving], highest[moving])
     inside = np.clip(nearest[moving], bounds[0] + _INSIDE, bounds[1] - _INSIDE)
-    # The search stops where doubles end; `TrimProblem.solved` judges its end.
+    # The search stops at the rounding of doubles; `TrimProblem.solved` judges its end.
     tight: Any = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "bounds": bounds}
     solution = least_squares(part.residual, inside, jac=part.jacobian, **tight)
     return part.all_unknowns(solution.x)
@@ -213,7 +213,8 @@ _IPOPT: dict[str, Any] = {
 @lru_cache(maxsize=16)
 def _effort_program(structure: Structure) -> ca.Function:
     """Return the IPOPT solver for the z with the least Σ z_i² of the free inputs."""
-    # The constraints g are the residuals that the unknowns affect, and the watched signals.
+    # The constraints g are the residuals that the unknowns affect, and the watched signals: states
+    # and outputs that have limits, but are neither imposed nor unknown.
     e = equations_of(structure)
     inputs = [i for i, name in enumerate(e.unknowns) if name in structure.layout.names.inputs]
     scales = ca.DM([signal.scale for signal in structure.watched])
@@ -240,7 +241,8 @@ def _effort_program(structure: Structure) -> ca.Function:
 
 
 def _least_effort(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
-    """Return the z (k,) of least effort within limits near a guess, which need not be a trim."""
+    """Return the z (k,) with the least Σ z_i² of the free inputs within limits, near a guess."""
+    # The result need not be a trim. `_effort_program` bounds the residuals and watched signals.
     system = problem.system
     balanced = np.zeros(system.affected_count)
     scales = np.array([signal.scale for signal in system.structure.watched])

@@ -250,7 +250,7 @@ def trim(
     40.27
     """
     condition = condition or usual_condition(model)
-    if bool(condition.model.source.native) != bool(model.source.native):  # one is in SI units
+    if bool(condition.model.source.native) != bool(model.source.native):  # one was converted to SI
         raise BadInputError(OTHER_UNITS)
     held = {**(hold or {}), **held}
     if at is not None:
@@ -314,15 +314,15 @@ def _kept_states(problem: TrimProblem) -> tuple[str, ...]:
     # until the trim is unique. A state without a trim at its start value is not kept. The result
     # does not depend on where the search begins.
     problem = TrimProblem(problem.model, problem.asked)
-    points = [problem.clip(problem.system.start)]
-    points.append(problem.newton(points[0]))
-    while points:
-        candidates = _candidates(problem, points)
-        points = []
+    start = problem.clip(problem.system.start)
+    examined = [start, problem.newton(start)]  # points at which states may be undetermined
+    while examined:
+        candidates = _candidates(problem, examined)
+        examined = []  # ends the loop if no candidate can be kept
         for name in candidates:
             with suppress(BadInputError, TrimError):
                 tried = problem.keeping((*problem.kept, name))
-                problem, points = tried, [solution(tried).z]
+                problem, examined = tried, [solution(tried).z]
                 break
     return problem.kept
 
@@ -363,8 +363,9 @@ def solution(problem: TrimProblem) -> SearchEnd:
     if unknowns > equations:
         ends = searches.of_least_effort(problem, guess)
     else:
-        ends = chain([(problem.newton(guess), 0)], searches.in_balance(problem, guess))
-    nearest = guess  # the last unknowns that balance beyond limits, else the first search's end
+        ends = chain([(problem.newton(guess), 0)], searches.after_newton(problem, guess))
+    # the last end that balances beyond limits, otherwise the last one from the default start
+    nearest = guess
     number = 0
     far_out = None  # the first trim with an angle beyond 90 deg
     quarter_turn = problem.system.quarter_turn
@@ -400,7 +401,7 @@ def _error_of(problem: TrimProblem, nearest: np.ndarray, others: int) -> TrimErr
     if others:
         message += f"; {others} other initial points failed too"
     attempt = OperatingPoint._of(problem, problem.clip(nearest), Status.FAILED)
-    if rates := attempt._unmoved:
+    if rates := attempt._uncontrolled_rates:
         message += f"; no input of the model changes {' and '.join(rates)}"
     return TrimError(message, attempt, beyond_limits)
 

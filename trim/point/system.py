@@ -185,21 +185,26 @@ def structure_of(
     """
     held = {*dict(imposed), *varied}
     is_nonzero_rate = dict(rates)
-    # outputs, and states in whose place an output is a variable
+    # all outputs, and the states that an output replaces as variables of a trim
     dependent = [name for name in (*model.states, *model.outputs) if name not in model.variables]
+
     rows = []
     for name in model.states:
         rate = f"{name}_dot"
         if name in is_nonzero_rate or rate in varied:
-            has_value = rate in varied or is_nonzero_rate[name]
             scale = model.rate_scale(name)
-            rows.append(TrimEquation(name, True, imposed=rate if has_value else "", scale=scale))
+            constant = rate if rate in varied or is_nonzero_rate[name] else ""
+            rows.append(TrimEquation(name, is_rate=True, imposed=constant, scale=scale))
     for name in dependent:
         if name in held:
             scale = model.signals[name].nominal
-            rows.append(TrimEquation(name, False, imposed=name, scale=scale))
+            rows.append(TrimEquation(name, is_rate=False, imposed=name, scale=scale))
+
+    # A value that is exactly 0 is no constant: variables whose effect it removes are then in no
+    # equation.
     given = {*varied, *(row.imposed for row in rows)}
     given.update(name for name, is_nonzero in imposed if is_nonzero or name in model.outputs)
+
     free = [name for name in model.variables if name not in held]
     ends = model.limits | {name: (low, high) for name, low, high in limits}
     watched = [
@@ -266,6 +271,8 @@ def equations(structure: Structure) -> TrimEquations:
     by_all = ca.jacobian(e.residual, column(e.free.values()))  # by all free variables
     structure.layout.refuse_steps(by_all, list(e.free))
     by_all = ca.sparsify(by_all)
+
+    # Equations (rows) that a free variable affects, and free variables (columns) in an equation:
     has_entry = ca.DM(by_all.sparsity(), 1).full() != 0.0
     affected = np.flatnonzero(has_entry.any(axis=1)).tolist()
     unaffected = [row for row in range(len(structure.rows)) if row not in affected]
@@ -275,6 +282,7 @@ def equations(structure: Structure) -> TrimEquations:
     scales = np.array([structure.unknowns[column].scale for column in active])
     idle = tuple(name for name in e.free if name not in unknowns)
 
+    # The unknowns become z times their scales, and the affected equations come first.
     z = ca.SX.sym("z", len(unknowns))
     sought = column(e.free[name] for name in unknowns)
     in_order = e.residual[[*affected, *unaffected]]
@@ -360,11 +368,12 @@ class TrimSystem:
         self.condition = condition
         self.declared = {**declared_start(model, condition.imposed), **condition.begin}
         self.begin = {**self.declared, **(begin or {})}
+        # The equations are cached, and contain of an imposed value only whether it is 0.
         self.structure = structure_of(
             model,
-            tuple([(name, value != 0.0) for name, value in condition.imposed.items()]),
-            tuple([(name, rate != 0.0) for name, rate in condition.rates.items()]),
-            tuple([(name, *ends) for name, ends in condition.limits.items()]),
+            tuple((name, value != 0.0) for name, value in condition.imposed.items()),
+            tuple((name, rate != 0.0) for name, rate in condition.rates.items()),
+            tuple((name, *ends) for name, ends in condition.limits.items()),
             tuple(varied),
         )
         self.equations = equations(self.structure)
@@ -374,7 +383,7 @@ class TrimSystem:
         self.lowest = self.limits.lowest / self.scales
         self.highest = self.limits.highest / self.scales
         # A trim beyond 90 deg of an angle whose limits are missing or assumed is returned only if
-        # there is no other (`solution`).
+        # there is no other (`trim.point.solve.solution`).
         are_missing = np.isinf(self.limits.lowest) & np.isinf(self.limits.highest)
         quarter_turns = [
             _QUARTER_TURN.get(model.unit(name), math.inf) for name in self.limits.names
@@ -383,6 +392,7 @@ class TrimSystem:
         self.quarter_turn = np.where(are_weak, quarter_turns, math.inf) / self.scales
         self.watched = condition.limits_on([signal.name for signal in self.structure.watched])
         self.affected_count = self.equations.affected_count
+        # In a sweep with free states, the search begins near the solution (`points._starts`).
         self.steps = _STEPS_OF_MANY if varied and not self.only_inputs else _STEPS
 
     @property
@@ -422,7 +432,7 @@ class TrimSystem:
         columns = columns or {}
         names = self.equations.constants
         imposed = self.condition.imposed
-        by = self.model.schedule  # which may itself have a column
+        schedule = self.model.schedule  # the scheduling variable may itself have a column
         table = np.empty((count, len(names) + len(self.model.p)))
         for index, name in enumerate(names):
             if name in columns:
@@ -432,7 +442,7 @@ class TrimSystem:
             elif name in self.model.rates:
                 table[:, index] = self.condition.rates.get(name.removesuffix("_dot"), 0.0)
             elif isinstance(imposed.get(name), LinearTable):
-                scheduled = columns.get(by, imposed.get(by, 0.0))
+                scheduled = columns.get(schedule, imposed.get(schedule, 0.0))
                 table[:, index] = self.condition.values_at(name, scheduled)
             else:
                 table[:, index] = imposed.get(name, 0.0)

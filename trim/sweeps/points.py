@@ -95,7 +95,7 @@ def trim_points(
         )
     if condition is None:
         condition = usual_condition(model)
-    if bool(condition.model.source.native) != bool(model.source.native):  # one is in SI units
+    if bool(condition.model.source.native) != bool(model.source.native):  # one was converted to SI
         raise BadInputError(OTHER_UNITS)
     given_variables, given_values = variables, values
     model, variables, values, condition = _with_true_speed(model, variables, values, condition)

@@ -59,7 +59,7 @@ def trims_of(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint
     found: list[OperatingPoint] = []
     for point in _listed(points):
         if isinstance(point, OperatingPoint):
-            point._refuse_other(model)
+            point._refuse_other_model(model)
             found.append(point)
             continue
         if not is_finite(point) or not model.schedule:

@@ -248,7 +248,7 @@ class FlightProblem:
 
     def _deviations_of_trim(self, other: OperatingPoint) -> np.ndarray:
         """Return another trim as deviations z from the trim of the problem, (k,)."""
-        other._refuse_other(self.model)  # a trim of another model
+        other._refuse_other_model(self.model)  # a trim of another model
         off: np.ndarray = np.array(other.states) - self.point.x
         for place, name in enumerate(self.model.states):
             if (
@@ -327,7 +327,7 @@ def flight_problem(
     weights that do not fit the model. Raises NoSolutionError if the linear model cannot be
     stabilized at a finite cost.
     """
-    point._refuse_other(model)
+    point._refuse_other_model(model)
     linear = linearize(model, point)
     if inputs is not None:
         for name in inputs:

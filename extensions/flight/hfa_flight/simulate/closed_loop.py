@@ -104,7 +104,7 @@ class NonlinearPlant(Plant):
 
     def __post_init__(self) -> None:
         """Raise BadInputError if the operating point belongs to another model."""
-        self.point._refuse_other(self.model)
+        self.point._refuse_other_model(self.model)
 
     def at(self, x: ca.SX, u: ca.SX, winds: Winds, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Return f(X0 + x, U0 + u, p, w), (n,), and the limited states, as `Plant.at` does.
