@@ -84,8 +84,9 @@ class LinearLoop:
             infinite = f"sqrt(discount) (A - B K) has the spectral radius {discounted:.7g}"
             has_cost = self.suboptimality.is_summable
             name = "control_loop_radius"
-            cost = ("discounted_loop_radius", discounted, 1.0, has_cost, infinite, "cost")
-            others = [_proved_check(*cost)]
+            others = [
+                _proved_check("discounted_loop_radius", discounted, 1.0, has_cost, infinite, "cost")
+            ]
         else:
             unstable = f"A - B K is not Hurwitz (abscissa {pole:+.3g} 1/s)"
             name, others = "control_loop_abscissa", []

@@ -151,7 +151,10 @@ def _reason_for_policy(exact: Solution, critic: Critic, P: np.ndarray, limit: fl
 
 
 def _reason_for_action_value(game: Game, H: np.ndarray, right: np.ndarray, limit: float) -> str:
-    """Return a sentence that names the mistake in the matrix H of an action value, or ""."""
+    """Return a sentence that names the mistake in the matrix H of an action value, or "".
+
+    right: the exact H of the same signals
+    """
     sizes = floored(np.sqrt(np.abs(np.diag(right))))
     values = Compared(
         "H", H, right, np.outer(sizes, sizes), lambda M: action_value_error(M, right) <= limit
@@ -204,7 +207,9 @@ def _sizes_of_states(exact: Solution) -> np.ndarray:
 
 
 def _gains(exact: Solution, K: np.ndarray, limit: float) -> Compared:
-    """Return K compared with the exact one, in sizes r_i c_j that change with the units."""
+    """Return K compared with the exact one, in sizes r_i c_j of its entries, which change with the
+    units of inputs and states as the entries do.
+    """
     states = _sizes_of_states(exact)
     weights = np.diag(exact.suboptimality_weight)
     inputs = np.sqrt(np.where(weights > 0.0, weights, 1.0))  # √R_ii
@@ -342,9 +347,9 @@ def _of_rows(
     """
     column_sizes = floored(np.abs(exact).max(axis=0))
     rows, exact_rows = given / column_sizes, exact / column_sizes
-    order = _assigned(np.sum((rows[:, None] - exact_rows) ** 2, axis=-1))
+    order = _assigned(np.sum((rows[:, None] - exact_rows) ** 2, axis=-1))  # of the nearest rows
     yield Mistake(_order_text(noun, order), given[np.argsort(order)])
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"):  # factors of least squares
         factors = np.sum(rows * exact_rows, axis=1) / np.sum(exact_rows**2, axis=1)
     for says, divisors in _wrong_units(noun, factors, units):
         yield Mistake(says, given / divisors[:, None])

@@ -460,7 +460,11 @@ def verdicts_figure(verdicts: Mapping[str, Verdict]) -> Figure:
 def _heat_map(
     figure: Figure, axes: Axes, title: str, matrix: np.ndarray, size: float | None
 ) -> None:
-    """Draw a matrix as a heat map with a color bar; without a size, of relative differences."""
+    """Draw a matrix as a heat map with a color bar.
+
+    size: largest entry of the color scale; None for relative differences, whose scale ends at a
+        power of ten
+    """
     from matplotlib.colors import SymLogNorm
 
     axes.set_title(title)

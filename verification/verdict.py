@@ -157,9 +157,10 @@ class Verdict(Checked, Result, Reported):
         return max(linear_grade, self.nonlinear.grade(limit_cost), key=GRADES.index)
 
     def linear_grade(self, limit_cost: float | None = None) -> str:
-        """Return the grade without the nonlinear game.
+        """Return the grade without the nonlinear game, as described at `grade`.
 
-        limit_cost: as for `graded`
+        limit_cost: with a limit, percent, the grade is "exact" if the loop is stable, and the cost
+            and V* at the equilibrium are within the limit, else "fail"
         """
         above = self.cost_above_optimum_percent
         if limit_cost is not None:

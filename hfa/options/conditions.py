@@ -123,7 +123,7 @@ def _table_of(path: Path) -> _Table:
         raise BadInputError(
             f"{path} has no conditions; give a row of names, then a row of values for each one"
         )
-    (header, titles), *rows = numbered
+    (header, titles), *rows = numbered  # header: number of the row of headings
     for separator, word in ((";", "semicolon"), ("\t", "tab")):
         if any(separator in title for title in titles):
             raise BadInputError(

@@ -477,7 +477,7 @@ def with_tracking(
     K: gain of the feedback, (m, n)
     """
     assert named.linear is not None  # `reference_of` requires it
-    if not stabilizes(solution.game, K):
+    if not stabilizes(solution.game, K):  # the tracking errors grow
         abscissa = solution.closed_loops.poles(K).abscissa
         said = f"Tracking: no late errors, A - B K has abscissa {abscissa:+.4g} 1/s"
         return replace(report, parts=(*report.parts, said))

@@ -217,13 +217,13 @@ class Loop:
         if self.equilibrium is None:
             return End(FlightOutcome.UNDECIDED, times, rows[:, :-1], rows[:, -1])
         initial = self._value(starts - self.equilibrium)
-        flying = np.arange(len(starts))
+        flying = np.arange(len(starts))  # rows of flights that have not converged
         time, steps_left = 0.0, self.simulator.most_steps
         while flying.size and steps_left > 0 and time < self.simulator.longest:
             rows[flying], steps = self.simulator.after(rows[flying], time, steps_left)
-            if not (self._value(rows[flying, :-1]) <= self.largest).all():
+            if not (self._value(rows[flying, :-1]) <= self.largest).all():  # far away, or nan
                 return End(FlightOutcome.LEFT, times, rows[:, :-1], rows[:, -1])
-            if not steps:
+            if not steps:  # the tick takes more steps than are left
                 break
             steps_left -= steps
             time += self.simulator.tick
