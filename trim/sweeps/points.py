@@ -34,9 +34,9 @@ _FINE_CELL = 0.01
 _CELL = 0.03
 #: Largest accepted change of a scaled unknown over a cell.
 _STEEPEST = 0.2
-#: Step for the slopes of initial values, as a fraction of a cell; the residuals judge what they
-#: lead to.
-_NEXT = 1e-5
+#: Step for the slopes of initial values, as a fraction of a cell. It needs no accuracy: the
+#: residuals judge the solutions.
+_SLOPE_STEP = 1e-5
 #: Largest number of rounds that begin at solved neighbors.
 _ROUNDS = 100
 
@@ -97,6 +97,7 @@ def trim_points(
         condition = usual_condition(model)
     if bool(condition.model.source.native) != bool(model.source.native):  # one was converted to SI
         raise BadInputError(OTHER_UNITS)
+
     given_variables, given_values = variables, values
     model, variables, values, condition = _with_true_speed(model, variables, values, condition)
     for name in variables:
@@ -107,16 +108,19 @@ def trim_points(
     if kept:
         with_kept = release(condition, hold=kept).freed_for(variables)
         system = TrimSystem(model, with_kept, variables, begin)
-    points = _settled_together(system, variables, values)
+
+    points = _solved_together(system, variables, values)
     within = condition.limits_on(given_variables).within(given_values).all(axis=1)
     refused = ~within & (points.status == TRIMMED)  # `trim` says which value is beyond its limit
     points.status[refused] = NO_TRIM
     points.one_by_one[refused] = True
+
     slow = np.flatnonzero(points.one_by_one).tolist()
     for done, i in enumerate(slow, start=len(values) - len(slow) + 1):
-        _settle_alone(model, condition, points, i, variables, values[i], start)
+        _solve_alone(model, condition, points, i, variables, values[i], start)
         if progress is not None:
             progress(done, len(values))
+
     _leave_out_without_slopes(system, points)
     untrimmed = points.status != TRIMMED
     points.A[untrimmed] = np.nan
@@ -131,8 +135,8 @@ def _leave_out_without_slopes(system: TrimSystem, points: Points) -> None:
     for i in np.flatnonzero((points.status == TRIMMED) & ~finite).tolist():
         names = (*model.states, *model.inputs)
         values = dict(zip(names, (*points.states[i], *points.inputs[i]), strict=True))
-        balanced = np.zeros(len(model.states))  # no rate is wrong
-        points.failures[i] = model.message_of_not_finite(balanced, values)
+        finite_rates = np.zeros(len(model.states))  # the message is then about a derivative
+        points.failures[i] = model.message_of_not_finite(finite_rates, values)
         points.status[i] = NO_TRIM
 
 
@@ -141,7 +145,7 @@ def _kept_values(
 ) -> dict[str, float]:
     """Return the states that trims keep at their start values, state -> value.
 
-    The trim of the first, the middle or the last point tells them, the first of these that exists.
+    They are found by the trim of one point: the first, the middle or the last, whichever exists.
     """
     count = len(values)
     tried = (0, count // 2, count - 1) if count and keepable(system, system.condition) else ()
@@ -159,7 +163,9 @@ def _kept_values(
 def _with_true_speed(
     model: Model, variables: tuple[str, ...], values: np.ndarray, condition: TrimCondition
 ) -> tuple[Model, tuple[str, ...], np.ndarray, TrimCondition]:
-    """Return the arguments with the speed, or an output, in place of an imposed airspeed (kcas)."""
+    """Return the arguments with the speed in place of an imposed airspeed, such as kcas, or without
+    an altitude with an output in its place.
+    """
     condition = condition.freed_for(variables)
     columns = dict(zip(variables, values.T, strict=True))
     given = {**condition.imposed, **columns}
@@ -170,7 +176,7 @@ def _with_true_speed(
     model = with_airspeed(model, given)
     condition = replace(condition, model=model)
     resolved = with_speed(model, given)
-    added = set(resolved).difference(given)  # the speed or the output
+    added = set(resolved).difference(given)  # name of the speed or output
     if not added:
         return model, variables, values, condition
     columns = {name: column for name, column in columns.items() if name in resolved}
@@ -213,7 +219,7 @@ def condition_at(
     return condition.freed_for(hold).at(hold.get(condition.model.schedule), hold)
 
 
-def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> Points:
+def _solved_together(system: TrimSystem, variables: tuple[str, ...], values: np.ndarray) -> Points:
     """Return the trims and linear models that Newton's method finds for all points together."""
     # - TRIMMED: the equations balance within the limits.
     # - BEYOND_LIMITS: the equations balance only beyond the limits, and all unknowns are inputs.
@@ -230,7 +236,7 @@ def _settled_together(system: TrimSystem, variables: tuple[str, ...], values: np
     z = _starts(system, variables, values)
     ends = newton(system, z, c)
     if not ends.converged.all():
-        _settle_from_neighbors(system, values, c, ends)
+        _solve_from_neighbors(system, values, c, ends)
     found = system.linear(ends.z, c)
     names = (*model.states, *model.inputs, *system.watched.names)
     within = system.condition.limits_on(names).within(found.signals).all(axis=1)
@@ -294,7 +300,7 @@ class _Cells(NamedTuple):
     def slopes(self, direction: np.ndarray) -> np.ndarray:
         """Return s of z(c + d) = z_c + s d + b d², (cells, k), with d in widths of a cell."""
         # One Newton step from z_c at d = h, a small step, gives z_c + s h.
-        return self._newton_step(_NEXT * direction, self.z) / _NEXT
+        return self._newton_step(_SLOPE_STEP * direction, self.z) / _SLOPE_STEP
 
     def curvatures(self, direction: np.ndarray, slopes: np.ndarray) -> np.ndarray:
         """Return b of z(c + d) = z_c + s d + b d², (cells, k), with d in widths of a cell."""
@@ -342,7 +348,7 @@ def _constants(system: TrimSystem, variables: tuple[str, ...], values: np.ndarra
     return system.constants(len(values), dict(zip(variables, values.T, strict=True)))
 
 
-def _settle_from_neighbors(
+def _solve_from_neighbors(
     system: TrimSystem, values: np.ndarray, c: np.ndarray, ends: NewtonEnds
 ) -> None:
     """Repeat Newton's method at points that have not converged from their nearest converged ones.
@@ -371,7 +377,7 @@ def _settle_from_neighbors(
         ends.converged[waiting[converged]] = True
 
 
-def _settle_alone(
+def _solve_alone(
     model: Model,
     condition: TrimCondition,
     points: Points,

@@ -54,15 +54,15 @@ NETCDF = ".nc"
 #: Width and height of the root locus, inches.
 _LOCUS_INCHES = (10.0, 5.2)
 #: Widths of its lines, points: of the first and the last of several, and of a single one.
-_THIN, _THICK, _USUAL = 0.7, 2.7, 1.5
+_THIN, _THICK, _SINGLE = 0.7, 2.7, 1.5
 #: A mode is slow if its eigenvalue is always below this fraction of the fastest.
 _SLOW = 0.15
 #: Column of the variables at a limit in a printed table.
 _AT_LIMIT = "at limit"
-#: Number of points above which only the first and last rows are printed.
-_LONGEST = 200
+#: Number of points above which only `_ROWS_AT_END` first and last rows are printed.
+_MOST_ROWS = 200
 #: Number of rows printed at each end, and of reasons for failures.
-_SHOWN = 20
+_ROWS_AT_END = 20
 #: Number of points trimmed one by one from which a note is printed.
 _MANY_SLOW = 20
 
@@ -292,13 +292,14 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 path.set_label(name)
 
     def _mark_ends(self, axes: Axes, columns: np.ndarray) -> None:
-        """Mark the eigenvalues at the ends of each line of points, with the last variable there."""
+        """Mark the eigenvalues at the first and the last trimmed point of each line of points."""
         unit = self.plan.units[-1]
         places = np.arange(len(self))
         trimmed = [places[line][self.trimmed[line]] for line in self._lines()]
         for end, marker in ((0, "o"), (-1, "s")):
             ends = [points[end] for points in trimmed if points.size]
             roots = self.eigenvalues[ends][:, columns].ravel()
+            # in the legend: the different values of the last variable at these points
             values = dict.fromkeys(shown_value(self.values[i, -1], unit, ".4g") for i in ends)
             axes.plot(
                 roots.real,
@@ -317,7 +318,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             varied = zip(self.variables, self.values[first_point], self.plan.units, strict=True)
             texts = [
                 beside_unit(f"{name} {shown_value(value, unit, '.4g')}", unit)
-                for name, value, unit in [*varied][:-1]
+                for name, value, unit in [*varied][:-1]  # the last one varies along the line
             ]
             label = f"{word}: {', '.join(texts)}"
             axes.plot([], [], color="black", linewidth=width, label=label)
@@ -355,11 +356,11 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         parts: list[Any] = [self._eigenvalue_table()]
         if self.trimmed.any():
             parts.append(self._trim_table())
-        for i in failed[:_SHOWN]:
+        for i in failed[:_ROWS_AT_END]:
             parts.append(f"{', '.join(self._varied(i))}: {self.reasons[i]}")
-        if len(failed) > _SHOWN:
+        if len(failed) > _ROWS_AT_END:
             parts.append(
-                f"{len(failed) - _SHOWN:,} more points have no trim; -o FILE.csv writes all"
+                f"{len(failed) - _ROWS_AT_END:,} more points have no trim; -o FILE.csv writes all"
             )
         if self.mode_names and count > 1:
             text = f"Eigenvalues over {self.variables[-1]}"
@@ -387,7 +388,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         nominal = model.nominal(model.inputs)
         moved = (np.abs(np.nan_to_num(self.inputs)) >= SHOWN_AS_ZERO * nominal).any(axis=0)
         inputs = [name for name, is_moved in zip(model.inputs, moved, strict=True) if is_moved]
-        alpha = recognized(model.states).get("alpha", "")
+        alpha = recognized(model.states).get("alpha", "")  # "" of a model without alpha
         names = [name for name in (alpha, *inputs) if name and name not in self.variables]
         values = {name: self[name] for name in names}
         units = {name: model.unit(name) for name in names}
@@ -399,6 +400,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             reached = [*stall, *self._limits_reached(i)]
             return *numbers, ", ".join(reached) or "none"
 
+        # "throttle" in place of "throttle 1", which has no unit
         header = [f"{name} {shown_unit(unit)}".removesuffix(" 1") for name, unit in units.items()]
         return self._over_points([*header, _AT_LIMIT], row)
 
@@ -414,24 +416,28 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         sides = zip(names, self.at_limit[i].tolist(), strict=True)
         return [f"{name} {ends[side]}" for name, side in sides if side]
 
-    def _over_points(self, names: Sequence[str], cells: Callable[[int], tuple[str, ...]]) -> Table:
-        """Return a table of swept values and other cells of all points, or of first and last."""
+    def _over_points(
+        self, headings: Sequence[str], cells: Callable[[int], tuple[str, ...]]
+    ) -> Table:
+        """Return a table of swept values and other cells, of all points or the first and last."""
         varied = zip(self.variables, self.plan.units, strict=True)
-        name_heading = ["condition"] if self.plan.names else []
-        header = (*name_heading, *(f"{name} {shown_unit(unit)}" for name, unit in varied), *names)
+        labels = [f"{name} {shown_unit(unit)}" for name, unit in varied]
+        if self.plan.names:
+            labels = ["condition", *labels]
+        header = (*labels, *headings)
 
         def row(i: int) -> tuple[str, ...]:
             """Return the swept values of a point, and its cells, or dashes without a trim."""
-            of_point = tuple("-" for _ in names) if self.reasons[i] else cells(i)
+            of_point = ("-",) * len(headings) if self.reasons[i] else cells(i)
             return *self._varied(i), *of_point
 
         count = len(self.reasons)
-        if count <= _LONGEST:
-            return Table(header, RowsMade(count, row), labels=len(header) - len(names))
-        between = (f"({count - 2 * _SHOWN:,} more)", *("..." for _ in header[1:]))
-        head = [row(i) for i in range(_SHOWN)]
-        tail = [row(i) for i in range(count - _SHOWN, count)]
-        return Table(header, [*head, between, *tail], labels=len(header) - len(names))
+        if count <= _MOST_ROWS:
+            return Table(header, RowsMade(count, row), labels=len(labels))
+        between = (f"({count - 2 * _ROWS_AT_END:,} more)", *("..." for _ in header[1:]))
+        head = [row(i) for i in range(_ROWS_AT_END)]
+        tail = [row(i) for i in range(count - _ROWS_AT_END, count)]
+        return Table(header, [*head, between, *tail], labels=len(labels))
 
     def _varied(self, i: int) -> tuple[str, ...]:
         """Return the name of point i, if it has one, and the swept values there as text."""
@@ -453,7 +459,9 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             *((NAME,) if self.plan.names else ()),
             *(imposed_heading(model, name) for name in self.variables),
             *stated,
-            *(RESULTS, "failure", "limits reached"),
+            RESULTS,
+            "failure",
+            "limits reached",
             *map(with_shown_unit, names, units),
             *self._headings_of_linear_model(),
         )
@@ -585,7 +593,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
     def _widths(self) -> np.ndarray:
         """Return the width of each line along the last variable, points."""
         count = len(self._lines())
-        return np.linspace(_THIN, _THICK, count) if count > 1 else np.array([_USUAL])
+        return np.linspace(_THIN, _THICK, count) if count > 1 else np.array([_SINGLE])
 
     def _lines(self) -> list[slice]:
         """Return a slice of the points for each line along the last variable."""

@@ -138,7 +138,13 @@ def reported_sweep(plan: SweepPlan, path: Path, **options: Any) -> Report:
 
     options: keyword arguments of `fill_store`
     """
-    job = RowJob("sweep", _POINT, _template(plan), _stored_points, plan.task)
+    job = RowJob(
+        what="sweep",
+        row=_POINT,
+        template=_template(plan),
+        function=_stored_points,
+        arguments=plan.task,
+    )
     return stored_sweep(plan, fill_store(job, path, **options), path).report()
 
 
@@ -197,7 +203,8 @@ def stored_sweep(plan: SweepPlan, dataset: Any, path: Path) -> StoredSweep:
     stalls = 0
     for start in range(0, plan.count, CHUNK):
         part = dataset.isel({_POINT: slice(start, start + CHUNK)})
-        totals += np.bincount(part.status.values - MISSING, minlength=len(totals))  # first: missing
+        # The first total is that of MISSING, the lowest status.
+        totals += np.bincount(part.status.values - MISSING, minlength=len(totals))
         changed_points += int(np.count_nonzero(part.nonsmooth_points.values > 0))
         one_by_one += int(np.count_nonzero(part.one_by_one.values))
         stalls += int(np.count_nonzero(part.stalled.values))

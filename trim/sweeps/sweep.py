@@ -180,6 +180,7 @@ def _reasons(plan: SweepPlan, rows: Mapping[str, Any]) -> list[str]:
     reasons = [rows["failures"].get(i, "") for i in range(len(rows["values"]))]
     for i in np.flatnonzero(rows["status"] == BEYOND_LIMITS).tolist():
         values = rows["values"][i]
+        # All unknowns of a point beyond limits are inputs, at which its equations balance.
         balancing = dict(zip(plan.model.inputs, rows["inputs"][i].tolist(), strict=True))
         try:
             model = model_at(plan.model, plan.variables, values)
