@@ -1,4 +1,4 @@
-"""Candidate solutions of a Riccati equation, in doubles or in many bits. `proof` judges them.
+"""Candidate solutions of a Riccati equation, in doubles or in many bits. `stabilizing` judges them.
 
 They are sought in states in which P is nearly 1: there, doubles have the digits that they lose in
 the user's states. The matrix sign function finds X, in doubles or, where these do not suffice, in

@@ -1,7 +1,7 @@
 """L2 gain of a stable loop z' = F z + E d to a cost z'C z, proved from both sides.
 
-The gain is below γ if the loop has a value at δ = γ (`disturbed_loop`). It is at least the gain of
-any one disturbance at any one frequency.
+The gain is below γ if the loop has a value at δ = γ (`DisturbedLoop.value`), and at least the gain
+of any one disturbance at any one frequency.
 """
 
 from __future__ import annotations

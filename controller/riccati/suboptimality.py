@@ -10,7 +10,7 @@ and in discrete time, with √α A, √α B and √α E in place of A, B and E, 
 
   F'D F - D + Δ'(R + B'P B) Δ + M'(V - E'D E)⁻¹ M = 0,  M = E'D F - E'P B Δ,  V = δ² I - E'P E.
 
-It is the value of a loop (`disturbed_loop`), which exists if the L2 gain of the policy is below δ.
+z'D z is the value of a loop (`DisturbedLoop`): it exists if the L2 gain of the policy is below δ.
 The policy costs up to sup z'D z / z'P z above the optimum.
 
 Sources: Kleinman, IEEE Transactions on Automatic Control 13 (1968), 114-115; Basar and Bernhard,
@@ -131,7 +131,7 @@ def suboptimality_of(enclosure: Enclosure, K: np.ndarray, box: np.ndarray) -> Su
                     found = _bounded(found, enclosed_in_bits(enclosure, bits), gain, box)
                 except (FailedError, NotProvedError):
                     continue
-        suboptimality = found
+        suboptimality = found  # perhaps with wide bounds, which more bits make narrower
         if suboptimality.is_known and suboptimality.matrix is not None:
             break
     return suboptimality
@@ -157,11 +157,9 @@ def without_bound(
 def _bounded(
     suboptimality: Suboptimality, enclosure: Enclosure, K: arb_mat, box: np.ndarray
 ) -> Suboptimality:
-    """Return the suboptimality of a policy with a stable loop over the box of states, known or not.
+    """Return the suboptimality of a policy with a stable loop over the box of states.
 
-    Where P is singular, states without optimal cost are judged apart: if the policy costs
-    something there, it has no bound. If that cost is rounding beside the costs of the box, the
-    ratio is that of the policy without its error on those states.
+    The given one, without a bound, is returned if none is proved with the bits of `precision`.
     """
     game = enclosure.game
     solved = _solved(enclosure, K)
@@ -170,7 +168,7 @@ def _bounded(
     suboptimality = replace(
         suboptimality, matrix=midpoints(solved.D), disturbance_gain=midpoints(solved.L)
     )
-    if has_indefinite_weights(game):
+    if has_indefinite_weights(game):  # relative to the largest optimum of the box
         sizes = midpoints(enclosure.P) * np.outer(box, box)
         largest = float(np.abs(np.linalg.eigvalsh(sizes)).max())
         reference = ball_matrix(np.diag(largest / box**2))
@@ -179,12 +177,15 @@ def _bounded(
     free = None if is_positive_definite(enclosure.proved.P) else free_states(game)
     if free is None:
         return replace(suboptimality, **_largest_ratio(solved.D, enclosure.P, [], box)._asdict())
+    # The optimum is 0 on a subspace: what the policy costs there is infinite relative to it, unless
+    # that is rounding beside the costs of the box.
     error = free.error_of(K)
     if error.is_wrong:
         costs = _costs_at(solved.D, free, box)
         suboptimality = replace(suboptimality, from_free=costs.largest, free_state=costs.state)
         if not costs.most <= SAME_DOUBLE * float(np.diag(midpoints(enclosure.P)) @ box**2):
             return replace(suboptimality, worst=costs.state)
+    # The other states are judged with the gain without its error on that subspace.
     without_error = _solved(enclosure, error.without_error)
     if without_error is None:
         return suboptimality
