@@ -62,8 +62,7 @@ def finding_of_policy(
     """
     count = STATES_OF_WIDE if critic.is_wide else STATES
     states = np.random.default_rng(2).uniform(-1.0, 1.0, (count, len(box)))
-    corners, not_corners = slice(1, None, 2), slice(0, None, 2)
-    states[corners] = np.sign(states[corners])
+    states[1::2] = np.sign(states[1::2])  # corners
     states *= box
     u = critic.u(states)
     bias = critic.u(np.zeros(len(box)))
@@ -76,18 +75,16 @@ def finding_of_policy(
     for name, unit, values, error in zip(
         exact.names.inputs, exact.names.input_units, u.T, errors.T, strict=True
     ):
-        inside = values[not_corners]
-        extremes = (inside.min() + 0.0, inside.max() + 0.0)  # + 0.0 turns -0 into 0
-        if extremes[0] == extremes[1]:
+        inside = values[::2]  # at the states that are no corners
+        if inside.min() == inside.max():
             unmoved.append(name)
             continue
-        # An extreme value that several random states share is a limit.
-        levels = [level for level in extremes if np.sum(inside == level) >= CLIPPED]
+        levels = _clip_levels(inside)
         is_clipped = np.isin(values, levels)
         other_error = max(other_error, float(error[~is_clipped].max(initial=0.0)))
         if levels:
             at = " and ".join(f"{level:.4g}" for level in levels) + _unit_text(unit)
-            share = percent(100.0 * float(is_clipped[not_corners].mean()))
+            share = percent(100.0 * float(is_clipped[::2].mean()))
             clips.append(f"{name} is clipped at {at} in {share}")
     facts = [bias_text(critic, exact)] if np.any(np.abs(bias) > limit * sizes) else []
     if unmoved:
@@ -100,6 +97,15 @@ def finding_of_policy(
     return Finding(
         f"{says}; otherwise the policy is exact" if other_error <= limit else says, other_error
     )
+
+
+def _clip_levels(values: np.ndarray) -> list[float]:
+    """Return the limits of a clipped input: extreme values that at least `CLIPPED` states share.
+
+    values: values of the input at random states, (N,)
+    """
+    extremes = (values.min() + 0.0, values.max() + 0.0)  # + 0.0 turns -0 into 0
+    return [level for level in extremes if np.sum(values == level) >= CLIPPED]
 
 
 def _squashed(critic: Critic, exact: Solution, box: np.ndarray, limit: float) -> Finding | None:
@@ -396,13 +402,9 @@ def _flight_lines(flown: FlightResults) -> list[str]:
     if flown.undecided_at is not None:
         cost = "not decided"
     if math.isfinite(flown.cost_above_optimum_flown_percent):
-        largest, mean = (
-            flown.cost_above_optimum_flown_percent,
-            flown.cost_above_optimum_flown_mean_percent,
-        )
         cost = (
-            f"cost at most {percent(largest, 3, up=True)} above the optimum, "
-            f"{percent(mean, 3)} on average"
+            f"cost at most {percent(flown.cost_above_optimum_flown_percent, 3, up=True)} above the "
+            f"optimum, {percent(flown.cost_above_optimum_flown_mean_percent, 3)} on average"
         )
     lines = [
         f"Simulated in the linear game from {flown.flights} initial conditions in the box (not a "
