@@ -402,6 +402,7 @@ def _table(where: str, value: Any, declared: dict[Any, Any], entry: str) -> dict
         wanted = f"a table [{entry}]" if entry else "a table"
         raise _refusal(where, entry or "file", value, wanted)
     prefix = f"{entry}." if entry else ""
+    # The key `str` declares the entries of all other names, and the key ... leaves them unchecked.
     takes_other_names = str in declared or ... in declared
     of_names = {  # a required name ends with *
         name.removesuffix("*"): kind for name, kind in declared.items() if isinstance(name, str)

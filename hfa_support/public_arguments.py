@@ -69,8 +69,8 @@ class _Alternative(NamedTuple):
         what = " of texts" if self.elements == "str" else ""
         if self.arguments is not None:
             what = " of 1 argument" if self.arguments == 1 else f" of {self.arguments} arguments"
-        word, _ = _KINDS.get(self.name) or (f"a {self.name.rpartition('.')[2]}", None)
-        return word + what
+        of_class = f"a {self.name.rpartition('.')[2]}"  # "a LinearModel": a class of the project
+        return _KINDS.get(self.name, (of_class,))[0] + what
 
     def accepts(self, value: Any, module: str) -> bool:
         """Return whether a value is of this kind.
@@ -117,7 +117,7 @@ def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Calla
                 if is_array or kind is str or not isinstance(value, Collection):
                     accepted[name].add(kind)
         made = function(*args, **options)
-        if type(made) not in _with_checks:
+        if type(made) not in _checking_classes:
             check_methods(type(made), makers)
         return made
 
@@ -129,9 +129,9 @@ def check_methods(kind: type, makers: Callable[[str], str]) -> None:
     functions of `checked` do. Each class is changed once.
     """
     for base in kind.__mro__:
-        if base in _with_checks:
+        if base in _checking_classes:
             continue
-        _with_checks.add(base)
+        _checking_classes.add(base)
         if not base.__module__.startswith(OWN):
             continue
         for name, member in [*vars(base).items()]:
@@ -144,7 +144,7 @@ def check_methods(kind: type, makers: Callable[[str], str]) -> None:
 
 
 #: Classes whose methods check their arguments.
-_with_checks: set[type] = set()
+_checking_classes: set[type] = set()
 
 
 def check_fields(made: Any) -> None:
@@ -176,11 +176,12 @@ def _check(
     """Raise BadInputError if an argument is not of a kind of its annotation.
 
     owner: the function, or the class of a field, for the message
-    makers: as in `checked`
+    makers: name of a class -> advice on how an object of this class is made, or ""
     """
     kinds = _alternatives(annotation)
     accepting = {kind.name for kind in kinds if kind.accepts(value, owner.__module__)}
-    if accepting and accepting <= _ARRAYS and not hasattr(value, "loc"):  # frames are read later
+    # The function itself reads the labels of a frame, which has `loc`.
+    if accepting and accepting <= _ARRAYS and not hasattr(value, "loc"):
         numbers_in(name, value)
     if accepting:
         return
@@ -210,7 +211,7 @@ def _kinds_in(annotation: ast.expr) -> Iterator[_Alternative]:
         case ast.BinOp(left=left, op=ast.BitOr(), right=right):
             yield from _kinds_in(left)
             yield from _kinds_in(right)
-        case ast.Subscript(slice=ast.Name(id="Quantity")):  # its fields may be symbols
+        case ast.Subscript(slice=ast.Name(id="Quantity")):  # State[Quantity] may have symbols
             yield _Alternative("Any")
         case ast.Subscript(
             value=kind,
@@ -248,7 +249,7 @@ def _is_of(kind: type, name: str, module: str) -> bool:
         _, is_of_kind = _KINDS[name]
         return is_of_kind(kind)
     if any(base.__name__ == name.rpartition(".")[2] for base in kind.__mro__):
-        return True
+        return True  # a class of this name, which need not be imported
     return _fits(kind, _annotated_object(name, module))
 
 

@@ -89,18 +89,19 @@ def si_factor(unit: str) -> float:
 
 
 def coherent_unit(unit: str, bases: tuple[str, str, str]) -> str:
-    """Return the unit of a quantity that force, length and mass of one system give, with rad and s:
-    ft/s for kt. A unit of this size is unchanged, and so are words that are unknown.
+    """Return the unit of the same quantity that consists of the force, length and mass of one
+    system, rad and s: ft/s for kt. A unit that has this size already is unchanged, and so are
+    unknown words in a unit.
 
     bases: units of force, length and mass: ("lbf", "ft", "slug")
     """
     measured = _measured(unit)
     if measured is None:
         return unit
-    others = {**measured.powers}  # finally of K and of words that are unknown
+    others = {**measured.powers}  # powers of K and of unknown words, after the next line
     m, kg, s, rad = (others.pop(base, 0) for base in ("m", "kg", "s", "rad"))
-    has_force = kg == 1 and s <= -2
-    if has_force:  # 1 N = 1 kg m/s²
+    has_force = kg == 1 and s <= -2  # N = kg m/s²: a pressure is N/m², not kg/(m s²)
+    if has_force:
         kg, m, s = kg - 1, m - 1, s + 2
     force_unit, length_unit, mass_unit = bases
     powers = {

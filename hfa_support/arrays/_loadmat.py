@@ -65,9 +65,9 @@ def _full_size(value: Any) -> int:
     if not isinstance(value, np.ndarray):
         return 0
     if value.dtype.hasobject:
-        cells = value.ravel().tolist()
-        parts = [part for cell in cells for part in (cell if value.dtype.names else (cell,))]
-        return sum(map(_full_size, parts))
+        entries = value.ravel().tolist()  # of a structure, tuples of its fields
+        fields = [field for entry in entries for field in entry] if value.dtype.names else entries
+        return sum(map(_full_size, fields))
     return value.nbytes
 
 

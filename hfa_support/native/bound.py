@@ -116,7 +116,7 @@ MAKING = threading.RLock()
 _BLOCK_SIZES = (250, 16)
 #: Number of rows, in all calls, above which `by_columns` is worthwhile. It takes 9 µs for an
 #: operation and saves 4 ns for an operation and row.
-_MANY = 2000
+_MANY_ROWS = 2000
 
 
 class _Block(NamedTuple):
@@ -139,8 +139,8 @@ class RowFunction(threading.local):
 
     def __init__(self, function: ca.Function) -> None:
         self.function = function
-        self._rows_so_far = 0
-        self._blocks: dict[int, _Block] = {}
+        self._rows_so_far = 0  # in all calls with several rows
+        self._blocks: dict[int, _Block] = {}  # number of rows in a block -> the block
 
     def __reduce__(self) -> tuple[type[RowFunction], tuple[ca.Function]]:
         """Return the constructor and the Function, from which pickle restores the object without
@@ -159,8 +159,10 @@ class RowFunction(threading.local):
         if count > 1:
             before = self._rows_so_far
             self._rows_so_far += count
-            if before < _MANY <= self._rows_so_far:
-                self._blocks.clear()  # for blocks by `by_columns`
+            if before < _MANY_ROWS <= self._rows_so_far:
+                self._blocks.clear()  # they are built again, now with `by_columns`
+            # Each block but the last is full, and the last one is filled up: a block of more than
+            # twice the rows would waste more than half of its evaluations.
             block_size = next((size for size in _BLOCK_SIZES if size <= 2 * count), 1)
         bound, inputs, results = self._blocks.get(block_size) or self._bind(block_size)
         if count == block_size:
@@ -182,11 +184,11 @@ class RowFunction(threading.local):
     def _bind(self, rows: int) -> _Block:
         """Return a block of rows, which is stored for later calls."""
         with MAKING:
-            is_frequent = self._rows_so_far >= _MANY
-            function, order = of_rows(self.function, rows, is_frequent)
+            by_operation = self._rows_so_far >= _MANY_ROWS
+            function, memory_order = of_rows(self.function, rows, by_operation)
             bound = BoundFunction(function)
             inputs, results = (
-                [memory.reshape(rows, -1, order=order) for memory in part]
+                [memory.reshape(rows, -1, order=memory_order) for memory in part]
                 for part in (bound.inputs, bound.results)
             )
             block = self._blocks[rows] = _Block(bound, inputs, results)

@@ -26,16 +26,17 @@ from hfa_support.progress import print_to_stderr
 #: Products and sums are rounded separately, even on processors with fused multiply-add.
 _FLAGS = ("-fPIC", "-shared", "-fno-math-errno", "-ffp-contract=off")
 
-#: Product of matrices in CasADi's C code, and the same with its two inner loops exchanged, which a
-#: compiler evaluates for several rows at once. Each sum has the same order, and thus the same bits.
-_PRODUCT = """void casadi_mtimes_dense(const casadi_real* x, casadi_int nrow_x, casadi_int ncol_x,
+#: Head of the product of matrices in CasADi's C code, and the same for arrays that do not overlap;
+#: its two inner loops, and the same exchanged, which a compiler evaluates for several rows at once.
+#: Each sum has the same order, and thus the same bits.
+_SLOW_HEAD = """void casadi_mtimes_dense(const casadi_real* x, casadi_int nrow_x, casadi_int ncol_x,
     const casadi_real* y, casadi_int ncol_y, casadi_real* z, casadi_int tr) {"""
-_FAST_PRODUCT = """__attribute__((optimize("O3")))
+_FAST_HEAD = """__attribute__((optimize("O3")))
 void casadi_mtimes_dense(const casadi_real* restrict x, casadi_int nrow_x, casadi_int ncol_x,
     const casadi_real* restrict y, casadi_int ncol_y, casadi_real* restrict z, casadi_int tr) {"""
-_BY_ROWS = """      for (j=0; j<nrow_x; ++j) {
+_ROW_LOOP_OUTSIDE = """      for (j=0; j<nrow_x; ++j) {
         for (k=0; k<ncol_x; ++k) {"""
-_SIDE_BY_SIDE = """      for (k=0; k<ncol_x; ++k) {
+_ROW_LOOP_INSIDE = """      for (k=0; k<ncol_x; ++k) {
         for (j=0; j<nrow_x; ++j) {"""
 
 Loaded = TypeVar("Loaded")
@@ -105,12 +106,14 @@ def cache_folder() -> Path:
 
 
 def _c_text(function: ca.Function, symbol: str) -> str:
-    """Return CasADi's C code of a function under the name `symbol`, with `_FAST_PRODUCT`."""
+    """Return CasADi's C code of a function under the name `symbol`. The inner loops of its matrix
+    products are exchanged, which is faster and gives the same bits.
+    """
     generator = ca.CodeGenerator("generated.c", {"with_header": False})
     arguments: Any = function.sx_in() if function.is_a("SXFunction") else function.mx_in()
     generator.add(ca.Function(symbol, arguments, function.call(arguments)))
     text = str(generator.dump())
-    return text.replace(_PRODUCT, _FAST_PRODUCT).replace(_BY_ROWS, _SIDE_BY_SIDE)
+    return text.replace(_SLOW_HEAD, _FAST_HEAD).replace(_ROW_LOOP_OUTSIDE, _ROW_LOOP_INSIDE)
 
 
 def _has_c(function: ca.Function) -> bool:
@@ -189,12 +192,12 @@ def _print_once(message: str) -> None:
 _LANES = 2
 _LANES_OF_AVX2 = 4
 #: Functions of math.h of one and of two arguments, which are called lane by lane.
-_OF_ONE = (
+_UNARY = (
     *("sqrt", "fabs", "floor", "ceil", "exp", "log", "expm1", "log1p", "erf"),
     *("sin", "cos", "tan", "asin", "acos", "atan"),
     *("sinh", "cosh", "tanh", "asinh", "acosh", "atanh"),
 )
-_OF_TWO = ("pow", "atan2", "hypot", "fmod", "remainder", "copysign")
+_BINARY = ("pow", "atan2", "hypot", "fmod", "remainder", "copysign")
 #: Operation -> C expression for operands with one number for each row. A condition is 1.0 or 0.0.
 _ON_LANES = {
     ca.OP_CONST: "(real){{}} + {0}",
@@ -214,12 +217,12 @@ _ON_LANES = {
 _FROM_MATH = {
     operation: f"lanes_{text}"
     for operation, text in OPERATIONS.items()
-    if text.partition("(")[0] in (*_OF_ONE, *_OF_TWO)
+    if text.partition("(")[0] in (*_UNARY, *_BINARY)
 }
-_OPERATIONS = {**OPERATIONS, **_FROM_MATH, **_ON_LANES}
+_LANE_OPERATIONS = {**OPERATIONS, **_FROM_MATH, **_ON_LANES}
 
 #: Operation -> C expression for one row, with scalar operands.
-_ON_ONE = {
+_ROW_OPERATIONS = {
     **OPERATIONS,
     ca.OP_FMIN: "lanes_fmin({0}, {1})",
     ca.OP_FMAX: "lanes_fmax({0}, {1})",
@@ -230,7 +233,7 @@ _HEAD = """
 #include <math.h>
 #define INLINE static inline __attribute__((always_inline, unused))
 """
-_HEAD_OF_ONE = """
+_ROW_HEAD = """
 #define LANES 1
 #define LANE(number, i) number
 typedef double real;
@@ -238,14 +241,14 @@ typedef double real;
 INLINE real lanes_fmax(real a, real b) { return (a > b) | (b != b) ? a : b; }
 INLINE real lanes_fmin(real a, real b) { return (a < b) | (b != b) ? a : b; }
 """
-_HEAD_OF_LANES = """
+_LANES_HEAD = """
 #define LANES {lanes}
 #define LANE(number, i) number[i]
 typedef double real __attribute__((vector_size(8 * LANES)));
 typedef long long mask __attribute__((vector_size(8 * LANES)));
-#define OF_ONE(name) INLINE real lanes_##name(real a) \\
+#define UNARY(name) INLINE real lanes_##name(real a) \\
     {{ for (int i = 0; i < LANES; i++) a[i] = name(a[i]); return a; }}
-#define OF_TWO(name) INLINE real lanes_##name(real a, real b) \\
+#define BINARY(name) INLINE real lanes_##name(real a, real b) \\
     {{ for (int i = 0; i < LANES; i++) a[i] = name(a[i], b[i]); return a; }}
 
 INLINE real truth(mask holds) {{ return (real)(holds & (mask)((real){{}} + 1.0)); }}
@@ -286,14 +289,14 @@ class RowCode(threading.local):
     def __init__(self, function: ca.Function, symbol: str, library: Path) -> None:
         """Load the C function `symbol` of a library, which evaluates `function` for many rows."""
         self._call = getattr(ctypes.CDLL(str(library)), symbol)
-        self._widths = [function.numel_in(index) for index in range(function.n_in())]
-        self._sizes = [function.numel_out(index) for index in range(function.n_out())]
-        self._bind(0)
+        self._argument_sizes = [function.numel_in(index) for index in range(function.n_in())]
+        self._result_sizes = [function.numel_out(index) for index in range(function.n_out())]
+        self._bind(0)  # the first call binds the number of its rows
 
     def _bind(self, count: int) -> None:
         """Allocate memory for arguments and results of `count` rows, and bind the code to it."""
-        self._tables = [np.empty((count, width)) for width in self._widths]
-        self._results = [np.empty((count, size)) for size in self._sizes]
+        self._tables = [np.empty((count, width)) for width in self._argument_sizes]
+        self._results = [np.empty((count, size)) for size in self._result_sizes]
         self._evaluate = self.bound(self._tables, self._results)
 
     def __call__(self, *tables: Any) -> list[np.ndarray]:
@@ -320,7 +323,7 @@ class RowCode(threading.local):
         doubles and of matching shapes.
         """
         count = len(tables[0])
-        widths = (*self._widths, *self._sizes)
+        widths = (*self._argument_sizes, *self._result_sizes)
         for array, width in zip((*tables, *results), widths, strict=True):
             if array.shape != (count, width) or array.dtype != float or not array.data.contiguous:
                 raise ValueError(
@@ -340,7 +343,7 @@ def row_code(function: ca.Function, one_row: bool = False) -> RowCode | RowFunct
     function: the Function, with dense arguments and results
     one_row: whether one row is evaluated at a time
     """
-    with MAKING:
+    with MAKING:  # one thread at a time builds expressions
         try:
             text = _text(function, one_row)
         except (BadInputError, RuntimeError):
@@ -363,7 +366,8 @@ def _text(function: ca.Function, one_row: bool) -> str:
     scalars = function if function.is_a("SXFunction") else function.expand()
     arguments = tuple(f"x{index}" for index in range(function.n_in()))
     results = tuple(f"y{index}" for index in range(function.n_out()))
-    memory, read, write = [], [], []  # lines of C
+    # Lines of C that declare arrays of a block of rows, fill the arguments and store the results.
+    memory, read, write = [], [], []
     for index, name in enumerate(arguments):
         size = function.numel_in(index)
         memory.append(f"real {name}[{max(1, size)}];")
@@ -379,14 +383,15 @@ def _text(function: ca.Function, one_row: bool) -> str:
         names=", ".join([*arguments, *results]),
         write="\n        ".join(write),
     )
+
     target, lanes = _registers()
-    head = _HEAD_OF_ONE
-    operations = _ON_ONE
+    head = _ROW_HEAD
+    operations = _ROW_OPERATIONS
     if not one_row:
-        from_math = [f"OF_ONE({name})" for name in _OF_ONE]
-        from_math += [f"OF_TWO({name})" for name in _OF_TWO]
-        head = _HEAD_OF_LANES.format(lanes=lanes) + "\n".join(from_math)
-        operations = _OPERATIONS
+        from_math = [f"UNARY({name})" for name in _UNARY]
+        from_math += [f"BINARY({name})" for name in _BINARY]
+        head = _LANES_HEAD.format(lanes=lanes) + "\n".join(from_math)
+        operations = _LANE_OPERATIONS
     body = c_function(scalars, "of_rows", arguments, results, "real", operations)
     return "\n".join([_HEAD.format(target=target), head, body, loop])
 

@@ -80,7 +80,7 @@ def html_of(report: Contents, level: int, in_book: bool = False) -> str:
     """Return a report as an HTML fragment without styles.
 
     level: level of the heading, increased by one for each nested report
-    in_book: whether it is a part of a book, which has the lines to sign on its cover
+    in_book: whether it is a part of a book, whose cover alone has the lines for signatures
     """
     first, *others = flowing(report.title).split("\n")
     key = f' id="{report.anchor}"' if report.anchor else ""
@@ -93,7 +93,8 @@ def html_of(report: Contents, level: int, in_book: bool = False) -> str:
         shown.append('<div class="part">')
     if report.head:
         shown.append(_cover(report.head) if report.is_book else _signed_head(report.head, in_book))
-    # Groups are those of a sheet, and the table of a book is a tuple with its sentences.
+    # Parts of a sheet have the type Group. The table of conditions in a book is in a tuple, with
+    # sentences on the conditions.
     style_class = {Group: "sheet"} | ({tuple: "matrix"} if report.is_book else {})
     for kind, parts in groupby(report.parts, key=type):
         fragments = [

@@ -239,7 +239,7 @@ def drawing(picture: Picture, width: float, height: float) -> Iterator[Flowable]
     room = min(natural_width, width), min(natural_height, height)
     image = Image(io.BytesIO(picture.png), *room, kind="proportional")
     yield CondPageBreak(_LEAST_PICTURE * image.drawHeight)
-    yield KeepInFrame(width, 0, [image])
+    yield KeepInFrame(width, 0, [image])  # height 0: all that is left on the page
 
 
 #: Margin of a page, and distance of its footer from the edge, points.

@@ -64,7 +64,9 @@ class Check(Result):
         return f"{self.name} is {self.value:.3g} and must be {self.relation} {self.limit:.3g}"
 
     def _entries(self) -> dict[str, Any]:
-        """Return the entries of the file, name -> value."""
+        """Return the entries of the file, name -> value, without `relation`, which messages alone
+        need, and `kind`, which results with checks of several kinds add.
+        """
         return {
             "name": self.name,
             "value": self.value,

@@ -166,11 +166,12 @@ def _cell(cell: Any) -> Any:
     if isinstance(cell, (float, np.floating)):
         # The library polars does not parse "nan" as a number.
         return float(cell) if cell == cell else "NaN"
-    return _inert(cell) if isinstance(cell, str) else cell
+    return _without_formula(cell) if isinstance(cell, str) else cell
 
 
-def _inert(text: str) -> str:
+def _without_formula(text: str) -> str:
     """Return a text with an apostrophe before it if spreadsheets would read it as a formula."""
+    # A plus or a minus begins a formula unless it is the sign of a number; "+49 30" is none.
     formula = r"[=@\t\r]|\+[^\d.]|\+.*[^\d.]$|-[^\d.]"
     return f"'{text}" if re.match(formula, text) else text
 

@@ -133,7 +133,7 @@ class ByName(tuple[Named, ...]):
         rows = []
         for entry in self:
             fields = entry._asdict() if hasattr(entry, "_asdict") else vars(entry)
-            rows.append(
+            rows.append(  # a dictionary, as the participations of a mode, is no cell
                 {key: field for key, field in fields.items() if not isinstance(field, dict)}
             )
         return pandas.DataFrame(rows).set_index("name")
@@ -299,7 +299,7 @@ class Sheet(ByName[Row]):
         A name that two groups have is completed by the title of the later one. Groups without
         anything are left out. The sentences of a group are completed by its missing figures.
 
-        first: title of the group that keeps its names
+        first: title of the group whose names are not completed, wherever it is in the order
         """
         given = [*groups]
         taken_names = {figure.name for title, rows, _ in given if title == first for figure in rows}
@@ -318,6 +318,7 @@ class Sheet(ByName[Row]):
                 else:
                     taken_names.add(name)
                     rows.append(replace(figure, name=name))
+
             not_in_model = [
                 ": ".join(filter(None, (", ".join(names), "not in this model", reason)))
                 for reason, names in names_lacking.items()

@@ -241,7 +241,7 @@ def _template(job: RowJob, provenance: Mapping[str, Any] | None) -> dict[str, An
     codecs = {"compressors": (ZstdCodec(), Crc32cCodec())}
     encoding = {name: variable.encoding | codecs for name, variable in template.variables.items()}
     files: dict[str, Any] = {}
-    # Zarr writes no chunk of fill values.
+    # The results in the template are fill values, of which Zarr writes no chunk.
     template.to_zarr(MemoryStore(files), encoding=encoding, consolidated=False, zarr_format=3)
     return files
 
@@ -254,17 +254,18 @@ def _refuse_another(path: Path, job: RowJob) -> None:
 
     files = _template(job, None)
     expected = {
-        name: _of_the_job(json.loads(content.to_bytes()))
+        name: _without_run(json.loads(content.to_bytes()))
         for name, content in files.items()
         if name.endswith(_METADATA)
     }
     attributes_of_job = expected[_METADATA]["attributes"]
     try:
-        attributes = read_json(path / _METADATA)["attributes"]
+        metadata = read_json(path / _METADATA)
+        attributes = metadata["attributes"]
         if attributes["schema"] != attributes_of_job["schema"]:
             raise ValueError("another schema")
         begun = str(attributes["toolchain"])
-        same_job = _deciding(attributes) == _deciding(attributes_of_job)
+        same_job = _without_run(metadata)["attributes"] == attributes_of_job
     except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError) as error:
         raise BadInputError(
             f"{path} is not a {job.what} store of this version, or is damaged; give another path, "
@@ -293,16 +294,10 @@ def _refuse_another(path: Path, job: RowJob) -> None:
         )
 
 
-def _deciding(attributes: Mapping[str, Any]) -> str:
-    """Return the attributes of a store that determine its results, as JSON text for comparison."""
-    compared = {
-        key: value for key, value in attributes.items() if key not in (*_OF_ONE_RUN, "coordinates")
-    }
-    return json.dumps(compared)
-
-
-def _of_the_job(metadata: dict[str, Any]) -> dict[str, Any]:
-    """Return the metadata of a store without the attributes that belong to one run of the job."""
+def _without_run(metadata: dict[str, Any]) -> dict[str, Any]:
+    """Return metadata without the attributes of the run that created the store; the others
+    determine the results.
+    """
     attributes = metadata["attributes"]
     kept = {key: attributes[key] for key in attributes if key not in _OF_ONE_RUN}
     return metadata | {"attributes": kept}
@@ -314,16 +309,17 @@ def _differing_file(path: Path, expected: Mapping[str, Any]) -> str:
 
     expected: path of a metadata file -> its content
     """
-    arrays = {Path(name).parent.name for name in expected}
+    # The store has a metadata file and a folder for each array, with its metadata and its chunks.
+    array_names = {Path(name).parent.name for name in expected}
     for name in expected:
         folder = (path / name).parent
-        allowed = {_METADATA, *arrays} if folder == path else {_METADATA, _CHUNKS}
+        allowed = {_METADATA, *array_names} if folder == path else {_METADATA, _CHUNKS}
         for entry in sorted(folder.iterdir()) if folder.is_dir() else []:
             if entry.name not in allowed or entry.is_symlink():
                 return shown(str(entry.relative_to(path)))
     for name, content in expected.items():
         try:
-            stored = _of_the_job(read_json(path / name))
+            stored = _without_run(read_json(path / name))
         except (OSError, ValueError, LookupError, TypeError, BadInputError):
             return "the metadata of an array"
         if stored != content:
