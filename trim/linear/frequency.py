@@ -77,13 +77,13 @@ def bode_frequencies(A: np.ndarray) -> np.ndarray:
     A: (n, n)
     """
     magnitudes = np.abs(spectrum(A).values)
-    moving = magnitudes[magnitudes > 0.0]
-    if not moving.size:
+    nonzero = magnitudes[magnitudes > 0.0]
+    if not nonzero.size:
         return np.geomspace(0.01, 100.0, 401)
-    even = np.geomspace(moving.min() / 10, moving.max() * 10, 401)
+    even = np.geomspace(nonzero.min() / 10, nonzero.max() * 10, 401)
     offsets = np.geomspace(1e-4, 0.2, 40)  # down to the width of a peak with damping 1e-4
     around = np.concatenate([1.0 - offsets, [1.0], 1.0 + offsets])
-    return np.unique(np.concatenate([even, np.outer(moving, around).ravel()]))
+    return np.unique(np.concatenate([even, np.outer(nonzero, around).ravel()]))
 
 
 def affected_outputs(linear: LinearModel) -> np.ndarray:

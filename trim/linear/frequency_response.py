@@ -132,12 +132,14 @@ def peak_frequency(system: System) -> float:
     size_of_B, size_of_C = (float(np.linalg.norm(M)) or 1.0 for M in (system.B, system.C))
     A, B, C = system.A, system.B / size_of_B, system.C / size_of_C
     D = system.D / (size_of_B * size_of_C)
-    # Gains are large near 0, and near |λ| and Im λ of the least damped poles λ.
+
+    # The search begins where gains are large: at 0, |λ| and Im λ of the least damped poles λ.
     poles = np.sort_complex(np.linalg.eigvals(A))
     poles = poles[poles.imag >= 0.0]
     with np.errstate(invalid="ignore"):  # λ = 0 has no damping, and is sorted last
         least_damped = poles[np.argsort(-poles.real / np.abs(poles))[:STARTS]]
     frequencies = np.concatenate([[0.0], np.abs(least_damped), least_damped.imag])
+
     highest, peak = float(np.linalg.norm(D, 2)), math.inf
     while len(frequencies):
         resolvents = (1j * frequency * np.eye(len(A)) - A for frequency in frequencies)

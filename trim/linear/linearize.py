@@ -52,20 +52,20 @@ def linearize(
     """
     point._refuse_other_model(model)
     if states or inputs:
-        positions("state", states or (), tuple(model.states))
+        positions("state", states or (), tuple(model.states))  # raises for an unknown name
         # The linear model of all states is reduced to the chosen ones.
         kept = states or model.linear
         shown = outputs or tuple(kept)
         whole = linearize(model, point, full=True, outputs=shown, disturbances=disturbances or ())
         linear = whole.select(kept, inputs)
-        declared = whole.select(model.linear)
+        declared = whole.select(model.linear)  # the default, with which the note compares
         note = reduction_note(linear.matrices, declared.matrices)
         return replace(linear, reduction=note)
     every_state = tuple(model.states)
     states = every_state if full else model.linear
     rows = np.array(model.state_places(states))
     shown = tuple(outputs or states)
-    if outputs:
+    if outputs:  # `positions` raises for an unknown name
         positions("output", shown, (*every_state, *model.outputs))
     if disturbances is None:
         disturbances = () if outputs is None else tuple(model.disturbances)[:1]

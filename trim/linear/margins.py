@@ -27,8 +27,8 @@ PER_DECADE = 20
 #: Points near a resonance: their spacing grows with the distance from the pole, up to a hundred of
 #: its widths.
 RESONANCE = np.linspace(-5.3, 5.3, 45)
-#: Frequencies with a smaller relative difference count as equal.
-_SAME = 1e-9
+#: Frequencies with a smaller relative difference are equal.
+_EQUAL = 1e-9
 
 
 def frequency_grid(eigenvalues: np.ndarray) -> np.ndarray:
@@ -41,6 +41,7 @@ def frequency_grid(eigenvalues: np.ndarray) -> np.ndarray:
     eigenvalues: poles, (n,), 1/s
     """
     moduli = np.abs(eigenvalues)
+    # 1 rad/s as one of the magnitudes, so that the grid includes 0.01 to 100 rad/s:
     slowest = float(moduli[moduli > 0.0].min(initial=1.0))
     fastest = float(moduli.max(initial=1.0))
     decades = math.log10(fastest / slowest) + 4.0
@@ -48,8 +49,8 @@ def frequency_grid(eigenvalues: np.ndarray) -> np.ndarray:
     # distances from each pole, up to a hundred of its widths |Re λ|
     around = np.abs(eigenvalues.real) * np.sinh(RESONANCE)[:, None]
     resonances = np.append(np.abs(eigenvalues.imag + around), np.abs(eigenvalues.imag))
-    found = np.unique(np.concatenate([[0.0], grid, resonances]))
-    return found[np.append(True, np.diff(found) > _SAME * found[1:])]
+    ascending = np.unique(np.concatenate([[0.0], grid, resonances]))
+    return ascending[np.append(True, np.diff(ascending) > _EQUAL * ascending[1:])]
 
 
 #: Relative distance of the level above the largest bound found, the relative error of the margin.
@@ -480,6 +481,7 @@ def _zeros(loop: ClosedLoop, sign: float) -> np.ndarray:
     B, C = loop.B / size_of_B, loop.C * (size_of_B / unit)
     zero = np.zeros((n, n))
     A = loop.A / unit
+    # M(s) + sign M(-s) has the state matrices A and -A.
     system = np.block([[A, zero, B], [zero, -A, -sign * B], [C, C, loop.D * (1.0 + sign)]])
     mass = np.diag(np.repeat([1.0, 0.0], [2 * n, 1]))
     # (system - shift mass)⁻¹ mass has the eigenvalues 1 / (λ - shift), 0 for infinite λ.

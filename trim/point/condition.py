@@ -399,12 +399,14 @@ def imposed_heading(model: Model, name: str) -> str:
 
 
 def exact_cell(value: float, unit: str) -> float | str:
-    """Return a value as a file states it, in degrees for an angle, from which the same number is
-    read. Where no number in degrees is converted to it, the cell is in the unit: "0.1 rad".
+    """Return the cell of a file from which exactly this value is read, in degrees for an angle.
+
+    If no number of degrees is converted to the value exactly, the cell has the unit: "0.1 rad".
     """
     shown = float(shown_values(value, unit)) + 0.0  # 0 in place of -0
     if not unit.startswith("rad"):
         return shown
+    # of the conversion and the doubles next to it, the shortest that is read as the value
     beside = (math.nextafter(shown, end) for end in (math.inf, -math.inf))
     same = [near for near in (shown, *beside) if math.radians(near) == value]
     return min(same, key=lambda near: len(repr(near)), default=f"{value!r} {unit}")
@@ -445,6 +447,7 @@ def read_condition(name: str, usual: TrimCondition, shipped: Mapping[str, Path])
             hold[variable] = checked(name, value, NUMBER, key) * factor
     limits: dict[str, Any] = {}
     for key, ends in data.get("limits", {}).items():
+        # Also a state that a trim cannot impose has limits.
         variable, factor = _variable(model, name, key, also=model.states)
         limits[variable] = tuple(end * factor for end in ends)
     free = tuple(_variable(model, name, key)[0] for key in data.get("free", []))

@@ -98,15 +98,17 @@ def _halved_steps(
     step = newton_step(jacobian, residual, moving)
     share = np.ones(len(z))  # fraction of the step to be tried next
     for _ in range(MOST_TRIALS):
+        # Points near a solution take their last step. Those with too short a step are given up.
         is_near = size <= NEARLY
         is_finished = is_near & np.isfinite(step).all(axis=1)
         best[points[is_finished]] += step[is_finished]
         converged[points[is_finished]] = True
-        goes_on = ~is_near & (share >= LEAST_SHARE)
-        points, size, jacobian = points[goes_on], size[goes_on], jacobian[goes_on]
-        step, share = step[goes_on], share[goes_on]
+        continues = ~is_near & (share >= LEAST_SHARE)
+        points, size, jacobian = points[continues], size[continues], jacobian[continues]
+        step, share = step[continues], share[continues]
         if not points.size:
             break
+
         trial = best[points] + share[:, None] * step
         if bounded:
             lowest = np.maximum(system.lowest, -system.quarter_turn)
@@ -119,6 +121,7 @@ def _halved_steps(
             shortened = _norm(newton_step(jacobian, residual, moving))
             is_better |= shortened < (1.0 - share / 4.0) * _norm(step)
         is_better &= np.isfinite(next_jacobian).all(axis=(1, 2))
+
         best[points[is_better]] = trial[is_better]
         size[is_better] = _norm(residual[is_better])
         jacobian[is_better] = next_jacobian[is_better]

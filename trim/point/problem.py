@@ -96,6 +96,7 @@ class TrimProblem:
             raise BadInputError(
                 f"the condition is for {condition.model.name}; give a condition for {model.name}"
             )
+
         self.asked = condition
         if any(isinstance(value, LinearTable) for value in condition.imposed.values()):
             condition = condition.at()
@@ -109,6 +110,7 @@ class TrimProblem:
         if kept:
             declared = {**declared_start(model, condition.imposed), **condition.begin}
             condition = release(condition, hold={name: declared[name] for name in kept})
+
         self.model = model
         self.kept = kept
         self.given_start = start
@@ -119,6 +121,7 @@ class TrimProblem:
         self.count = self.system.affected_count, len(self.free)
         self.c = self.system.constants()
         self._last: dict[bytes, Evaluation] = {}  # of the last unknowns, by their bytes
+
         if not self.free and self.idle:
             idle = " and ".join(self.idle)
             raise BadInputError(f"the equations do not depend on {idle}; free another variable")
@@ -288,11 +291,13 @@ class TrimProblem:
         return z
 
     def balanced_effects(self, z: np.ndarray) -> BalancedEffects:
-        """Return the effects of the unknowns on the equations at scaled unknowns z, (k,)."""
+        """Return the Jacobian at scaled unknowns z, (k,), and its rank, in units in which each row
+        has the largest entry 1 and each column the length 1.
+        """
         jacobian = self.at(z).jacobian[: self.system.affected_count]
         largest = np.abs(jacobian).max(axis=1, keepdims=True, initial=0.0)
         rows = jacobian / np.where(largest > 0.0, largest, 1.0)
-        rows[np.abs(rows) <= _EPSILON] = 0.0
+        rows[np.abs(rows) <= _EPSILON] = 0.0  # roundings
         lengths = np.sqrt((rows * rows).sum(axis=0))
         lengths = np.where(lengths > 0.0, lengths, 1.0)
         sizes = np.linalg.svd(rows / lengths, compute_uv=False)

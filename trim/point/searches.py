@@ -169,6 +169,7 @@ def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarra
         return nearest
     part = _PartOfUnknowns(problem, nearest, moving)
     bounds = (lowest[moving], highest[moving])
+    # At a limit itself, the steps of SciPy's method would be 0.
     inside = np.clip(nearest[moving], bounds[0] + _INSIDE, bounds[1] - _INSIDE)
     # The search stops at the rounding of doubles; `TrimProblem.solved` judges its end.
     tight: Any = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "bounds": bounds}

@@ -161,7 +161,8 @@ def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimE
     beginning of its message.
 
     The model's function `explain` may trim a changed condition, by Newton's method from the default
-    initial point. It is not asked if held inputs leave fewer unknowns than equations.
+    initial point. It is not called if imposed inputs leave fewer unknowns than equations: the
+    message then advises to free more variables.
 
     error: error of the trim search
     condition: condition of the failed trim
@@ -328,7 +329,11 @@ def _kept_states(problem: TrimProblem) -> tuple[str, ...]:
 
 
 def _candidates(problem: TrimProblem, points: list[np.ndarray]) -> list[str]:
-    """Return the states to keep at the first point (k,) with undetermined ones, widest first."""
+    """Return the states that a trim may keep, and that the equations do not determine at a point.
+
+    It is the first of the points (k,) at which there are any. The state that can move farthest for
+    its size comes first (`undetermined`).
+    """
     may_be_kept = keepable(problem.system, problem.asked)
     for z in points:
         with suppress(BadInputError, ArithmeticError):
@@ -466,6 +471,7 @@ def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> Comma
     """
     holdable = point.model.holdable
     for name in command:
+        # `_trim_without_limits` changes gamma until the pitch is the commanded one.
         is_held_by_gamma = name == "pitch" and "gamma" in holdable
         if name not in holdable and not is_held_by_gamma:
             return CommandedTrim(command, {}, {}, point.model, unheld=name)

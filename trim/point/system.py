@@ -121,6 +121,7 @@ class TrimEquations:
 
         y are the watched states and outputs.
         """
+        # zeros for the equations that no unknown affects, which come last
         unaffected = ca.SX(len(self.rows) - self.affected_count, len(self.unknowns))
         derivatives = ca.vertcat(self.jacobian, unaffected)
         parts = [self.x, self.u, self.y, self.residual, ca.vec(derivatives.T)]
@@ -239,7 +240,8 @@ def _expressions(structure: Structure) -> _Expressions:
     given = {name: ca.SX.sym(name) for name in structure.given}
     free = {unknown.name: ca.SX.sym(unknown.name) for unknown in structure.unknowns}
     variables = {**given, **free}
-    # A variable whose effect a zero parameter switches off is in no equation.
+    # A parameter that is 0 at all points is the number 0, so that a variable whose effect it
+    # switches off is in no equation.
     parameters = column(
         ca.SX(0) if name in structure.zero else symbol
         for name, symbol in zip(layout.names.parameters, ca.vertsplit(p), strict=True)

@@ -186,6 +186,7 @@ def _gain_of_pairing(modes: _Modes, others: _Modes) -> np.ndarray:
     speed, other_speed = np.abs(modes.values), np.abs(others.values)
     size = speed[..., None] + other_speed[..., None, :]
     fastest = speed.max(axis=-1) + other_speed.max(axis=-1)
+    # Eigenvalues below the rounding of the fastest ones are at no relative distance.
     least = np.where(fastest > 0.0, ROUNDING * fastest, 1.0)[..., None, None]
     return np.minimum(np.abs(across), 1.0) - _DISTANCE * distance / np.maximum(size, least)
 

@@ -288,7 +288,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 (path,) = axes.plot(
                     roots.real, roots.imag, style, color=f"C{number}", linewidth=width
                 )
-            if column == self.mode_names.index(name):
+            if column == self.mode_names.index(name):  # one label for each mode
                 path.set_label(name)
 
     def _mark_ends(self, axes: Axes, columns: np.ndarray) -> None:
@@ -652,7 +652,7 @@ def _linear_model_at(swept: Sweep, index: int) -> LinearModel:
     condition = condition_at(swept.plan.condition, swept.variables, values)
     states = record(tuple(model.states))(*swept.states[index].tolist())
     inputs = record(tuple(model.inputs))(*swept.inputs[index].tolist())
-    # found by no search: `values` adds the outputs that replace states
+    # states and inputs, and the outputs that replace states as variables of a trim
     values_at = OperatingPoint(states, inputs, {}, Status.TRIMMED, model).values
     problem = TrimProblem(model, condition, values_at)
     point = OperatingPoint._of(problem, problem.system.scaled(values_at), Status.TRIMMED)
