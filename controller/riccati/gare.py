@@ -12,7 +12,7 @@ import numpy as np
 from controller.game.basis import q_function
 from controller.game.linear_game import game
 from controller.game.zero_sum import Game
-from controller.riccati.balls import BITS, ball_matrix, midpoints, precision, radii
+from controller.riccati.balls import BITS, ball_matrix, midpoints, precision
 from controller.riccati.closed_loops import ClosedLoops, Poles, poles_of
 from controller.riccati.enclosure import Certificate, Enclosure, data_change, decided
 from controller.riccati.l2_gain import GainBounds
@@ -294,8 +294,8 @@ def solve(game: Game) -> Solution:
 
 def _rounded(matrix: arb_mat) -> np.ndarray:
     """Return the midpoints, read-only, 0 where a ball contains 0."""
-    middle = midpoints(matrix)
-    rounded = np.where(np.abs(middle) <= radii(matrix), 0.0, middle)
+    entries = [0.0 if ball.contains(0) else float(ball) for ball in matrix.entries()]
+    rounded = np.reshape(entries, (matrix.nrows(), matrix.ncols()))
     rounded.setflags(write=False)
     return rounded
 

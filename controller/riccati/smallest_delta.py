@@ -184,6 +184,7 @@ def _estimate(search: _Search) -> _Estimate:
     """Return an estimate of 1/delta_min² in doubles, by secants, each nine tenths of the way."""
     first = search.in_doubles(0.0)
     secant = _Secant(first)
+    # factor: of w to the next one, as long as one bound is not known
     w, factor, guess = search.first_w(), 8.0, math.inf
     for _ in range(MOST_ESTIMATES):
         distances = search.in_doubles(w)
