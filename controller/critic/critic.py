@@ -53,7 +53,8 @@ class Critic(Reported):
         network or a list of functions; empty for all other critics
     implies_policy: True if the policy in `network` is derived from V or ∂V/∂z of the network
     is_layer: True for a network with one layer on a basis
-    has_weights: True if the value or the policy is given by the weights of listed functions
+    has_weights: True if the value or the policy is given by weights of functions, in `weights` or,
+        for listed functions and for policy_weights, only in `network`
     is_discrete: whether the critic was made with a game in discrete time; None without a game
     is_nonsmooth: True for a policy not smooth at z = 0, where K has the mean slopes of both sides
     declared: what the file of a network states of its policy, and notes on what is not used
@@ -407,8 +408,7 @@ def _with_one_step_policy(game: Game, critic: Critic) -> Critic:
     assert gradient is not None  # V or its gradient is known
     assert P is not None  # as above
     policy = policy_of_next(game, gradient, (P + P.T) / 2.0)
-    functions = {"V": V, "gradient": gradient, "policy": policy}
-    network = {name: function for name, function in functions.items() if function is not None}
+    network = ({} if V is None else {"V": V}) | {"gradient": gradient, "policy": policy}
     return replace(critic, network=network, implies_policy=True)
 
 
@@ -423,42 +423,44 @@ def _derivative(expression: ca.SX, z: ca.SX, point: np.ndarray | None = None) ->
     return np.array(function(np.tile(point[:, None], k), np.eye(k))).T  # a call for each unit w
 
 
-#: Distances from z = 0 at which K is compared on both sides, in sizes of the states.
-_BESIDE, _NEARER = 1e-9, 1e-12
+#: Two distances from z = 0 at which K is compared on both sides, in sizes of the states.
+_DISTANCE, _SMALLER_DISTANCE = 1e-9, 1e-12
 #: Least change of K between both sides at a nonsmooth point, relative to K, and the least share of
-#: it between both sides at the smaller distance. Of a smooth u, the share is `_NEARER` / `_BESIDE`,
-#: a thousandth.
-_NONSMOOTH = 1e-3
-_LEFT = 0.5
+#: it that remains at the smaller distance. Of a smooth u, a thousandth remains, the ratio of the
+#: distances.
+_LEAST_CHANGE = 1e-3
+_LEAST_SHARE = 0.5
 #: Size of the states without a box, relative to those that cost 1: the cost's unit says nothing of
 #: how near to 0 a nonsmooth point is, and only one exactly at 0 counts.
-_WITHOUT_BOX = 1e-200
+_SIZE_WITHOUT_BOX = 1e-200
 
 
 def _gain_at_0(game: Game, u: ca.SX, z: ca.SX) -> tuple[np.ndarray, bool]:
     """Return K = -∂u/∂z at z = 0, or the mean of both sides, and whether u is nonsmooth there."""
     sizes = game.half_widths
-    if sizes is None:  # tiny, in the ratios of the states that cost 1
+    if sizes is None:  # proportional to the states that cost 1, but tiny
         costs = np.diag(game.Q)
-        sizes = _WITHOUT_BOX * np.where(costs > 0.0, costs, 1.0) ** -0.5
+        sizes = _SIZE_WITHOUT_BOX * np.where(costs > 0.0, costs, 1.0) ** -0.5
     without_units = sizes * np.sqrt(np.diag(game.R))[:, None]  # divides u by inputs that cost 1
 
     def largest_entry(K: np.ndarray) -> float:
         return float(np.abs(K * without_units).max(initial=0.0))
 
-    one_side, other_side = _gains_beside_0(u, z, _BESIDE * sizes)
+    one_side, other_side = _gains_beside_0(u, z, _DISTANCE * sizes)
     change = largest_entry(other_side - one_side)
-    change_nearer = largest_entry(np.subtract(*_gains_beside_0(u, z, _NEARER * sizes)))
+    nearer_change = largest_entry(np.subtract(*_gains_beside_0(u, z, _SMALLER_DISTANCE * sizes)))
     size = largest_entry(np.array([one_side, other_side]))
     # Of a smooth u, the change is proportional to the distance.
-    if np.isfinite(size) and change > _NONSMOOTH * size and change_nearer > _LEFT * change:
+    is_large = np.isfinite(size) and change > _LEAST_CHANGE * size
+    if is_large and nearer_change > _LEAST_SHARE * change:  # else, it depends on the distance
         return (one_side + other_side) / 2.0, True
     return -_derivative(u, z), False
 
 
 def _gains_beside_0(u: ca.SX, z: ca.SX, distances: np.ndarray) -> np.ndarray:
     """Return K = -∂u/∂z at two opposite states at distances (n,) from z = 0, (2, m, n)."""
-    # Unequal entries: on no plane where policies switch, such as z1 = 0 or z1 = z2.
+    # Unequal entries, by multiples of the golden ratio: on no plane where policies switch, such as
+    # z1 = 0 or z1 = z2.
     direction = 1.0 + np.arange(z.numel()) * 0.618 % 1.0
     return np.array([-_derivative(u, z, side * distances * direction) for side in (1.0, -1.0)])
 

@@ -60,8 +60,8 @@ _USED = (
     "plant",
 )
 #: Largest difference of equal entries, relative to the entry (six printed digits), or to the
-#: largest entry (a 0 by rounding).
-_SAME, _ZERO = 1e-6, 1e-15
+#: largest entry of its matrix (the rounding of an entry that should be 0).
+_BY_PRINTING, _BY_ROUNDING = 1e-6, 1e-15
 
 
 def critic_file(path: str | Path) -> CriticFile:
@@ -86,7 +86,7 @@ def critic_file(path: str | Path) -> CriticFile:
         )
     if suffix not in OWN_FILES:
         with prefix_errors(path), file_faults(path):
-            # The reader of an installed package.
+            # The reader of an installed package, for this suffix.
             read: CriticFile = loaded(offered(CRITICS, OWN_FILES)[suffix])(path)
             return read
     if is_network(file):
@@ -132,7 +132,8 @@ def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
         critic = _critic_of_q_function(entries, game, scales)
     else:
         read = ["W", "P", "K", "policy_weights"]
-        read += [name for name, beside in (("basis", "W"), ("S", "K")) if beside in entries]
+        read += ["basis"] if "W" in entries else []
+        read += ["S"] if "K" in entries else []  # the P of MATLAB's lqr
         read += ["L"] if game.is_discrete else []
         critic = _critic_of_parts(entries, game, reading, scales)
     notes += unused(entries, (*_USED, *read), f"read: {', '.join(read)}")
@@ -146,7 +147,7 @@ def _critic_of_parts(
     L = None
     if game.is_discrete and "L" in entries:
         L = in_plant_units({"L": numbers_in("L", entries["L"])}, scales)["L"]
-    if UNKNOWN in entries:
+    if UNKNOWN in entries:  # an array without a name
         entries = {part_by_shape(entries[UNKNOWN], game): entries[UNKNOWN]}
     # Without W, the basis is only checked if the user named one.
     has_basis = "W" in entries or reading.basis is not None
@@ -230,14 +231,14 @@ def _other_signals(entries: Mapping[str, Any], plant: PlantNames) -> Iterator[st
 
 def _other_matrices(entries: Mapping[str, Any], game: Game, scales: FileScales) -> Iterator[str]:
     """Yield notes on A, B, E, Q, R, N, delta and discount of a file that differ from the game's."""
-    x, u = scales  # from the plant's units to the file's
-    factors = {"A": x / x[:, None], "B": u / x[:, None], "E": 1.0 / x[:, None]}
-    factors |= {"Q": np.outer(x, x), "R": np.outer(u, u), "N": np.outer(x, u)}
+    s, r = scales  # factors of states and inputs from the plant's units to the file's
+    factors = {"A": s / s[:, None], "B": r / s[:, None], "E": 1.0 / s[:, None]}
+    factors |= {"Q": np.outer(s, s), "R": np.outer(r, r), "N": np.outer(s, r)}
     for name in (name for name in _OF_THE_GAME if name in entries):
         entry, own = entries[name], np.asarray(getattr(game, name))
         if own.ndim == 0:  # delta or discount; JSON has null for an infinite delta
             stored = np.asarray(math.inf if entry is None else one_number(name, entry))
-            if not np.isclose(stored, own, _SAME, 0.0):
+            if not np.isclose(stored, own, rtol=_BY_PRINTING, atol=0.0):
                 yield f"{name} of the file is not that of the game: {stored:g} in place of {own:g}"
             continue
         stored = numbers_in(name, entry)
@@ -245,7 +246,7 @@ def _other_matrices(entries: Mapping[str, Any], game: Game, scales: FileScales) 
             stored = np.diag(stored)
         if stored.size == own.size:
             converted = stored.reshape(own.shape) * factors[name]
-            if np.allclose(converted, own, _SAME, _ZERO * np.abs(own).max()):
+            if np.allclose(converted, own, _BY_PRINTING, atol=_BY_ROUNDING * np.abs(own).max()):
                 continue
         yield f"{name} of the file is not that of the game"
 
@@ -261,7 +262,7 @@ def gain_in(entries: Mapping[str, Any], plant: PlantNames) -> np.ndarray:
 
 
 #: Schemas of files with P and K of a game, beside H in discrete time.
-_OF_A_GAME = ("hfa.learning-result/1", "hfa.game-solution/1")
+_SCHEMAS_OF_GAMES = ("hfa.learning-result/1", "hfa.game-solution/1")
 
 
 def refuse_other_step(entries: Mapping[str, Any], dt: float | bool | None) -> None:
@@ -269,18 +270,20 @@ def refuse_other_step(entries: Mapping[str, Any], dt: float | bool | None) -> No
     other kind of time.
 
     H is of discrete time. A file of `hfa learn` and `hfa solve` without H is of continuous time.
+    Any other file that states no time, such as one of a gain, is of either.
 
     dt: sample time of the game, s, True if it is not known, None in continuous time
     """
+    # Like dt, with False in place of None.
     stored = sample_time(entries) or is_discrete(entries) or "H" in entries
-    has_time = stored or "time" in entries or str(entries.get("schema")) in _OF_A_GAME
+    states_time = stored or "time" in entries or str(entries.get("schema")) in _SCHEMAS_OF_GAMES
     is_same_kind = bool(stored) == (dt is not None)
-    is_other_step = (  # not if one of them is not known (True)
+    is_other_step = (  # only if both are known
         isinstance(stored, float)
         and isinstance(dt, float)
         and not math.isclose(stored, dt, rel_tol=1e-6)
     )
-    if not has_time or (is_same_kind and not is_other_step):
+    if not states_time or (is_same_kind and not is_other_step):
         return
     raise BadInputError(
         f"the file has a policy in {_time_text(stored)}, but the game is in {_time_text(dt)}; give "

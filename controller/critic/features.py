@@ -164,8 +164,8 @@ def symbols_for(functions: Iterable[ca.Function], n: int) -> ca.SX:
 #: Newton's method: largest number of steps, and largest permitted residual. The residual is
 #: relative to the larger of the terms at the state, which vanish at the trim, and of those at the
 #: edge of the box (at states with the value 1 if the box is unknown).
-_STEPS = 20
-_LEFT = 1e-9
+_NEWTON_STEPS = 20
+_LARGEST_RESIDUAL = 1e-9
 
 
 def policy_of_next(problem: Game, gradient: ca.Function, P: np.ndarray) -> ca.Function:
@@ -185,8 +185,8 @@ def policy_of_next(problem: Game, gradient: ca.Function, P: np.ndarray) -> ca.Fu
     m = problem.B.shape[1]
     actions = _actions(problem, P)
     x = symbols_for([gradient], len(problem.A))
-    scaled = symbols_for([gradient], len(actions.sizes))
-    a = ca.DM(actions.sizes) * scaled
+    a_by_size = symbols_for([gradient], len(actions.sizes))  # the unknown of Newton's method
+    a = ca.DM(actions.sizes) * a_by_size
     after = ca.DM(problem.A) @ x + ca.DM(actions.columns) @ a
     # The slope is half the derivative of the cost with respect to a: of a itself, of the cross
     # terms and of the value after the step, in units of the weight of an action times its size.
@@ -196,6 +196,7 @@ def policy_of_next(problem: Game, gradient: ca.Function, P: np.ndarray) -> ca.Fu
     units = ca.DM(np.abs(np.diag(actions.weight)) * actions.sizes)
     slope = ca.densify((of_weight + of_cross + of_value) / units)
     terms = (ca.fabs(of_weight) + ca.fabs(of_cross) + ca.fabs(of_value)) / units
+
     # Largest sqrt(x'P x) of one state at the edge of the box. `sizes` and thus the terms are those
     # at states with x'P x = 1, and proportional to this root.
     at_edge = 1.0
@@ -203,18 +204,23 @@ def policy_of_next(problem: Game, gradient: ca.Function, P: np.ndarray) -> ca.Fu
         roots = np.sqrt(np.diag(P).clip(0.0)) * problem.half_widths
         at_edge = float(np.max(roots)) or 1.0
     residual = ca.mmax(ca.fabs(slope)) / ca.fmax(ca.mmax(terms), at_edge)
-    options = {"max_iter": _STEPS, "error_on_fail": False, "show_eval_warnings": False}
-    root = ca.rootfinder("root", "newton", {"x": scaled, "p": x, "g": slope}, options)
+
+    options = {"max_iter": _NEWTON_STEPS, "error_on_fail": False, "show_eval_warnings": False}
+    root = ca.rootfinder("root", "newton", {"x": a_by_size, "p": x, "g": slope}, options)
     state = ca.MX.sym("x", len(problem.A))  # a rootfinder can be called with MX only
     start = ca.DM(actions.gains / actions.sizes[:, None]) @ state
     saddle = root(x0=start, p=state)["x"]
-    has_converged = ca.Function("residual", [x, scaled], [residual])(state, saddle) <= _LEFT
+    residual_of = ca.Function("residual", [x, a_by_size], [residual])
+    has_converged = residual_of(state, saddle) <= _LARGEST_RESIDUAL
     u = ca.DM(actions.sizes[:m]) * saddle[:m]
     return ca.Function("policy", [state], [ca.if_else(has_converged, 1.0, math.nan) * u])
 
 
 class _Actions(NamedTuple):
-    """Actions a = (u, δ w) of a step, or u alone without disturbance: x⁺ = A x + columns a."""
+    """Actions a = (u, δ w) of a step x⁺ = A x + columns a, or u alone for δ = inf.
+
+    δ w has the size of an input: its weight is -1, whatever δ.
+    """
 
     columns: np.ndarray  # [B E/δ], (n, k)
     weight: np.ndarray  # of a in the cost, (k, k)
@@ -224,11 +230,11 @@ class _Actions(NamedTuple):
 
 
 def _actions(problem: Game, P: np.ndarray) -> _Actions:
-    """Return the actions of a step of a game, with the policies of the value x'P x."""
+    """Return the actions (u, δ w) of a step of a game, with the policies of the value x'P x."""
     n, m = problem.B.shape
     K, L = problem.policies(P)
     columns, weight, cross, gains = problem.B, problem.R, problem.N.T, -K
-    if math.isfinite(problem.delta):
+    if math.isfinite(problem.delta):  # δ w acts by E/δ, and costs -(δ w)'(δ w)
         k = problem.E.shape[1]
         columns = np.hstack([columns, problem.E / problem.delta])
         weight = np.block([[weight, np.zeros((m, k))], [np.zeros((k, m)), -np.eye(k)]])

@@ -146,8 +146,9 @@ class PlantFit:
 
         With begins = Q R and Q'Q = 1, the covariance (begins'begins)⁻¹ is R⁻¹R⁻ᵀ.
         """
-        R = np.linalg.qr(self.scaled_begins, mode="r")
-        return np.asarray(np.linalg.inv(R) / self.scales[:, None])
+        return np.asarray(
+            np.linalg.inv(np.linalg.qr(self.scaled_begins, mode="r")) / self.scales[:, None]
+        )
 
     def _quantile(self, bands: int = 1) -> float:
         """Return the half-width, in standard deviations, of bands that are all right in 95 %."""

@@ -88,7 +88,8 @@ def simulated(game: Game, seed: int) -> Transitions:
     """
     widths = widths_of(game)
     size = len(widths)
-    count = SAMPLES_PER_WEIGHT * size * (size + 1) // 2  # a quadratic form has these weights
+    # A quadratic form of [x u d] has s (s + 1) / 2 weights.
+    count = SAMPLES_PER_WEIGHT * size * (size + 1) // 2
     begins = np.random.default_rng(seed).uniform(-widths, widths, (count, size))
     return Transitions(
         begins=begins,
@@ -400,10 +401,12 @@ def transitions_in(data: Any, game: Game) -> Transitions:
         raise BadInputError(
             "the episodes differ in sample time or in disturbances; give equal ones"
         )
+    rows = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in ("begins", "ends", "follows")
+    }
     return Transitions(
-        begins=np.concatenate([part.begins for part in parts]),
-        ends=np.concatenate([part.ends for part in parts]),
-        follows=np.concatenate([part.follows for part in parts]),
+        **rows,
         rounding=np.min([part.rounding for part in parts], axis=0),
         hold=parts[0].hold,
         notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),  # each once
@@ -588,7 +591,7 @@ def _step_of(times: np.ndarray, starts: np.ndarray) -> tuple[float, float]:
     (rounding,) = _last_digits(times[:, None])
     if 2.0 * rounding > mean:
         rounding = 8.0 * float(np.spacing(np.abs(times).max()))
-    place = int(np.nanargmax(np.abs(steps - np.nanmedian(steps))))
+    place = np.nanargmax(np.abs(steps - np.nanmedian(steps)))
     if abs(steps[place] - mean) > rounding:
         raise BadInputError(  # the step ends at the row place + 2, counted from 1
             f"the samples are not equally spaced: {steps[place]:g} s at row {place + 2}, {mean:g} "

@@ -37,16 +37,15 @@ class Running(NamedTuple):
 
     mean, spread: ends of the names of their tensors
     is_variance: whether the spread is a variance, or else a standard deviation
-    outer: number added to the standard deviation
-    inner: number added to the variance
+    added_to_deviation, added_to_variance: number that the library adds before it divides
     clip: largest absolute normalized value
     """
 
     mean: str
     spread: str
     is_variance: bool = True
-    outer: float = 0.0
-    inner: float = 0.0
+    added_to_deviation: float = 0.0
+    added_to_variance: float = 0.0
     clip: float = np.inf
 
 
@@ -54,11 +53,11 @@ class Layout(NamedTuple):
     """Layout of the policies of a library.
 
     algorithm: algorithm and library
-    head: regular expression of the name of a tensor that only this layout has. Its group `root`
-        precedes the names of the layers
+    own_name: regular expression of the name of a tensor that only this layout has. Its group
+        `root` precedes the names of the layers
     words: words that select the layers of the policy, those that the file has, joined by +. {} is
         the root
-    without, beside: regular expressions of names that the file must not, and must have
+    excluded, required: regular expressions of names that the file must not have, and must have
     squash: as in `ActionBox`
     has_box: whether the root has action_scale and action_bias
     has_mean: whether the outputs are the mean, followed by as many standard deviations
@@ -67,10 +66,10 @@ class Layout(NamedTuple):
     """
 
     algorithm: str
-    head: str
+    own_name: str
     words: str
-    without: str = ""
-    beside: str = ""
+    excluded: str = ""
+    required: str = ""
     squash: str = ""
     has_box: bool = False
     has_mean: bool = False
@@ -87,26 +86,26 @@ _RSL_RL = Layout(
         r"actor_state_dict\.obs_normalizer)\._mean",
         "_std",
         is_variance=False,
-        outer=1e-2,
+        added_to_deviation=1e-2,
     ),
 )
 _TIANSHOU = Layout(
     "tianshou",
     r"(?P<root>(.*\.)?)mu\.model\.\d+\.weight",
     "{}preprocess+{}mu",
-    beside=r"preprocess\.",
+    required=r"preprocess\.",
 )
 _RLLIB = Layout(
     "RLlib",
     r"(?P<root>(.*\.)?)pi\.net\.mlp\.\d+\.weight",
     "{}encoder.actor_encoder+{}encoder.encoder+{}pi_encoder+{}pi",
-    beside=r"encoder\.",
+    required=r"encoder\.",
 )
 _CLEANRL = Layout(
     "TD3 or DDPG of CleanRL",
     r"(?P<root>(.*\.)?)fc_mu\.weight",
     "{}fc1+{}fc2+{}fc_mu",
-    beside="action_scale",
+    required="action_scale",
     squash="tanh",
     has_box=True,
 )
@@ -114,7 +113,7 @@ _SB3 = Layout(
     "SAC of Stable-Baselines3",
     r"(?P<root>(.*\.)?)latent_pi\.0\.weight",
     "{}latent_pi+{}mu",
-    beside=r"log_std\.weight",
+    required=r"log_std\.weight",
     squash="tanh",
 )
 #: All layouts. The first that fits is that of a file.
@@ -123,46 +122,48 @@ LAYOUTS = (
     _SB3,
     _SB3._replace(
         algorithm="TD3 or DDPG of Stable-Baselines3",
-        head=r"(?P<root>(.*\.)?actor\.)mu\.0\.weight",
+        own_name=r"(?P<root>(.*\.)?actor\.)mu\.0\.weight",
         words="{}mu",
-        beside=r"critic\.qf0",
+        required=r"critic\.qf0",
     ),
     _SB3._replace(
         algorithm="PPO or A2C of Stable-Baselines3",
-        head=r"(?P<root>(.*\.)?)action_net\.weight",
+        own_name=r"(?P<root>(.*\.)?)action_net\.weight",
         words="{}mlp_extractor.shared_net+{}mlp_extractor.policy_net+{}action_net",
-        beside=r"mlp_extractor\.",
+        required=r"mlp_extractor\.",
         squash="",
     ),
-    _RSL_RL._replace(head=r"(?P<root>actor_state_dict\.mlp)\.\d+\.weight"),
+    _RSL_RL._replace(own_name=r"(?P<root>actor_state_dict\.mlp)\.\d+\.weight"),
     Layout(
         "PPO of rl_games",
         r"(?P<root>.*a2c_network\.)mu\.weight",
         "{}actor_mlp+{}mu",
-        beside=r"\.actor_mlp\.",
-        running=Running(r".*running_mean_std\.running_mean", "running_var", inner=1e-5, clip=5.0),
+        required=r"\.actor_mlp\.",
+        running=Running(
+            r".*running_mean_std\.running_mean", "running_var", added_to_variance=1e-5, clip=5.0
+        ),
     ),
     Layout(
         "skrl",
         r"(?P<root>policy)\..*",
         "{}",
-        beside=r"_preprocessor\.running_mean|policy\.(log_std_parameter|net_container\.)",
+        required=r"_preprocessor\.running_mean|policy\.(log_std_parameter|net_container\.)",
         running=Running(
             r"(state|observation)_preprocessor\.running_mean",
             "running_variance",
-            outer=1e-8,
+            added_to_deviation=1e-8,
             clip=5.0,
         ),
     ),
-    _TIANSHOU._replace(algorithm="SAC of tianshou", beside=r"critic2_old\.", squash="tanh"),
+    _TIANSHOU._replace(algorithm="SAC of tianshou", required=r"critic2_old\.", squash="tanh"),
     _TIANSHOU,
-    _RLLIB._replace(algorithm="SAC of RLlib", beside="qf_encoder", squash="tanh", has_mean=True),
-    _RLLIB._replace(without=r"(.*\.)?pi\.log_std", has_mean=True),
+    _RLLIB._replace(algorithm="SAC of RLlib", required="qf_encoder", squash="tanh", has_mean=True),
+    _RLLIB._replace(excluded=r"(.*\.)?pi\.log_std", has_mean=True),
     _RLLIB,
     _CLEANRL,
     _CLEANRL._replace(
         algorithm="SAC of CleanRL",
-        head=r"(?P<root>(.*\.)?)fc_mean\.weight",
+        own_name=r"(?P<root>(.*\.)?)fc_mean\.weight",
         words="{}fc1+{}fc2+{}fc_mean",
     ),
 )
@@ -202,15 +203,16 @@ def words_in(words: str, tensors: Tensors) -> str:
 
 def _root(layout: Layout, tensors: Tensors) -> str | None:
     """Return what precedes the names of a layout's layers in a file, or None for another layout."""
-    heads = [found for name in tensors if (found := re.fullmatch(layout.head, name))]
-    has_excluded = layout.without and any(re.fullmatch(layout.without, name) for name in tensors)
-    has_required = any(re.search(layout.beside, name) for name in tensors)
-    if not heads or has_excluded or not has_required:
+    own = [found for name in tensors if (found := re.fullmatch(layout.own_name, name))]
+    has_excluded = layout.excluded and any(re.fullmatch(layout.excluded, name) for name in tensors)
+    has_required = any(re.search(layout.required, name) for name in tensors)
+    if not own or has_excluded or not has_required:
         return None
-    root = heads[0]["root"]
+    root = own[0]["root"]
     if layout.has_box and not {*_names_of_box(root)} <= tensors.keys():
         return None
-    words = layout.words.replace("{}", root)
+
+    words = layout.words.replace("{}", root)  # {} is the root
     layers = (
         name for name, array in tensors.items() if array.ndim == 2 and name.endswith("weight")
     )
@@ -219,8 +221,8 @@ def _root(layout: Layout, tensors: Tensors) -> str | None:
         and not (has_word(name, words) or is_deviation(name) or is_of_critic(name))
         for name in layers
     )
-    # A further layer below the root may act on the policy. Without root and box, it may be of any
-    # other network.
+    # Another layer below the root may act on the policy: the layout does not fit. If the root is ""
+    # and there is no box, the layer may be of any other network in the file, and is not counted.
     return None if has_other_layers and (root or layout.has_box) else root
 
 
@@ -235,9 +237,12 @@ def _normalizer(
         if re.fullmatch(running.mean, name) and name_of_spread in tensors:
             mean, spread = (np.ravel(tensors[key]).astype(float) for key in (name, name_of_spread))
             deviation = np.sqrt(spread) if running.is_variance else spread
-            variance = (deviation + running.outer) ** 2
             normalizer = Normalizer(
-                mean, variance, running.inner, running.clip, "of the checkpoint"
+                mean,
+                variance=(deviation + running.added_to_deviation) ** 2,
+                epsilon=running.added_to_variance,
+                clip=running.clip,
+                origin="of the checkpoint",
             )
             return normalizer, notes_on_statistics(mean, spread), (name, name_of_spread)
     return None, (), ()
@@ -257,8 +262,8 @@ def _action_of(layout: Layout, root: str, tensors: Tensors) -> ActionBox:
 
 
 def _layout(algorithm: str, words: str, activation: str, squash: str) -> Layout:
-    """Return the layout of a policy class, with its default activation and squash."""
-    return Layout(algorithm, "", words, squash=squash, activation=activation)
+    """Return the layout of a class of Stable-Baselines3, with its default activation and squash."""
+    return Layout(algorithm, own_name="", words=words, squash=squash, activation=activation)
 
 
 _ON_POLICY = _layout("A2C", "shared_net+policy_net+action_net", "tanh", "")
@@ -326,7 +331,7 @@ def _declared_in(data: Mapping[str, Any], tensors: Tensors) -> Declared:
     of_class = _class_of(data, tensors)
     observations = _stored_box(data, "observation")
     activation = settings.get("activation_fn")
-    # Such as Tanh, of a class torch.nn.modules.activation.Tanh in the pickle.
+    # "Tanh" of the class torch.nn.modules.activation.Tanh in the pickle, for example.
     class_of_activation = str(getattr(activation, "made_of", activation)).rpartition(".")[2]
     return Declared(
         algorithm=_algorithm(of_class, data, settings),
@@ -335,7 +340,7 @@ def _declared_in(data: Mapping[str, Any], tensors: Tensors) -> Declared:
             of_class.activation if activation is None else activation_named(class_of_activation)
         ),
         action=_action_box(of_class, actions, data, settings),
-        is_normalized=of_class.algorithm == "A2C" and _is_normalized(data),
+        is_normalized=of_class is _ON_POLICY and _is_normalized(data),
         seen=_seen(data, of_class.algorithm),
         observations=observations.names,
         inputs=observations.low.size,
@@ -360,16 +365,17 @@ def _action_box(
     of_class: Layout, actions: _Box, data: Mapping[str, Any], settings: Mapping[str, Any]
 ) -> ActionBox:
     """Return the way from the output of a policy's network to its action."""
-    uses_sde = bool(settings.get("use_sde", data.get("use_sde", False)))  # exploration gSDE
+    uses_sde = settings.get("use_sde", data.get("use_sde"))  # state-dependent exploration
     squash = of_class.squash
     if of_class.algorithm in ("A2C", "ARS") and settings.get("squash_output") is not None:
         squash = "tanh" if settings["squash_output"] else ""
-    # Only with gSDE does this class apply tanh. In any case, [-1, 1] is mapped to the box.
-    if of_class.algorithm == "A2C" and squash and not uses_sde:
+    # The class of A2C and PPO applies tanh only with gSDE. In any case, it maps [-1, 1] to the box.
+    if of_class is _ON_POLICY and squash and not uses_sde:
         squash = "linear"
-    is_clipped = of_class.words == _SAC.words and uses_sde  # also TQC
-    clip_mean = _number(settings, "clip_mean", _CLIP_MEAN) if is_clipped else 0.0
-    return ActionBox(squash, actions.low, actions.high, clip_mean or math.inf)  # 0: not clipped
+    # SAC and TQC clip the output to ±clip_mean with gSDE. 0 means that they do not.
+    has_clip = of_class.algorithm in ("SAC", "TQC") and uses_sde
+    clip_mean = _number(settings, "clip_mean", _CLIP_MEAN) if has_clip else 0.0
+    return ActionBox(squash, actions.low, actions.high, clip_mean or math.inf)
 
 
 def _class_of(data: Mapping[str, Any], tensors: Tensors) -> Layout:
@@ -421,7 +427,7 @@ def _class_name(entry: str, data: Mapping[str, Any], known: tuple[str, ...]) -> 
 
 def _is_normalized(data: Mapping[str, Any]) -> bool:
     """Return whether the last observations of the training prove a normalizer before the policy."""
-    # PPO, A2C and TRPO store the observations before a VecNormalize, and no others.
+    # PPO, A2C and TRPO store _last_original_obs only with a VecNormalize: observations before it.
     try:
         seen, original = (_stored(data, name) for name in ("_last_obs", "_last_original_obs"))
     except BadInputError:
@@ -432,8 +438,8 @@ def _is_normalized(data: Mapping[str, Any]) -> bool:
 
 def _seen(data: Mapping[str, Any], algorithm: str) -> tuple[float, float]:
     """Return the least and largest number of observations that a VecNormalize of a training saw."""
-    # Those of the steps, of the first reset of each environment (not in old versions), and of all
-    # trials of ARS.
+    # It saw the observations of all steps, of the first reset of each environment (not in old
+    # versions) and, with ARS, of all trials, whose number is not stored.
     steps, environments = data.get("num_timesteps"), data.get("n_envs")
     if not isinstance(steps, int) or steps == 0:
         return 0.0, math.inf
@@ -520,7 +526,7 @@ def _checked_box(space: Any, what: str, key: str) -> _Box:
 def read_normalizer(path: str | Path) -> tuple[Normalizer | None, int]:
     """Return the normalizer in a file of `VecNormalize.save`, and how many observations it saw.
 
-    That of a dictionary of observations is one of its entries, in the order of its space. The
+    Of a dictionary of observations, all entries are joined in the order of its space. The
     normalizer is None if the VecNormalize does not normalize observations. Raises a BadInputError
     that names the file and the fault if the file contains no normalizer of all observations.
     """
@@ -533,15 +539,15 @@ def read_normalizer(path: str | Path) -> tuple[Normalizer | None, int]:
             )
         if getattr(stored, "norm_obs", True) is False:
             return None, 0
-        running = _statistics(stored)
+        running = _statistics(stored)  # of each entry of the observations
         mean, variance = (
-            np.concatenate([np.ravel(numbers_in(f"its {name}", of.get(name))) for of in running])
-            for name in ("mean", "var")
+            np.concatenate([np.ravel(numbers_in(f"its {key}", part.get(key))) for part in running])
+            for key in ("mean", "var")
         )
         epsilon, clip = (_number(vars(stored), name) for name in ("epsilon", "clip_obs"))
         count = running[0].get("count")
         seen = int(count) if isinstance(count, (int, float)) else 0
-        return Normalizer(mean, variance, epsilon, clip, Path(path).name), seen
+        return Normalizer(mean, variance, epsilon, clip, origin=Path(path).name), seen
 
 
 def _statistics(stored: Inert) -> list[dict[str, Any]]:

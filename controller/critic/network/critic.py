@@ -135,8 +135,10 @@ def from_network(
         )
     psi = basis_of(basis, n, game.names.states)
     count = psi.size if isinstance(psi, Basis) else psi.numel_out(0)
+    sizes = (1, n, m, 1 + m)  # of V, its gradient, the policy, V and the policy
     stored = network_in(
-        source, Asked(n, network, activation, count, m, (1, n, m, 1 + m), of_states=True)
+        source,
+        Asked(n, network, activation, basis_size=count, inputs=m, sizes=sizes, of_states=True),
     )
     name = where = type(source).__name__
     if isinstance(source, (str, Path)):
@@ -151,6 +153,8 @@ def from_network(
 def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str) -> Critic:
     """Return the critic of a network whose inputs are the states, or states and inputs (a Q)."""
     n, m = game.B.shape
+
+    # A Q function is replaced by its policy.
     of_q_functions = {
         name: policy_of(function, n)
         for name, function in stored.functions.items()
@@ -159,23 +163,28 @@ def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str)
     if of_q_functions:
         origin = f"{origin} = Q(x, u), u from dQ/du = 0"
     functions = stored.functions | of_q_functions
+
+    # What each output is.
     sizes = {name: function.numel_out(0) for name, function in functions.items()}
     kinds = _kinds(sizes, n, m)
     if any(is_taken_as_policy(name, size, m) for name, size in sizes.items()):
         origin = f"{origin}, its one output read as the policy u, not V"
+
     z = symbols_for(functions.values(), n)
     outputs: dict[str, Any] = {}
     for name, function in functions.items():
         output = ca.vec(function(ca.DM(scales) * z))
-        parts = {kinds[name]: output}
         if kinds[name] == "V+policy":
-            parts = {"V": output[0], "policy": output[1:]}
-        outputs |= parts
-    declared = stored.declared
+            outputs |= {"V": output[0], "policy": output[1:]}
+        else:
+            outputs[kinds[name]] = output
+
     # Squash and box follow, if the file states them. The policy of a Q is the action already.
+    declared = stored.declared
     if str(declared.action) and "policy" in outputs and not of_q_functions:
         outputs["policy"] = declared.action.of(outputs["policy"])
         origin = f"{origin}, {declared.action}"
+
     notes = declared.notes
     if declared.observations not in ((), game.names.states):
         notes += (f"observations {', '.join(declared.observations)}, taken as the states",)

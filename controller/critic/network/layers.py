@@ -143,15 +143,21 @@ def row_network(layers: Sequence[Layer]) -> RowNetwork | None:
     """
     if any(layer.activation in OF_CASADI for layer in layers):
         return None
-    kind = precision_of(max((layer.weight for layer in layers), key=np.size))  # single if wide
-    columns = [np.ascontiguousarray(layer.weight.T, dtype=kind) for layer in layers]
-    biases = [layer.bias.astype(kind) for layer in layers]
-    names = [layer.activation for layer in layers]
+    # Single precision, which is faster, if the largest matrix is wide.
+    kind = precision_of(max((layer.weight for layer in layers), key=np.size))
+    steps = [
+        (
+            np.ascontiguousarray(layer.weight.T, dtype=kind),
+            layer.bias.astype(kind),
+            layer.activation,
+        )
+        for layer in layers
+    ]
 
     def on_block(x: np.ndarray) -> np.ndarray:
         """Return the outputs for a few rows."""
-        for weight, bias, name in zip(columns, biases, names, strict=True):
-            x = x @ weight
+        for columns, bias, name in steps:
+            x = x @ columns  # rows times the transpose of the weight
             x += bias
             x = ACTIVATIONS[name](x, ON_ARRAYS) if name else x
         return x
@@ -220,18 +226,20 @@ def layers_of(
         """Return the tensors that words select."""
         return {name: of_layers[name] for name in of_layers if not words or has_word(name, words)}
 
+    # First, the selected tensors, or all.
     try:
         return network_of(selected(part), part)
     except BadInputError as error:
         refusal = error
-    # Not one network: without words, the tensors of the critic for V, and the others otherwise.
+    # If these are not one network and no words are given: the tensors of the critic for V, and the
+    # others otherwise.
     of_kind = {name: of_layers[name] for name in of_layers if is_of_critic(name) == (kind == "V")}
     if not part and 0 < len(of_kind) < len(of_layers):
         try:
             return network_of(of_kind, part)
         except BadInputError as error:
             refusal = error
-    # No network: the last refusal is raised, with words that would select one.
+    # If these are not one network either, the last refusal is raised, with words that select one.
     for words in _selections(of_layers, kind):
         with suppress(BadInputError):
             outputs = network_of(selected(words), words)[-1].outputs
@@ -354,7 +362,8 @@ def _as_numbered(layers: list[Layer], part: str) -> list[Layer]:
         """Return the places of the words that select a layer."""
         return [place for place, word in enumerate(words) if has_word(f"{layer.name}.", word)]
 
-    # Numbers order the layers that a word selects if their names differ in nothing else.
+    # The layers that a word selects have an order if their names differ in their numbers only, that
+    # is, if there is one kind of name for each word.
     if len({(tuple(places(layer)), _kind(layer)) for layer in layers}) > len(words):
         names = shortened(", ".join(layer.name for layer in layers), 80)
         raise BadInputError(

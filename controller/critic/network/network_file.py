@@ -220,7 +220,10 @@ def _of_graph(path: Path, asked: Asked, parts: Mapping[str, str]) -> NetworkFile
         raise BadInputError("an ONNX file already contains the activations; remove activation")
     graph = graph_functions(path, asked.states, asked.inputs, parts)
     return NetworkFile(
-        graph.functions, graph.operators, graph.precision, Declared(notes=graph.notes)
+        graph.functions,
+        chain=graph.operators,
+        precision=graph.precision,
+        declared=Declared(notes=graph.notes),
     )
 
 
@@ -253,10 +256,9 @@ def _contents(stored: Any, *, is_ordered: bool) -> _Contents:
         return _Contents(tensors, is_ordered, activations=activations)
     found = flattened(stored)
     flat = without_training(_as_layers(found))
-    # flax sorts its layers by name.
-    is_ordered = is_ordered and not any(name.endswith("kernel") for name in found)
+    is_of_flax = any(name.endswith("kernel") for name in found)  # with its layers sorted by name
     tensors, declared = checkpoint_of(flat) or (flat, NOTHING)
-    return _Contents(tensors, is_ordered, declared)
+    return _Contents(tensors, is_ordered and not is_of_flax, declared)
 
 
 def _as_layers(tensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -288,9 +290,9 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
     def check(kind: str, layers: list[Layer], is_named: bool) -> None:
         """Raise BadInputError if layers do not fit the plant, or others may act on them."""
         inputs = layers[0].inputs
-        is_alone = bool(all_words) or sum(array.ndim == 2 for array in tensors.values()) == 1
-        if len(layers) == 1 and is_alone and inputs == asked.basis_size:
-            return  # the weights of the basis
+        is_only_layer = bool(all_words) or sum(array.ndim == 2 for array in tensors.values()) == 1
+        if len(layers) == 1 and is_only_layer and inputs == asked.basis_size:
+            return  # the weights of a basis, with an input for each function
         check_width(inputs, asked.states, 0 if kind == "policy" else asked.inputs)
         # Nothing else acts on layers that the user names, or on all observations that a zip states.
         if not is_named and inputs != declared.inputs:
@@ -302,7 +304,6 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
             }
             refuse_others(others, inputs, layers[-1].outputs)
 
-    # Layers by kind, then what the file states of them, then their functions with activations.
     networks = {
         kind: layers_of(tensors, kind, part, contents.is_ordered, partial(check, kind), asked.sizes)
         for kind, part in parts.items()
@@ -311,9 +312,11 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
         networks["policy"], note = _of_mean(networks["policy"])
         declared = declared._replace(notes=(*declared.notes, note))
     declared = _with_note_on_unread(declared, tensors, networks)
+
     on_basis = _layer_on_basis(networks, asked)
     if on_basis is not None:
         return NetworkFile({}, f"{asked.basis_size} functions -> 1", precision, declared, on_basis)
+
     functions: dict[str, ca.Function] = {}
     rows: dict[str, RowNetwork] = {}
     chains = [declared.algorithm] if declared.algorithm else []
@@ -382,23 +385,30 @@ def _requested_parts(network: str) -> dict[str, str]:
     return parts
 
 
-def _with_policy(parts: Mapping[str, str], words: str) -> dict[str, str]:
-    """Return the requested parts, kind -> words, where a policy without words has those given."""
+def _with_policy(parts: Mapping[str, str], words_of_policy: str) -> dict[str, str]:
+    """Return the requested parts, kind -> words, with those of the policy where no words are given.
+
+    A request without a kind is one for the policy too, as the file is of a policy.
+    """
     filled = {}
     for kind, part in parts.items():
-        if not part and kind in ("", "policy"):  # without a kind, too: the file is of a policy
-            filled["policy"] = words
+        if not part and kind in ("", "policy"):
+            filled["policy"] = words_of_policy
         else:
             filled[kind] = part
     return filled
 
 
 def _layer_on_basis(networks: Mapping[str, list[Layer]], asked: Asked) -> Layer | None:
-    """Return the single layer whose inputs are the functions of the basis, or None."""
-    kind, layers = next(iter(networks.items()))  # other networks are not read beside such a layer
-    # One input may be the only state, or the only function of the basis, as of V = w x².
-    acts_on_the_state = asked.states == asked.basis_size == 1 and kind != "V"
-    if len(layers) == 1 and layers[0].inputs == asked.basis_size and not acts_on_the_state:
+    """Return the single layer whose inputs are the functions of the basis, or None.
+
+    Only the first requested network can be such a layer. Others are then not read.
+    """
+    kind, layers = next(iter(networks.items()))
+    # With one state and one function of the basis, only a layer that is named V, as of V = w x²,
+    # acts on the function.
+    acts_on_state = asked.states == asked.basis_size == 1 and kind != "V"
+    if len(layers) == 1 and layers[0].inputs == asked.basis_size and not acts_on_state:
         return layers[0]
     return None
 

@@ -68,13 +68,13 @@ def _clip(x: Any, low: Any = None, high: Any = None, **ends: float) -> Any:
 
 
 def _sum(x: Any, axes: Any = None, keepdims: int = 1, noop_with_empty_axes: int = 0) -> Any:
-    """Return the sum of the entries of a row, or the row itself if it states no axes on purpose."""
+    """Return the sum of a row's entries; without axes, the row if `noop_with_empty_axes` is set."""
     is_unchanged = noop_with_empty_axes and not np.size(() if axes is None else axes)
     return x if is_unchanged else ca.sum2(x)
 
 
 def _mean(x: Any, *axes: Any, **how: int) -> Any:
-    """Return the mean of the entries of a row, or the row itself if it states no axes on purpose.
+    """Return the mean of the entries of a row, or the row itself, where `_sum` returns it.
 
     `_sum` returns one entry, to divide by the number of entries, or the row, to divide by 1.
     """
@@ -86,6 +86,8 @@ def _layer_norm(
     x: Any, scale: Any, bias: Any = 0.0, axis: int = -1, epsilon: float = 1e-5, stash_type: int = 1
 ) -> Any:
     """Return a row with the mean 0 and the variance 1 of its entries, times scale, plus bias."""
+    # A row has one axis of entries, and arithmetic is in doubles: axis and stash_type, the
+    # precision of ONNX, are not read.
     centred = x - ca.sum2(x) / x.numel()
     variance = ca.sum2(centred**2) / x.numel()
     return centred / ca.sqrt(variance + epsilon) * scale + bias
@@ -134,8 +136,8 @@ def _same(x: Any, *_: Any, **__: Any) -> Any:
 #: Operators that only arrange numbers. The chain of a network omits them. The row of Split is cut
 #: into the widths of its results.
 _ARRANGING = ("Identity", "Flatten", "Reshape", "Squeeze", "Unsqueeze", "Transpose", "Split")
-#: Operators of graphs that are no function u(x) of one row -> what such a graph is.
-_FOREIGN = {
+#: Operator of a graph that is no function u(x) of one row -> what such a graph does.
+_NO_FUNCTION = {
     **dict.fromkeys(("Loop", "Scan", "If"), "has a loop or a branch"),
     **dict.fromkeys(("LSTM", "GRU", "RNN"), "is recurrent"),
     **dict.fromkeys(("ArgMax", "TopK", "Multinomial"), "chooses one of several discrete actions"),
@@ -174,10 +176,10 @@ _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "Cast": _cast,
     **dict.fromkeys(_ARRANGING, _same),
 }
-#: Operators of constants only.
-_OF_CONSTANTS = ("Constant",)
+#: Operators that act on constants only.
+_CONSTANT_OPERATORS = ("Constant",)
 #: Operators with places or axes among their arguments, which stay arrays of integers.
-_WITH_PLACES = ("ReduceSum", "ReduceMean", "Slice", "Gather", *_ARRANGING)
+_WITH_INTEGERS = ("ReduceSum", "ReduceMean", "Slice", "Gather", *_ARRANGING)
 _ELEMENTWISE = ("Add", "Sub", "Mul", "Div", "Pow", "Greater", "Where", "Min", "Max")
 
 
@@ -271,16 +273,19 @@ def _traced(onnx: Any, model: Any, states: int, inputs: int) -> _Traced:
     rows = {name: ca.MX.sym("x", 1, shape[-1]) for name, shape in shapes.items()}
     symbols = list(rows.values())
     operators = [" and ".join(str(row.numel()) for row in symbols)]
-    # Each value is an array at the state 0, with its shape; one that depends on the state, a row.
     for node in graph.node:
         step = _Operator(onnx, model.opset_import, node)
-        results, precision_of_node = step.at_0(
+
+        # Every value is an array at the state 0, which has its shape.
+        results, precision_of_node = step.on_arrays(
             [arrays[name] if name else None for name in node.input]
         )
         arrays |= dict(zip(node.output, results, strict=True))
         precision = lowest({precision, precision_of_node})
+
+        # A value that depends on the state is also a row of expressions.
         if any(name in rows for name in node.input):
-            row = step.row([rows.get(name, arrays.get(name)) for name in node.input])
+            row = step.on_rows([rows.get(name, arrays.get(name)) for name in node.input])
             widths = [arrays[name].size for name in node.output]
             parts = (
                 ca.horzsplit(row, np.cumsum([0, *widths]).tolist()) if len(widths) > 1 else [row]
@@ -290,6 +295,7 @@ def _traced(onnx: Any, model: Any, states: int, inputs: int) -> _Traced:
                 rows[output] = part
             if step.name not in (*_ARRANGING, "Cast"):
                 operators.append(f"{step.name} {row.numel()}")
+
         size += sum(result.size for result in results)
         if size > LARGEST_NETWORK:
             raise BadInputError(
@@ -316,24 +322,27 @@ class _Operator:
         self._node = node
         is_of_onnx = node.domain in ("", "ai.onnx")
         self.name = node.op_type if is_of_onnx else f"{node.domain}.{node.op_type}"
-        if self.name in _FOREIGN:
+        if self.name in _NO_FUNCTION:
             raise BadInputError(
-                f"the graph {_FOREIGN[self.name]} (operator {self.name}); export a feed-forward "
-                "policy with continuous actions"
+                f"the graph {_NO_FUNCTION[self.name]} (operator {self.name}); export a "
+                "feed-forward policy with continuous actions"
             )
-        if self.name not in (*_OPERATORS, *_OF_CONSTANTS):
+        if self.name not in (*_OPERATORS, *_CONSTANT_OPERATORS):
             raise BadInputError(
                 f"operator {shortened(self.name)} is not supported; export a network that uses "
-                f"only {', '.join([*_OPERATORS, *_OF_CONSTANTS])}"
+                f"only {', '.join([*_OPERATORS, *_CONSTANT_OPERATORS])}"
             )
 
-    def at_0(self, arguments: list[np.ndarray | None]) -> tuple[list[np.ndarray], str]:
-        """Return the results of arrays, and the precision of a constant ("float64" for others)."""
+    def on_arrays(self, arguments: list[np.ndarray | None]) -> tuple[list[np.ndarray], str]:
+        """Return the results for arrays, which the ONNX package computes, and their precision.
+
+        It is that of the weights in an operator Constant, and otherwise "float64".
+        """
         from onnx.reference import ReferenceEvaluator
 
         self._refuse_size([array for array in arguments if array is not None])
         helper = self._onnx.helper
-        inputs = {  # an argument without a name is left out
+        inputs = {  # an argument without a name is optional and left out
             name: array for name, array in zip(self._node.input, arguments, strict=True) if name
         }
         of_inputs = [helper.make_empty_tensor_value_info(name) for name in inputs]
@@ -349,9 +358,9 @@ class _Operator:
         checked, precision = checked_tensors(arrays)  # weights in the operator Constant
         return list(checked.values()), precision
 
-    def row(self, arguments: list[Any]) -> ca.MX:
-        """Return the result as a row, of rows that depend on the inputs and of constant arrays."""
-        if self.name not in _WITH_PLACES:
+    def on_rows(self, arguments: list[Any]) -> ca.MX:
+        """Return the result for rows, which depend on the inputs, and for constant arrays."""
+        if self.name not in _WITH_INTEGERS:
             arguments = [
                 ca.DM(np.atleast_2d(value).astype(float))
                 if isinstance(value, np.ndarray)

@@ -19,8 +19,8 @@ from hfa_support.arrays.read import arrays_of_npz
 from hfa_support.errors import BadInputError, missing_package, numbers_in, shortened
 from hfa_support.files import unpacked
 
-#: Packages whose objects are read as attributes. Their code is never imported.
-_KEPT = ("stable_baselines3", "sb3_contrib", "gymnasium", "gym", "torch")
+#: Packages whose objects are read as attributes (`Inert`). Their code is never imported.
+_INERT_PACKAGES = ("stable_baselines3", "sb3_contrib", "gymnasium", "gym", "torch")
 #: Kinds of numbers in pickled NumPy arrays.
 _KINDS = ("b1", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f2", "f4", "f8")
 #: Class of a torch storage -> NumPy type. bfloat16 are the upper halves of float32.
@@ -85,7 +85,7 @@ class BFloat16(np.ndarray):
 class _Kind:
     """Stand-in for numpy.dtype in a pickle: a kind of number and its byte order."""
 
-    def __init__(self, kind: str, *_: Any) -> None:
+    def __init__(self, kind: str, *_: Any) -> None:  # *_: align and copy of numpy.dtype
         if not isinstance(kind, str) or kind not in _KINDS:
             named = shortened(kind) if isinstance(kind, str) else type(kind).__name__
             raise BadInputError(
@@ -168,7 +168,7 @@ class _Restricted(pickle.Unpickler):
             return _CALLS[module, name]
         if module == "torch" and name in _STORAGES:
             return name  # persistent_load receives it as pid[1]
-        if module.split(".")[0] in _KEPT or module.startswith("numpy.random."):  # kept as data
+        if module.split(".")[0] in _INERT_PACKAGES or module.startswith("numpy.random."):
             return type("Inert", (Inert,), {"made_of": f"{module}.{name}"})
         whose = " (a class or function that you defined)" if "cloudpickle" in module else ""
         raise BadInputError(
