@@ -123,7 +123,7 @@ def _first_lines(verdict: Verdict, limit_cost: float | None, game: str) -> list[
     if verdict.flights is not None:
         scope += f", {verdict.flights or 'no'} flight{'' if verdict.flights == 1 else 's'}"
     first, second, *further = _facts(verdict)
-    grade = grade_word(verdict.linear_grade(limit_cost))
+    grade = grade_word(verdict._linear_grade(limit_cost))
     headline = f"{grade} {scope}: {first}"
     if len(headline) + len(second) + 2 <= _FIRST_LINE:
         headline += f", {second}"
@@ -330,7 +330,7 @@ def verdicts_report(verdicts: Mapping[str, Verdict], limit_cost: float | None = 
         rows.append(
             (
                 name,
-                grade_word(verdict.graded(limit_cost)),
+                grade_word(verdict._grade(limit_cost)),
                 _number_text(verdict.P_rel_error),
                 _number_text(verdict.K_rel_error),
                 _number_text(verdict.largest_error),

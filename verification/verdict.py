@@ -126,7 +126,18 @@ class Verdict(Checked, Result, Reported):
             an equilibrium off the trim must not exceed the limit either, in percent of V* in the
             box. With None, all checks must pass, and the limit is `NEAR`.
         """
-        return self.graded(limit_cost) == "exact"
+        return self._grade(limit_cost) == "exact"
+
+    def linear_holds(self, limit_cost: float | None = None) -> bool:
+        """Return whether the critic passes on the game itself."""
+        return self._linear_grade(limit_cost) == "exact"
+
+    def nonlinear_holds(self, limit_cost: float | None = None) -> bool:
+        """Return whether the critic passes on the nonlinear game, True if it was not judged there.
+
+        A limit of the cost decides if flights were simulated.
+        """
+        return self.nonlinear is None or self.nonlinear.grade(limit_cost) == "exact"
 
     def rests_within(self, limit_cost: float) -> bool:
         """Return whether V* at the equilibrium of a simulated critic is within a limit, percent of
@@ -144,19 +155,24 @@ class Verdict(Checked, Result, Reported):
           on the nonlinear game in a part of the box alone.
         - "fail": all other cases, and a critic that fails on the nonlinear game.
         """
-        return self.graded()
+        return self._grade()
 
-    def graded(self, limit_cost: float | None = None) -> str:
+    @property
+    def linear_grade(self) -> str:
+        """The grade without the nonlinear game."""
+        return self._linear_grade()
+
+    def _grade(self, limit_cost: float | None = None) -> str:
         """Return the grade, on the nonlinear game too if the critic was judged there.
 
         limit_cost: as for `holds`; with a limit, the linear game has no grade "near"
         """
-        linear_grade = self.linear_grade(limit_cost)
+        linear_grade = self._linear_grade(limit_cost)
         if self.nonlinear is None:
             return linear_grade
         return max(linear_grade, self.nonlinear.grade(limit_cost), key=GRADES.index)
 
-    def linear_grade(self, limit_cost: float | None = None) -> str:
+    def _linear_grade(self, limit_cost: float | None = None) -> str:
         """Return the grade without the nonlinear game, as described at `grade`.
 
         limit_cost: with a limit, percent, the grade is "exact" if the loop is stable, and the cost

@@ -209,7 +209,7 @@ def _report(request: VerifyRequest, named: NamedGame, verdicts: Mapping[str, Ver
     else:
         ((path, verdict),) = verdicts.items()
         about = [named.weights_line()]
-        is_near = request.limit_cost is None and verdict.linear_grade() == "near"
+        is_near = request.limit_cost is None and verdict._linear_grade() == "near"
         if is_near and verdict.holds(NEAR):  # the nonlinear game may decide otherwise
             about.append(f"Near the optimum, exit code 1; --limit-cost {NEAR:g} accepts it")
         if verdict.critic.network and not verdict.critic.has_weights:
