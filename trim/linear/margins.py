@@ -303,6 +303,7 @@ def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
         U, sizes, V = np.linalg.svd(np.exp(log_D[:, None] - log_D) * M)
         ratios = sizes / gamma
         weights = 1.0 / ((1.0 - ratios) * (1.0 + ratios))  # of 1 / (1 - S'S)
+        # The end: σ_max is γ up to SETTLED, or not a number.
         if not 1.0 <= weights[0] < 1.0 / SETTLED or math.isinf(gamma):
             return log_D - log_D[-1]
         roots = np.sqrt(weights)[:, None] * np.hstack([V, ratios[:, None] * U.conj().T])
@@ -314,12 +315,12 @@ def best_scaling(M: np.ndarray, start: np.ndarray | None = None) -> np.ndarray:
         curvature[m, :m] -= products.diagonal().real[:m]
         curvature[:m, m] -= products.diagonal().real[:m]
         curvature[:m, :m] += np.diag(2.0 * slope[:m] - 1.0) + 1.0  # the mean of log D is free
-        curvature += 1e-15 * curvature.max() * np.eye(m + 1)
+        curvature += 1e-15 * curvature.max() * np.eye(m + 1)  # not singular by rounding
 
         step = np.linalg.solve(curvature, -slope)
         decrement = math.sqrt(max(-float(slope @ step), 0.0))
         step /= max(1.0 + decrement, float(np.abs(step).max()))  # damped Newton step
-        log_D = log_D + 0.5 * step[:m]
+        log_D = log_D + 0.5 * step[:m]  # the step is in log D² and log γ²
         gamma *= math.exp(0.5 * step[m])
 
 

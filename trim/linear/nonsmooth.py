@@ -190,7 +190,7 @@ def _switches(layout: Layout, steps: tuple[float, ...]) -> RowFunction | None:
             elif operation in _TWO_ARGUMENTS:
                 switches.append(operands[0] - operands[1])
             elif operation in _ROUNDING:
-                switches.append(ca.sin(ca.pi * operands[0]))
+                switches.append(ca.sin(ca.pi * operands[0]))  # 0 at every integer
             make = ca.SX.unary if len(operands) == 1 else ca.SX.binary
             memory[target] = make(operation, *operands)
 

@@ -28,7 +28,7 @@ def with_parameters_as_inputs(model: Model, names: tuple[str, ...]) -> Model:
 
     def equations(x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
         """Return rates by state and outputs by name, with the parameters that u contains."""
-        # u has the inputs of the model, and the parameters that are inputs here
+        # u contains the inputs of the model, and the parameters that are inputs here.
         own_u = inputs(*(getattr(u, name) for name in model.inputs))
         own_p = parameters(*(getattr(u if name in names else p, name) for name in model.parameters))
         return model.equations(x, own_u, own_p, w)
@@ -39,7 +39,7 @@ def with_parameters_as_inputs(model: Model, names: tuple[str, ...]) -> Model:
         return model.trimming.initial({**starts, **imposed})
 
     computed = None if model.trimming.begin is None else begin
-    # original values of the changed parameters, of those that remain parameters
+    # the original value of each changed parameter, without those that are inputs now
     declared = {name: value for name, value in model.source.declared.items() if name not in names}
     return replace(
         model,

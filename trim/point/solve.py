@@ -171,8 +171,8 @@ def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimE
         return error
     posed = TrimProblem(model, condition)  # with a speed in place of an airspeed
     equations, unknowns = posed.count
-    held = condition.imposed.keys() - model.trim.keys()
-    if equations > unknowns and not held.isdisjoint(model.inputs):
+    also_imposed = condition.imposed.keys() - model.trim.keys()  # not by the declared trim
+    if equations > unknowns and not also_imposed.isdisjoint(model.inputs):
         return error
 
     def solve(hold: Mapping[str, float], free: tuple[str, ...]) -> Mapping[str, float] | None:
@@ -369,7 +369,8 @@ def solution(problem: TrimProblem) -> SearchEnd:
         ends = searches.of_least_effort(problem, guess)
     else:
         ends = chain([(problem.newton(guess), 0)], searches.after_newton(problem, guess))
-    # the last end that balances beyond limits, otherwise the last one from the default start
+    # `nearest`: where the last search ends that balances the equations beyond limits, or without
+    # one, where the last search from the default initial point (number 0) ends
     nearest = guess
     number = 0
     far_out = None  # the first trim with an angle beyond 90 deg
@@ -474,6 +475,7 @@ def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> Comma
         # `_trim_without_limits` changes gamma until the pitch is the commanded one.
         is_held_by_gamma = name == "pitch" and "gamma" in holdable
         if name not in holdable and not is_held_by_gamma:
+            # without values `needed` and `beyond`
             return CommandedTrim(command, {}, {}, point.model, unheld=name)
     try:
         found = _trim_without_limits(point, command)

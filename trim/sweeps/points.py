@@ -145,7 +145,7 @@ def _kept_values(
 ) -> dict[str, float]:
     """Return the states that trims keep at their start values, state -> value.
 
-    They are found by the trim of one point: the first, the middle or the last, whichever exists.
+    They are those of one trim: at the first, the middle or the last point, the first that has one.
     """
     count = len(values)
     tried = (0, count // 2, count - 1) if count and keepable(system, system.condition) else ()
@@ -173,7 +173,7 @@ def _with_true_speed(
         return model, variables, values, condition
     from hfa_aircraft.rigid.atmosphere import with_airspeed, with_speed
 
-    model = with_airspeed(model, given)
+    model = with_airspeed(model, given)  # with an airspeed as output if no altitude is imposed
     condition = replace(condition, model=model)
     resolved = with_speed(model, given)
     added = set(resolved).difference(given)  # name of the speed or output
@@ -232,11 +232,13 @@ def _solved_together(system: TrimSystem, variables: tuple[str, ...], values: np.
         shapes = ((n,), (m,), (n, n), (n, m))
         x, u, A, B = (np.full((count, *shape), np.nan) for shape in shapes)
         return Points(status, x, u, A, B, failures={}, one_by_one=status == NO_TRIM)
+
     c = _constants(system, variables, values)
     z = _starts(system, variables, values)
     ends = newton(system, z, c)
     if not ends.converged.all():
         _solve_from_neighbors(system, values, c, ends)
+
     found = system.linear(ends.z, c)
     names = (*model.states, *model.inputs, *system.watched.names)
     within = system.condition.limits_on(names).within(found.signals).all(axis=1)
