@@ -40,8 +40,10 @@ SLOW = Model(
 )
 
 
-def test_a_rate_without_a_stated_size_is_as_large_as_its_state_in_a_second():
-    """The size of the angle, 2 rad, in 1 s is 120 rad/min; its equation balances to 1e-10 of that."""
+def test_a_rate_has_the_size_of_its_state_in_a_second_by_default():
+    """SLOW, a model in minutes, states no size of the rate of its angle: 2 rad, the size of the angle, in 1 s
+    is 120 rad/min. The equation of the angle balances to 1e-10 of that.
+    """
     point = hfa.trim(SLOW)
     assert point.scale("angle") == pytest.approx(120.0)
     tolerance = point.report().data["equations"]["angle"]["tolerance"]

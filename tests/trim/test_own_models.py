@@ -42,10 +42,10 @@ def test_trims_of_the_f16_equal_the_books(xcg, hold, rates, printed):
     np.testing.assert_allclose(computed, printed, rtol=6e-4, atol=6e-5)
 
 
-def test_imbalances_that_do_not_matter_are_not_named():
-    """The error on a failed trim does not name rates that are unbalanced only by rounding.
+def test_rates_that_are_unbalanced_by_rounding_are_not_named():
+    """The error on a failed trim names no rate whose residual is a rounding.
 
-    At 110 ft/s the F-16 cannot be trimmed, and the residuals of its roll equations are rounding.
+    The F-16 has no trim at 110 ft/s, as its speed is not balanced; residuals of roll are roundings.
     """
     with pytest.raises(TrimError) as refusal:
         trimmed(F16, {"speed": 110.0})
@@ -89,7 +89,10 @@ def test_rates_of_the_f16_agree_with_the_book():
         12.62679,
         0.9649671,
         0.5809759,
-        *(342.4439, -266.7707, 248.1241, -58.68999),
+        342.4439,
+        -266.7707,
+        248.1241,
+        -58.68999,
     ]
     computed = F16.with_parameters(xcg=0.4).at(x, [0.9, 20, -15, -20]).f
     np.testing.assert_allclose(computed, printed, rtol=8e-6)
@@ -99,8 +102,8 @@ def test_further_initial_points_cross_a_flat_region():
     """The throttle, which begins at 0.1, has no effect below one half: another initial point finds
     the trim of 60 m/s, at 0.5 + 1e-3 60² / 40 = 0.59.
 
-    The report says that the default point failed; the error on a speed without a trim counts the
-    other points.
+    The report says that the search from the default point failed. The error on a speed without a trim
+    counts the other initial points. The position "at", which is in no equation, keeps its start value.
     """
 
     def engine(x, u, p, w):

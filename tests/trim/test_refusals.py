@@ -196,8 +196,10 @@ CALLS = {
 
 
 @pytest.mark.parametrize("message", CALLS)
-def test_unanswerable_calls_are_refused(message, tmp_path, monkeypatch):
-    """Each call is refused by one line with the words of `CALLS`, and writes no file."""
+def test_calls_without_an_answer_are_refused(message, tmp_path, monkeypatch):
+    """Each call of `CALLS`, words of the message -> call, raises BadInputError with these words in one line,
+    and writes no file.
+    """
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
     with pytest.raises(BadInputError) as refused:
@@ -208,7 +210,9 @@ def test_unanswerable_calls_are_refused(message, tmp_path, monkeypatch):
 
 
 def test_a_plant_in_continuous_time_is_read(folder):
-    """A plant file may state `time` = "continuous"; q' = v, v' = -2 q - 0.3 v + u has its names."""
+    """A file with the matrices of x' = A x + B u and `time` = "continuous" is loaded, with its state names:
+    q' = v, v' = -2 q - 0.3 v + u.
+    """
     model = hfa.load_model(plant(time="continuous", dt=0, states=["q", "v"]))
     assert tuple(model.states) == ("q", "v")
     assert model.rates_at([1.0, 2.0], [3.0]) == pytest.approx({"q": 2.0, "v": 0.4})

@@ -58,7 +58,9 @@ def test_an_input_of_any_unit_is_named_with_its_value(newton):
 
 
 def test_a_value_is_compared_with_the_table_in_any_unit():
-    """A speed of half the table's is not that of the table, also in units of 1e9 m/s."""
+    """The speed 10 m/s of a trim is "as in the table" if the speed of the table (`Domain.reference`) is
+    10 m/s, and not if it is 20 m/s; also if the unit of length is 1e9 m (`meter` = 1e-9 units).
+    """
     for meter in (1.0, 1e-9):
         domain = Domain(reference={"speed": 20.0 * meter})
         assert "as in the table" not in str(trim(cart(meter=meter, domain=domain)).report())
@@ -95,21 +97,23 @@ def test_another_trim_is_named_however_near_it_is():
     assert "Another trim exists: speed 1.00095 m/s" in str(trim(model, free="speed").report())
 
 
-def test_modes_are_tracked_alike_in_any_unit_of_time():
-    """Random plants have the same columns of eigenvalues in units of 2^45 s."""
+def test_columns_of_eigenvalues_do_not_depend_on_the_unit_of_time():
+    """A sweep of random plants has the same columns of eigenvalues with times in s and in 2^-45 s, whose
+    rates are multiplied by 2^-45.
+    """
     names = ("a", "b", "c", "d")
     random = np.random.default_rng(3)
     for _ in range(2):
-        ends = random.normal(size=(2, 4, 4))
+        ends = random.normal(size=(2, 4, 4))  # A at s = 0 and at s = 1
 
-        def swept(slower, ends=ends):
+        def swept(seconds, ends=ends):
             def equations(x, u, p, w):
                 rows = ca.DM(ends[0]) + ca.DM(ends[1] - ends[0]) * p.s
-                rates = slower * rows @ ca.vertcat(*x) + u.force
+                rates = seconds * rows @ ca.vertcat(*x) + u.force
                 return dict(zip(names, ca.vertsplit(rates), strict=True)), {}
 
             signals = dict.fromkeys(names, Signal())
             model = Model("plant", signals, {"force": Signal()}, equations, {"s": Signal()})
-            return sweep(model, s=[0.0, 0.5, 1.0]).eigenvalues / slower
+            return sweep(model, s=[0.0, 0.5, 1.0]).eigenvalues / seconds
 
         np.testing.assert_allclose(swept(2.0**-45), swept(1.0), rtol=1e-9)

@@ -80,8 +80,8 @@ def test_a_search_that_begins_elsewhere_ends_at_the_same_trim(name):
     declared trim.
     """
     model = aircraft(name)
-    for without in ("", "altitude"):
-        declared = {key: value for key, value in model.trim.items() if key != without}
+    for omitted in ("", "altitude"):
+        declared = {key: value for key, value in model.trim.items() if key != omitted}
         flown = replace(model, trim=declared)
         hold = {"dihedral": 0.2} if "dihedral" in model.states else {}
         expected = hfa.trim(flown, hold=hold)
@@ -116,9 +116,9 @@ def test_an_altitude_that_the_equations_determine_is_not_kept():
     assert hfa.trim(free, hold={"thrust": thrust})["altitude"] == pytest.approx(2000.0, rel=1e-6)
 
 
-def test_alpha_is_kept_where_only_the_speed_was_set_free():
-    """With V free, the equations of PLANE leave one unknown undetermined: of the states that the user
-    did not set free, alpha ("a") keeps its start value.
+def test_alpha_keeps_its_start_value_if_the_speed_is_set_free():
+    """The trim of PLANE imposes V, gamma and flap. With V free, its equations leave one unknown
+    undetermined: of the states that the user did not set free, alpha ("a") keeps its start value.
     """
     first = str(hfa.trim(PLANE, hold={"h": 500.0}, free="V").report()).partition("\n\n")[0]
     assert "does not determine it: a" in first
@@ -136,8 +136,10 @@ def test_a_trim_with_every_state_set_free_is_one_of_many():
     assert "One of many" not in str(held.report())
 
 
-def test_which_states_are_kept_does_not_depend_on_units():
-    """V and h keep their start values in km/s and mm, with degrees and without nominal values."""
+def test_which_states_keep_their_start_value_does_not_depend_on_units():
+    """In a climb at an imposed gamma, V and h keep their start values, 55 m/s and 500 m, also in km/s and
+    mm, with alpha in degrees and without nominal values.
+    """
 
     def in_degrees(x, u, p, w):
         rates, outputs = plane(
@@ -158,6 +160,6 @@ def test_which_states_are_kept_does_not_depend_on_units():
     model = hfa.Model(
         "plane", states, inputs, in_degrees, outputs=outputs, trim={"gamma": 0.05, "flap": 0.1}
     )
-    point = hfa.trim(model, free=["h_dot"])
+    point = hfa.trim(model, free=["h_dot"])  # the altitude changes in a climb
     assert point["V"] == 0.055
     assert point["h"] == 5e5

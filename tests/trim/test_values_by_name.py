@@ -29,13 +29,14 @@ def test_names_index_matrices():
     assert linear.A["pitch_rate", "alpha"] == entry
     assert np.array_equal(linear.B["pitch_rate", :], linear.B[row])
     assert np.array_equal(linear.B["throttle"], linear.B[:, 0])
+    # A sum is a plain number, which JSON can store.
     assert json.loads(json.dumps(linear.A.sum())) == float(np.sum(np.array(linear.A)))
     for again in (pickle.loads(pickle.dumps(linear.A)), copy.deepcopy(linear).A):
         assert again["pitch_rate", "alpha"] == entry
 
 
 def test_a_sweep_is_a_sequence_of_linear_models():
-    """The items of a sweep are the linear models of its points; `at` trims between the points.
+    """`swept[i]` and iteration give the linear models of the points; `at` trims between the points.
 
     An index beyond the points, a point without a trim (5 ft/s), and `at` without a value of each
     variable are refused.

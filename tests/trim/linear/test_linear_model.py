@@ -40,7 +40,9 @@ def test_every_printed_entry_is_regenerated(published_aircraft, published):
 @PRINTED
 @pytest.mark.parametrize("name", [*IDENTIFIED, *ASSUMED])
 def test_a_parameter_one_percent_off_is_detected(parameters, published, name):
-    """If one parameter is changed by 1 %, some entry has an error above three half units."""
+    """If one parameter is changed by 1 %, some entry of A or B differs from the printed one by more than
+    three half units of its last digit, within which all entries of the identified aircraft are.
+    """
     wrong = hfa.aircraft(parameters=parameters._replace(**{name: getattr(parameters, name) * 1.01}))
     assert half_units(level_model(wrong, published.dihedral), published) > 3.0
 
@@ -81,12 +83,12 @@ def test_a_band_is_two_standard_errors(parameter_set, dynamics):
     np.testing.assert_allclose(np.hstack([bands.A, bands.B]), 2 * errors, rtol=1e-3, atol=1e-9)
 
 
-def test_the_report_has_bands_of_the_identified_parameters_alone():
-    """The report of a linear model has the bands of A, and none if a parameter is not the identified
-    one.
+def test_only_the_identified_parameters_have_error_bands():
+    """The report of a linear model has error bands of A from the covariance of the identified parameters;
+    with another boom length, it has none.
     """
     model = hfa.aircraft()
-    shipped, heavier = (
+    identified, changed = (
         hfa.linearize(each, hfa.trim(each, level_flight(np.radians(10.0))))
         for each in (
             model,
@@ -94,8 +96,8 @@ def test_the_report_has_bands_of_the_identified_parameters_alone():
         )
     )
     bands = bands_of(hfa.paper.default_parameters())
-    np.testing.assert_array_equal(shipped.report().data["A_band"], bands.A)
-    assert "A_band" not in heavier.report().data
+    np.testing.assert_array_equal(identified.report().data["A_band"], bands.A)
+    assert "A_band" not in changed.report().data
 
 
 # Winds at each panel, compared with the released simulation.
@@ -165,17 +167,21 @@ def test_vertical_wind_has_the_released_columns():
 
 
 @pytest.mark.parametrize(
-    ("struck", "kept", "has_wind"),
+    ("disturbed", "kept", "has_columns"),
     [("height", ("v",), True), ("lag", ("v",), False), ("lag", ("v", "lag"), True)],
 )
-def test_winds_that_act_through_an_omitted_lag_have_no_columns(struck, kept, has_wind):
-    """A linear model of v alone has a column for a gust on the height, which no trim balances, and
-    none for a gust on the lag, unless the lag is kept.
+def test_winds_that_act_through_an_omitted_lag_have_no_columns(disturbed, kept, has_columns):
+    """A gust that acts on the rate of a lag has no column in a linear model that omits the lag, because the
+    column would lack its effect on v through the lag. With the lag kept, it has one.
+
+    The height is no lag, as no trim balances its rate: a gust on it has a column.
+
+    kept: states of the linear model
     """
 
     def equations(x, u, p, w):
         rates = {"v": u.f - x.v + x.lag - 0.01 * x.height, "lag": -x.lag, "height": x.v}
-        return rates | {struck: rates[struck] + w.gust}, {}
+        return rates | {disturbed: rates[disturbed] + w.gust}, {}
 
     model = Model(
         "kite",
@@ -187,7 +193,7 @@ def test_winds_that_act_through_an_omitted_lag_have_no_columns(struck, kept, has
         steady=("v", "lag"),
         linear=("v",),
     )
-    assert direct_disturbances(trim(model), kept) == (("gust",) if has_wind else ())
+    assert direct_disturbances(trim(model), kept) == (("gust",) if has_columns else ())
 
 
 @pytest.mark.parametrize(
@@ -203,10 +209,10 @@ def test_winds_that_act_through_an_omitted_lag_have_no_columns(struck, kept, has
 def test_an_entry_is_compared_in_half_units_and_percent(
     printed, computed, half_units, percent, is_zero
 ):
-    """The difference from the print is in units of 0.05, half of the last printed digit, and in
-    percent of the printed value; only an entry printed as 0 can be zero.
+    """The difference from the printed value is in units of 0.05, half of the last printed digit, and in
+    percent of the printed value. An entry is zero if it is printed as 0 and computed as a rounding.
     """
-    entry = EntryRow("A", "alpha", "speed", printed, computed, 0.05)
+    entry = EntryRow("A", "alpha", "speed", printed, computed, half_unit=0.05)
     assert entry.half_units == pytest.approx(half_units, rel=1e-4, abs=0.0)
     assert entry.percent == pytest.approx(percent, nan_ok=True)
     assert (entry.is_zero, entry.name) == (is_zero, "A(alpha, speed)")

@@ -38,12 +38,12 @@ def test_an_oscillator_has_its_textbook_numbers(damping):
         np.diag([-3.0, -1.0, 0.0]),
         np.array([[-3.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]),
     ],
-    ids=["integrator", "two integrators in line"],
+    ids=["integrator", "double integrator"],
 )
 @pytest.mark.parametrize("seed", range(2))
 def test_an_eigenvalue_zero_by_rounding_is_zero(block, seed):
-    """A block with eigenvalues 0, in a random basis, has them up to rounding: their modes have the
-    eigenvalue 0 exactly, and no time to half or to double.
+    """A = T block T⁻¹ with a random T has the eigenvalues 0 of the block only up to rounding: the modes
+    have the eigenvalue 0 exactly, and no time to half or to double.
     """
     basis = np.random.default_rng(seed).normal(size=(3, 3))
     A = basis @ block @ np.linalg.inv(basis)
@@ -57,13 +57,13 @@ def test_an_eigenvalue_zero_by_rounding_is_zero(block, seed):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_simple_modes_participate_alike_beside_two_integrators_in_line(seed):
-    """The shares of simple modes are those of their exact eigenvectors, although the eigenvectors of
-    two integrators in line coincide.
+def test_a_double_integrator_does_not_change_the_participation_of_other_modes(seed):
+    """Simple modes have the participation of their exact right and left eigenvectors, |right x left| of
+    each state, although both eigenvalues 0 of a double integrator have the same eigenvector.
     """
     lower, upper = np.random.default_rng(seed).integers(-2, 3, size=(2, 5, 5))
     basis = (np.eye(5) + np.tril(lower, -1)) @ (np.eye(5) + np.triu(upper, 1))
-    inverse = np.linalg.inv(basis).round()  # of whole numbers, as the determinant is 1
+    inverse = np.linalg.inv(basis).round()  # exact: the determinant of the basis is 1
     block = block_diag([[0.0, 1.0], [0.0, 0.0]], [[-1.0, 2.0], [-2.0, -1.0]], -7.0)
     modes = modes_of(basis @ block @ inverse, ("a", "b", "c", "d", "e"))
     for value, vector in ((-1.0 + 2.0j, [0, 0, 1, 1j, 0]), (-7.0, [0, 0, 0, 0, 1])):
@@ -103,8 +103,10 @@ def test_handling_qualities_follow_from_the_modes():
     )
 
 
-def test_repeated_zero_eigenvalues_have_no_mode_of_the_aircraft():
-    """Four lateral states without dynamics add neutral modes to those of a longitudinal model."""
+def test_repeated_zero_eigenvalues_are_called_neutral():
+    """Four lateral states whose rates are 0 add modes named "neutral", and no dutch roll, to those of a
+    longitudinal model.
+    """
     A = block_diag([[-1.0, 1.0], [-4.0, -1.0]], np.zeros((4, 4)))
     states = ("alpha", "q", "beta", "p", "r", "phi")
     families = {"short period": ("alpha", "q"), "dutch roll": ("beta", "p", "r", "phi")}
@@ -141,15 +143,14 @@ def test_a_coupled_roll_has_no_time_constant(mode):
         assert values(trim(model)) == pytest.approx(expected)
 
 
-@pytest.mark.parametrize(("part", "named"), [("", True), ("body_", True), ("body2", False)])
-def test_states_with_a_prefix_have_the_roles_of_their_names(part, named):
-    """The modes of body_speed, body_alpha, ... have the names of those of speed, alpha, ...
-
-    Those of body2speed, whose part is not separated by "_", do not.
+@pytest.mark.parametrize(("prefix", "named"), [("", True), ("body_", True), ("body2", False)])
+def test_modes_are_named_also_if_states_have_a_prefix(prefix, named):
+    """The short period and the phugoid are recognized if the states are body_speed, body_alpha, ... instead
+    of speed, alpha, ..., but not if they are body2speed, ...: "_" must end the prefix.
     """
     A = np.array([[-0.03, 6.0, -9.8, 0.0], [-0.005, -1.2, 0, 1], [0, 0, 0, 1], [0.0, -9.0, 0, -2]])
     units = {"speed": "m/s", "alpha": "rad", "pitch": "rad", "pitch_rate": "rad/s"}
-    states = {f"{part}{name}": hfa.Signal(unit) for name, unit in units.items()}
+    states = {f"{prefix}{name}": hfa.Signal(unit) for name, unit in units.items()}
 
     def equations(x, u, *_):
         values = list(x)

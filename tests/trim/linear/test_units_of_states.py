@@ -131,9 +131,11 @@ def test_a_hydraulic_servo_in_si_units_has_its_modes():
 
 
 @pytest.mark.parametrize("count", [6, pytest.param(100, marks=pytest.mark.slow)])
-def test_linear_models_in_any_units_are_those_of_rational_arithmetic(count):
+def test_linear_models_in_any_units_agree_with_rational_arithmetic(count):
     """Random stable plants in random units of states, inputs and outputs have the eigenvalues and the
     frequency response that `exact` computes in rational numbers.
+
+    Modes are mixed by a random matrix (`mixed`), or are a chain of lags (`chain`).
     """
     random = np.random.default_rng(1)
     for _ in range(count):
@@ -147,7 +149,8 @@ def test_linear_models_in_any_units_are_those_of_rational_arithmetic(count):
                 assert apart(found, roots(known.denominator)) < 1e-6
             system = linear.to_control(balance=True)
             for s in 1j * np.logspace(-3.0, 3.0, 9):
-                value = known.at(s)  # relative to the static gain where it is small
+                value = known.at(s)
+                # Where the value is below 1e-3 of the static gain, the error is relative to the gain.
                 rel = 1e-9 + 1e-12 * abs(known.at(0) / value)
                 assert system(s) == pytest.approx(value, rel=rel)
 
@@ -160,15 +163,15 @@ def step_responses(linear):
     )
 
 
-#: A fact of a linear model from all inputs to all outputs -> its value.
-FACTS = {
+#: Name of a result -> function of a linear model.
+RESULTS = {
     "step responses": step_responses,
     "eigenvalues without x2": lambda linear: linear.select(residualize=("x2",)).eigenvalues,
 }
 
 
-@pytest.mark.parametrize("fact", FACTS)
-def test_facts_do_not_depend_on_the_units_of_states(fact):
+@pytest.mark.parametrize("result", RESULTS)
+def test_results_do_not_depend_on_the_units_of_states(result):
     """Step responses, and eigenvalues with x2 residualized, of a plant with three inputs and two
     outputs do not change if the states are in other units.
     """
@@ -176,8 +179,10 @@ def test_facts_do_not_depend_on_the_units_of_states(fact):
     for _ in range(4):
         plant = mixed(random, 3, 2)
         units = 10.0 ** random.uniform(-6.0, 6.0, len(plant.A))
-        twin = plant.in_units(units, np.ones(3), np.ones(2))
-        one, other = (np.array(FACTS[fact](LinearModel.of(*each))) for each in (plant, twin))
+        converted = plant.in_units(units, np.ones(3), np.ones(2))
+        one, other = (
+            np.array(RESULTS[result](LinearModel.of(*each))) for each in (plant, converted)
+        )
         np.testing.assert_allclose(other, one, rtol=1e-7, atol=1e-9 * np.abs(one).max(initial=0.0))
 
 

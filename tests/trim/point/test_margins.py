@@ -14,7 +14,7 @@ def trim_at(value, lowest, highest):
         hfa.Model(
             "box",
             {"x": Signal("m")},
-            {"u": Signal("m", 2.0, lowest, highest)},
+            {"u": Signal("m", nominal=2.0, min=lowest, max=highest)},
             lambda x, u, p, w: ({"x": u.u - value}, {}),
             trim={"x": 0.0},
         )
@@ -38,8 +38,9 @@ NAN, INF = math.nan, math.inf
     ],
 )
 def test_margins_follow_from_the_limits(value, lowest, highest, nearer, distance, share, used):
-    """The share is the distance from the nearer limit over the range; `used` is the travel from 0, or
-    from the limit next to 0, over that to the limit on the side of the value.
+    """The margin of u at a value has the distance from the nearer limit, and `share`, this distance over
+    the range of u. `used` is the share of the travel from 0 to the limit on the side of the value;
+    where 0 is outside of the limits, the travel begins at the limit next to 0.
     """
     margin = trim_at(value, lowest, highest).margins["u"]
     assert (margin.nearer, margin.at_limit) == (nearer, False)
@@ -49,7 +50,7 @@ def test_margins_follow_from_the_limits(value, lowest, highest, nearer, distance
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_a_variable_is_at_its_limit_within_a_tolerance(side):
-    """The tolerance is 1e-6 of the nominal size, 2 m, plus the limit, 40 m."""
+    """A value is at its limit, ± 40 m, if it is at most 1e-6 (2 m + 40 m) inside: 2 m is the nominal size."""
     slack = 1e-6 * (2.0 + 40.0)
     for inward, expected in ((0.99 * slack, True), (1.01 * slack, False)):
         margin = trim_at(side * (40.0 - inward), -40.0, 40.0).margins["u"]
@@ -60,7 +61,9 @@ def test_a_variable_is_at_its_limit_within_a_tolerance(side):
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_a_limit_is_exceeded_by_rounding_only(side):
-    """A value may be beyond its limit of 40 m by 1e-9 of nominal size plus limit, and not farther."""
+    """A value may be beyond its limit, ± 40 m, by 1e-9 (2 m + 40 m), and not farther: 2 m is the nominal
+    size.
+    """
     slack = 1e-9 * (2.0 + 40.0)
     assert trim_at(side * (40.0 + 0.9 * slack), -40.0, 40.0).ok
     with pytest.raises(hfa.NoSolutionError, match="u at m"):
@@ -73,10 +76,10 @@ def test_an_output_is_limited_by_itself_and_by_the_state_it_replaces():
     """
     model = hfa.Model(
         "lever",
-        {"x": Signal("m", 1.0, -1.0, 4.0)},
-        {"u": Signal("m", 2.0)},
+        {"x": Signal("m", min=-1.0, max=4.0)},
+        {"u": Signal("m")},
         lambda x, u, p, w: ({"x": u.u - x.x}, {"y": 2.0 * x.x}),
-        outputs={"y": Signal("m", 1.0, -3.0, 5.0)},
+        outputs={"y": Signal("m", min=-3.0, max=5.0)},
         replaced={"x": "y"},
         trim={"y": 1.0},
     )

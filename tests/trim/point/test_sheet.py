@@ -40,8 +40,9 @@ def sheet(name, **hold):
 
 
 def test_paths_controls_and_modes_stand_in_the_first_lines():
-    """The first lines of the GTM name climb or descent; unstable modes with their times to double;
-    alpha, elevator and throttle with limits; and those of its linear model name the modes.
+    """Of a trim of the GTM, the first line names climb or descent; the second, unstable modes with their
+    times to double; the third, alpha, elevator with its limits, and throttle of 100 %. The third line
+    of its linear model has frequency and damping of each mode.
     """
     gtm = f"{EXAMPLES}/gtm.py:GTM"
     for gamma, words in ((2.0, ": climb 2 deg,"), (-3.0, ": descent 3 deg,")):
@@ -66,8 +67,10 @@ def test_paths_controls_and_modes_stand_in_the_first_lines():
         assert f"{mode.name} {mode.frequency:.3g} rad/s, damping {mode.damping:.3g}" in third
 
 
-def test_the_first_line_has_what_is_imposed_and_no_value_that_follows():
-    """A sideslip is named, and the load factor that it causes is not; an imposed one is named."""
+def test_the_first_line_names_imposed_values_and_none_that_follow_from_them():
+    """The first line names an imposed sideslip, but not the load factor that it causes; an imposed load
+    factor is named.
+    """
     aircraft = f"{EXAMPLES}/cessna182.toml"
     for imposed, free, words in (
         ({}, (), []),
@@ -80,12 +83,15 @@ def test_the_first_line_has_what_is_imposed_and_no_value_that_follows():
         assert point.report().head["condition"].endswith(words[0] if words else "5,000 ft")
 
 
-def twin(*engines):
-    """Return an aircraft with two engines of 100 N, with switches engine1 and engine2."""
+def two_engines(*throttles):
+    """Return an aircraft with engines of 100 N, left and right, and a drag of 2 N per m/s.
+
+    throttles: names of the inputs, 0 to 1; engine1 and engine2 are switches, 1 or 0
+    """
 
     def equations(x, u, p, w):
-        left, right = (getattr(u, name) for name in engines)
-        left, right = 100.0 * left * p.engine1, 100.0 * right * p.engine2
+        left, right = (100.0 * getattr(u, name) for name in throttles)
+        left, right = left * p.engine1, right * p.engine2
         return {
             "speed": left + right - 2.0 * x.speed,
             "alpha": -x.alpha,
@@ -93,31 +99,47 @@ def twin(*engines):
         }, {}
 
     states = {"speed": Signal("m/s"), "alpha": Signal("rad"), "yaw_rate": Signal("rad/s")}
-    inputs = {name: Signal(min=0.0, max=1.0) for name in engines} | {"rudder": Signal("rad")}
+    inputs = {name: Signal(min=0.0, max=1.0) for name in throttles} | {"rudder": Signal("rad")}
     switches = {name: Signal(start=1.0) for name in ("engine1", "engine2")}
     trim = {"speed": 30.0, "yaw_rate": 0.0}
     return Model("twin", states, inputs, equations, parameters=switches, trim=trim)
 
 
 @pytest.mark.parametrize(
-    ("model", "held", "words", "right"),
+    ("model", "held", "words", "right_thrust"),
     [
-        (twin("throttle1", "throttle2"), {"throttle1": 0.0}, "engine 1 out (throttle1)", 60.0),
-        (twin("thrust_left", "thrust_right"), {"thrust_right": 0.0}, "engine right out", 0.0),
-        (twin("a", "b").with_parameters(engine2=0.0), {"b": 0.5}, "engine 2 out (engine2)", 0.0),
-        (twin("throttle1", "throttle2"), {"throttle1": 0.2}, "", 40.0),
+        (
+            two_engines("throttle1", "throttle2"),
+            {"throttle1": 0.0},
+            "engine 1 out (throttle1)",
+            60.0,
+        ),
+        (
+            two_engines("thrust_left", "thrust_right"),
+            {"thrust_right": 0.0},
+            "engine right out",
+            0.0,
+        ),
+        (
+            two_engines("a", "b").with_parameters(engine2=0.0),
+            {"b": 0.5},
+            "engine 2 out (engine2)",
+            0.0,
+        ),
+        (two_engines("throttle1", "throttle2"), {"throttle1": 0.2}, "", 40.0),
     ],
 )
-def test_an_engine_out_of_an_own_aircraft_is_in_the_first_line(model, held, words, right):
-    """At 30 m/s the drag is 60 N, which the other engine balances alone; the rudder balances the yaw
-    by the difference of both, right - left with left = 60 N - right.
+def test_the_first_line_names_an_engine_out(model, held, words, right_thrust):
+    """The aircraft has a left and a right engine of 100 N, one of them off or throttled. At 30 m/s the drag,
+    2 N per m/s, is 60 N: the engines have this thrust together, and the rudder balances the yaw by the
+    right thrust, N, minus the left one.
     """
     point = hfa.trim(model, hold=held)
     title = " ".join(point.report().title.split())
     assert words in title
     assert ("engine" in title) == bool(words)
-    assert point["rudder"] == pytest.approx(2.0 * right - 60.0)
-    for name, value in held.items():  # also of an input b, where the span b is not in the model
+    assert point["rudder"] == pytest.approx(right_thrust - (60.0 - right_thrust))
+    for name, value in held.items():  # b is this input, and not the span, which the model lacks
         assert point.sheet[name].value == value
 
 
@@ -144,14 +166,15 @@ SLED = Model("sled", STATES, INPUTS, equations, trim={"vx": 0.0, "vy": 0.0})
         ("solve --Q 1,1 --R 1,1 --delta inf", 1),
     ],
 )
-def test_a_derivative_that_is_not_a_number_is_one_line(words, code, folder):
-    """The drag |v| v has no derivative at v = 0 in CasADi: commands exit with 1 and one line; `trim`
-    prints this line in place of the modes.
+def test_a_derivative_that_is_not_a_number_is_reported_in_one_line(words, code, folder):
+    """The sled has the drag |v| v, whose derivative by CasADi at v = 0 is not a number. Commands exit with
+    1 and one line on stderr; `trim` exits with 0 and prints this line in place of the modes.
     """
     Path("sled.py").write_text(SLED, "utf-8")
     verb, *options = words.split()
     result = command(verb, "--aircraft", "sled.py:SLED", *options)
     assert result.code == code
+    # `sweep` prints the line as the reason of its points without a linear model.
     said = " ".join(result.out.split()) if verb in ("trim", "sweep") else result.err
     assert ("no modes: sled: " if verb == "trim" else "") + "a derivative is not a number" in said
     assert result.err.count("\n") <= 1
@@ -160,18 +183,16 @@ def test_a_derivative_that_is_not_a_number_is_one_line(words, code, folder):
 # Stability with lags, stall, limits, load factor.
 
 
-def test_lags_follow_in_static_margin_and_control_per_g():
-    """The static margin and the elevator per g are those of rigid-body slopes with steady lags, 0.2062
-    chord and -25.40 deg/g at 15 deg of dihedral.
-
-    CL_alpha is the slope of the lift whose lags have followed alpha, without apparent mass.
+def test_static_margin_and_control_per_g_include_the_steady_lags():
+    """At 15 deg of dihedral, the slopes of the rigid-body motion with steady lag states give a static
+    margin of 0.2062 chord and -25.40 deg of elevator per g. CL_alpha has steady lag states, too.
     """
     model = hfa.aircraft("unsteady")
     point = hfa.trim(model, hold={"dihedral": math.radians(15.0)})
     stability = values(point.report().data)
     assert stability["static margin"] == pytest.approx(0.2062, abs=5e-5)
     assert math.degrees(stability["elevator outer per g"]) == pytest.approx(-25.40, abs=5e-3)
-    # The lift slope of steady trims with other pitch attitudes has neither lags nor apparent mass.
+    # The steady lift slope has no apparent mass; it follows from the model with all lag states.
     plain = model.with_parameters(apparent_mass=0.0)
     lags = [name for name in model.states if name not in hfa_model.STATES]
     linear = hfa.trim(plain, hold={"dihedral": math.radians(15.0)}).linearize(
@@ -180,19 +201,19 @@ def test_lags_follow_in_static_margin_and_control_per_g():
     rows = [linear.states.index(name) for name in lags]
     alpha = linear.states.index("alpha")
     A, C = np.asarray(linear.A), np.asarray(linear.C)
-    followed = -np.linalg.solve(A[np.ix_(rows, rows)], A[rows, alpha])
-    slope = C[0, alpha] + C[0, rows] @ followed
+    steady_lags = -np.linalg.solve(A[np.ix_(rows, rows)], A[rows, alpha])
+    slope = C[0, alpha] + C[0, rows] @ steady_lags
     force = point["dynamic_pressure"] * point["reference_area"]
     assert stability["CL_alpha"] == pytest.approx(slope / force, rel=1e-6)
 
 
-def bumpy(start):
+def two_peaks(alpha):
     """Return a wing whose lift over alpha has a first maximum at .2 rad and a larger one at .6."""
 
     def equations(x, u, p, w):
-        bumps = ca.exp(-(((x.alpha - 0.2) / 0.12) ** 2))
-        bumps += 1.5 * ca.exp(-(((x.alpha - 0.6) / 0.12) ** 2))
-        lift = 1000.0 * bumps
+        peaks = ca.exp(-(((x.alpha - 0.2) / 0.12) ** 2))
+        peaks += 1.5 * ca.exp(-(((x.alpha - 0.6) / 0.12) ** 2))
+        lift = 1000.0 * peaks
         rates = {"speed": u.thrust - 10.0, "alpha": x.q, "q": u.elevator - x.alpha - x.q}
         return rates, {"lift": lift, "dynamic_pressure": 500.0, "reference_area": 2.0}
 
@@ -204,16 +225,18 @@ def bumpy(start):
     inputs = {"elevator": Signal("rad", 0.1, -1.0, 1.0), "thrust": Signal("N", 10.0, 0.0, 20.0)}
     units = {"lift": "N", "dynamic_pressure": "N/m^2", "reference_area": "m^2"}
     outputs = {name: Signal(unit) for name, unit in units.items()}
-    held = {"speed": 30.0, "alpha": start}
-    return Model("bumpy", states, inputs, equations, outputs=outputs), held
+    held = {"speed": 30.0, "alpha": alpha}
+    return Model("two peaks", states, inputs, equations, outputs=outputs), held
 
 
 @pytest.mark.parametrize(("alpha", "stalled"), [(0.05, False), (0.3, True)])
-def test_the_stall_is_the_first_maximum_and_beyond_it_is_said(alpha, stalled):
-    """The largest lift coefficient is that of the first maximum, CL(0.2 rad) = lift / 1000 N, to 1e-6.
-    A trim at 0.3 rad is beyond it, and the third line says so.
+def test_the_stall_is_the_first_maximum_of_the_lift(alpha, stalled):
+    """The lift coefficient is exp(-((α - 0.2)/0.12)²) + 1.5 exp(-((α - 0.6)/0.12)²), α in rad. The largest
+    one in the sheet is that of the first maximum, at 0.2 rad, to 1e-6.
+
+    A trim at 0.3 rad is beyond it: the third line says so, and there is no ratio to the stall speed.
     """
-    model, held = bumpy(alpha)
+    model, held = two_peaks(alpha)
     report = hfa.trim(model, hfa.TrimCondition(model, held)).report()
     data = report.data
     peak = 1.0 + 1.5 * math.exp(-((0.4 / 0.12) ** 2))
@@ -224,8 +247,11 @@ def test_the_stall_is_the_first_maximum_and_beyond_it_is_said(alpha, stalled):
     assert ("speed / stall speed" in values(data)) != stalled
 
 
-def test_lift_above_the_declared_largest_coefficient_is_said():
-    """A trim with CL = (W - T sin α) / (q S), about .32, is called stalled if CL_max is .3."""
+def test_a_lift_coefficient_above_the_declared_largest_is_a_stall():
+    """A trim with CL = (W - T sin α) / (q S), about .32, is called stalled if CL_max is .3.
+
+    Mass and wing area of uav.toml are 13.5 kg and 0.55 m².
+    """
     table = tomllib.loads((EXAMPLES / "uav.toml").read_text("utf-8"))
     table["geometry"]["CL_max"] = 0.3
     point = hfa.trim(hfa.from_derivatives(table))
@@ -317,8 +343,8 @@ def bare():
 
 
 def test_every_row_has_a_figure_or_is_not_in_this_model():
-    """Each of `ROWS` has a figure or a reason why it is "not in this model", of the flexible aircraft and
-    of a model without outputs.
+    """Each of `ROWS` of the sheet has a figure or a reason why it is "not in this model", for the flexible
+    aircraft and for a model without outputs. "control per g" has the name of a control in a sheet.
     """
     for point, is_bare in ((sheet("hfa")[0], False), (bare(), True)):
         data = point.report().data
@@ -402,9 +428,12 @@ LIMITS = [
 
 
 def test_levels_change_at_the_limits_of_the_standard():
-    """Values just inside and outside of each limit have the levels of the standard."""
-    for class_, category, quality, expected in LIMITS:
-        for value, level in expected.items():
+    """Values just inside and outside of each limit of MIL-F-8785C have the levels of `LIMITS`, in which 4 is
+    worse than level 3.
+    """
+    for class_, category, quality, level_of in LIMITS:
+        for value, level in level_of.items():
+            # At 1 rad/s, no limit of ζω in class III is reduced to 0.7 ω.
             found = levels(
                 Airplane(class_, category), {"dutch roll frequency": 1.0, quality: value}
             )
@@ -499,8 +528,10 @@ def test_levels_of_a_sheet_are_those_of_its_modes():
     assert "level" in landing.data["sheet"]["n/alpha"]  # it has limits in category C only
 
 
-def test_a_sheet_of_degrees_taken_as_radians_has_a_warning(folder):
-    """A file with limits of 25 rad, and with Izz above Ixx + Iyy, has a warning of each."""
+def test_degrees_taken_as_radians_and_impossible_inertias_have_warnings(folder):
+    """A file with limits of 25 rad, meant as degrees, and with Izz above Ixx + Iyy, which no rigid body has,
+    has a warning of each.
+    """
     text = (EXAMPLES / "uav.toml").read_text("utf-8")
     text = text.replace('["-25 deg", "25 deg"]', "[-25, 25]").replace("Izz = 1.759", "Izz = 2.9")
     Path("wrong.toml").write_text(text, "utf-8")
@@ -537,9 +568,11 @@ def test_published_and_newton_dynamics_differ_by_mode_in_percent():
 
 
 @pytest.mark.parametrize("sign", [1.0, 0.0, -1.0])
-def test_a_negative_cn_beta_is_doubted_whatever_ixz_does(sign, tmp_path):
-    """A warning "out of the wind" is given for Cn_beta < 0 alone, although Ixz Cl_beta gives the yaw
-    acceleration by beta the sign of -Ixz.
+def test_the_warning_of_yaw_stability_depends_on_the_sign_of_cn_beta_alone(sign, tmp_path):
+    """The warning "out of the wind" is given if Cn_beta < 0, and not if it is positive or 0.
+
+    The yaw acceleration by beta has the other sign than Cn_beta in each case, because the planted Ixz
+    and Cl_beta add a larger one with the sign of -Ixz.
     """
     text = (EXAMPLES / "uav.toml").read_text("utf-8")
     Ixz = 0.3 * (sign or -1.0)
@@ -555,8 +588,10 @@ def test_a_negative_cn_beta_is_doubted_whatever_ixz_does(sign, tmp_path):
     assert ("out of the wind" in point.report().title) == (sign < 0.0)
 
 
-def test_a_sheet_states_what_is_not_as_in_the_file():
-    """A parameter of --hold stands beside the file's value: in the text, in JSON, in the head."""
+def test_a_sheet_names_parameters_that_differ_from_the_file():
+    """A parameter of --hold or `with_parameters` has the file's value beside it: in the text, in JSON, and in
+    the head of the report. A parameter that is set to the file's value has not.
+    """
     words = ("trim", "--aircraft", f"{EXAMPLES}/uav.toml", "--hold", "Cl_beta=-0.2")
     assert "Cl_beta -0.2 (as loaded: -0.12)" in command(*words).out
     changed = json.loads(command(*words, "--json").out)["provenance"]["changed"]
@@ -566,7 +601,8 @@ def test_a_sheet_states_what_is_not_as_in_the_file():
     assert "mass 14 kg (as loaded: 13.5 kg)" in report.head["data"]
     assert report.data["sheet"]["mass"]["note"] == "as loaded: 13.5"
     assert hfa.trim(model.with_parameters(Cl_beta=-0.1)).sheet["Cl_beta"].value == -0.1
-    assert "file:" not in hfa.trim(model.with_parameters(mass=13.5)).report().head["data"]
+    as_loaded = hfa.trim(model.with_parameters(mass=13.5))
+    assert "as loaded:" not in as_loaded.report().head["data"]
 
 
 def test_a_changed_angle_is_in_degrees_wherever_it_is_stated(folder):
@@ -620,9 +656,9 @@ def test_the_anticipation_parameter_is_that_by_hand(name):
     ("speed", "output", "is_reported"),
     [(0.2, "lift", True), (5.0, "lift", False), (0.2, "extension", False)],
 )
-def test_a_standing_aircraft_has_a_warning(speed, output, is_reported):
-    """A trim at less than a hundredth of the nominal speed is no flight, and its first lines say so,
-    of a model with the outputs of an aircraft.
+def test_a_trim_far_below_the_flight_speed_has_a_warning(speed, output, is_reported):
+    """The first lines of a trim at less than a hundredth of the nominal speed, 50 m/s, say "no flight", if
+    the model has an output of an aircraft, such as lift.
     """
     model = hfa.Model(
         "car",
@@ -635,9 +671,10 @@ def test_a_standing_aircraft_has_a_warning(speed, output, is_reported):
     assert ("no flight" in hfa.trim(model).report().title) == is_reported
 
 
-def test_a_trim_without_air_is_doubted_and_leads_to_a_flight():
-    """With the held controls, a search finds a trim at 40 km, where the density is 0: the report warns
-    of it, and the options that it advises give the flight at 50 m/s and 1 km of the start values.
+def test_a_trim_without_air_has_a_warning_with_the_options_of_a_flight():
+    """With the held controls, a search finds a trim at 40 km, where the density is 0. The report warns of
+    it, and a trim with the options --hold and --free that it advises is a flight at the start values,
+    50 m/s and 1 km.
     """
 
     def equations(x, u, p, w):
@@ -657,7 +694,7 @@ def test_a_trim_without_air_is_doubted_and_leads_to_a_flight():
     point = hfa.trim(model, start={"altitude": 39e3, "alpha": -1.5})
     title = " ".join(point.report().title.split())
     assert "Check: alpha -90 deg, density 0 kg/m^3: no flight" in title
-    assert "degrees without a unit" not in title
+    assert "degrees without a unit" not in title  # of the alpha of -90 deg
     held = {name: float(value) for name, value in re.findall(r"--hold (\w+)=([-.\d]+)", title)}
     flown = hfa.trim(model, hold=held, free=re.findall(r"--free (\w+)", title))
     assert dict(flown.states) == pytest.approx({"speed": 50.0, "alpha": 0.1, "altitude": 1e3})

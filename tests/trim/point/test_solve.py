@@ -68,10 +68,12 @@ def test_least_effort_is_a_minimum(published_aircraft):
         aside = [
             release(condition, hold={name: point.values[name] + step}) for step in (-1e-3, 1e-3)
         ]
-        dearer = [effort(trim(published_aircraft, nearby)) for nearby in aside]
-        assert min(dearer) > effort(point), name
+        efforts = [effort(trim(published_aircraft, nearby)) for nearby in aside]
+        assert min(efforts) > effort(point), name
         # At a minimum, both sides have the same effort to second order.
-        assert abs(dearer[1] - dearer[0]) < 0.05 * (dearer[0] + dearer[1] - 2 * effort(point)), name
+        assert abs(efforts[1] - efforts[0]) < 0.05 * (
+            efforts[0] + efforts[1] - 2 * effort(point)
+        ), name
 
 
 @pytest.mark.parametrize(
@@ -211,7 +213,7 @@ def test_an_equilibrium_with_all_variables_held_is_a_trim():
 
 
 @pytest.mark.parametrize(
-    ("aircraft", "parameter", "held", "value"),
+    ("aircraft", "parameter", "control", "value"),
     [
         ("examples/glider.toml", "cg", "elevator", math.radians(-15.0)),
         ("examples/f16.py:F16", "xcg", "elevator", -5.0),
@@ -219,18 +221,18 @@ def test_an_equilibrium_with_all_variables_held_is_a_trim():
         ("", "panel_mass", "throttle", 45.0),
     ],
 )
-def test_a_parameter_is_set_free(aircraft, parameter, held, value):
-    """With a held control, a trim finds the parameter; with this parameter, a trim of the free control
-    finds the held value. A sweep refuses to free a parameter.
+def test_a_free_parameter_is_found_from_a_held_control(aircraft, parameter, control, value):
+    """A trim with a held control and a free parameter finds the parameter. A trim of the aircraft with this
+    parameter finds the value of the control, and the same A. A sweep refuses to free a parameter.
     """
     model = hfa.load_model(f"{ROOT}/{aircraft}") if aircraft else hfa.aircraft()
-    found = hfa.trim(model, free=parameter, hold={held: value})
-    assert found[held] == value
+    found = hfa.trim(model, free=parameter, hold={control: value})
+    assert found[control] == value
     number = found.model.parameters[parameter].start
     assert number != model.parameters[parameter].start
     again = hfa.trim(model.with_parameters(**{parameter: number}))
-    assert again[held] == pytest.approx(value, rel=1e-7)
+    assert again[control] == pytest.approx(value, rel=1e-7)
     assert f"{parameter} " in found.report().title
     assert pytest.approx(again.linearize().A, rel=1e-6, abs=1e-9) == found.linearize().A
     with pytest.raises(hfa.BadInputError, match=f"does not free the parameter {parameter}"):
-        hfa.sweep(model, {held: [value]}, condition=found.trim_problem.asked)
+        hfa.sweep(model, {control: [value]}, condition=found.trim_problem.asked)

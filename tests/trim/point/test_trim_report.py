@@ -33,14 +33,14 @@ def test_each_equation_has_a_tolerance_and_verdict(published_aircraft):
         tolerance = 1e-10 * getattr(RATE_SCALES, name)
         for factor in (1.01, -1.01, 0.99):
             residuals = point.residuals | {name: factor * tolerance}
-            planted = replace(
-                point, residuals=residuals, status=type(point.status)("failed")
-            )  # without figures
+            # The report of a failed trim computes no figures from the wrong residuals.
+            failed = type(point.status)("failed")
+            planted = replace(point, residuals=residuals, status=failed)
             assert planted.scaled_residuals[name] == pytest.approx(1e-10 * factor, rel=1e-6)
             equations = trim_report(planted).data["equations"]
             assert equations[name]["tolerance"] == pytest.approx(tolerance, rel=1e-12)
-            failed = [equation for equation, entry in equations.items() if not entry["ok"]]
-            assert failed == ([name] if abs(factor) > 1.0 else [])
+            wrong = [equation for equation, entry in equations.items() if not entry["ok"]]
+            assert wrong == ([name] if abs(factor) > 1.0 else [])
 
 
 LEVEL = level_flight(math.radians(11.0), speed=70.0, altitude=20_000.0)
@@ -119,11 +119,11 @@ def test_a_value_beyond_the_range_of_validity_is_noted(published_aircraft, degre
 
 
 def test_a_second_trim_is_listed_once():
-    """A thrust of 2.5 balances the drag v / 2 + 2 / v at the speeds 1 and 4: the trim found from the one
-    lists the other.
+    """A thrust of 2.5 balances the drag v / 2 + 2 / v at the speeds 1 and 4. The report of the trim found
+    at one speed lists the trim at the other once.
     """
-    states = {"speed": Signal("m/s", 1.0, 0.1, 10.0, 4.0)}
-    inputs = {"thrust": Signal("N", 1.0, 0.0, 9.0)}
+    states = {"speed": Signal("m/s", min=0.1, max=10.0, start=4.0)}
+    inputs = {"thrust": Signal("N", min=0.0, max=9.0)}
     model = Model(
         "two speeds",
         states,

@@ -44,18 +44,22 @@ def first_lines(model):
 
 
 @pytest.mark.parametrize(("name", "factor", "word"), MISTAKES)
-def test_what_contradicts_others_has_a_warning(name, factor, word):
-    """Wrong units and signs of outputs and rates are named, of every kind of aircraft."""
+def test_an_output_or_rate_that_contradicts_others_has_a_warning(name, factor, word):
+    """An output or a rate that is multiplied by the factor of a usual mistake, a wrong unit or sign, is
+    reported in the first lines: `MISTAKES` has name, factor and a word of the warning.
+    """
     title = first_lines(altered(name, factor))
     assert "Check:" in title
     assert word in title
 
 
-@pytest.mark.parametrize("units", [lambda model: model, in_si], ids=["declared", "si"])
-def test_outputs_are_compared_in_the_same_units(units):
-    """An aircraft in SI units has the warning of its lift, and none without a mistake."""
-    assert "load factor" in first_lines(units(altered("lift", 32.174)))
-    assert "Check:" not in first_lines(units(UAV))
+@pytest.mark.parametrize("convert", [lambda model: model, in_si], ids=["declared", "si"])
+def test_outputs_are_compared_in_the_same_units(convert):
+    """A lift 32.174 times too large, as of pounds taken for slugs, has a warning of the load factor; the
+    correct aircraft has none. Both hold in the declared units and after conversion to SI units.
+    """
+    assert "load factor" in first_lines(convert(altered("lift", 32.174)))
+    assert "Check:" not in first_lines(convert(UAV))
 
 
 def test_a_weight_that_is_not_that_of_the_mass_has_a_warning():
@@ -68,7 +72,7 @@ def mass_in_pounds(x, u, p):
     return {"mass": (13.5 / 0.45359237, "kg")}
 
 
-def test_inertias_of_a_held_value_have_a_warning():
-    """Ixz = 1.3 kg m² is above sqrt(Ixx Izz) = 1.204 kg m²."""
+def test_a_parameter_that_makes_the_inertias_impossible_has_a_warning():
+    """Ixz = 1.3 kg m², set as a parameter, is above sqrt(Ixx Izz) = 1.204 kg m² of uav.toml."""
     title = first_lines(UAV.with_parameters(Ixz=1.3))
     assert "a principal moment of inertia is not positive" in title

@@ -11,9 +11,10 @@ SHAPES = np.array([[1.0, 0.2, 0.3], [0.1, 1.0, -0.4], [0.3, -0.2, 1.0]])
 NEARLY_PARALLEL = np.array(
     [[1.0, np.cos(np.radians(2)), 0.0], [0.0, np.sin(np.radians(2)), 0.0], [0.0, 0.0, 1.0]]
 )
-#: Shapes V + s W that the projectors of one of two points do not tell apart.
-TURNING = np.array([[0.1, 0.9, 0.6], [0.3, -0.3, -0.2], [-0.1, 0.6, 0.8]])
-TURN = np.array([[-0.3, 0.1, -0.2], [-0.1, -0.2, 0.3], [0.1, -0.1, -0.2]])
+#: Mode shapes V + s W, which change so much from point to point that the projectors of one of two
+#: points do not tell them apart: V and W.
+CHANGING = np.array([[0.1, 0.9, 0.6], [0.3, -0.3, -0.2], [-0.1, 0.6, 0.8]])
+CHANGE_PER_S = np.array([[-0.3, 0.1, -0.2], [-0.1, -0.2, 0.3], [0.1, -0.1, -0.2]])
 
 
 def plant(names, modes):
@@ -31,25 +32,33 @@ def plant(names, modes):
     return Model("plant", signals, {"force": Signal()}, equations, parameters=parameters)
 
 
-def crossing(shapes, turn=0.0):
-    """Return a plant with λ = -3 + s, -1 - s + t and -0.1."""
+def crossing(shapes, change_per_s=0.0):
+    """Return a plant with λ = -3 + s, -1 - s + t and -0.1, and mode shapes that change with s."""
     return plant(
         "abc",
         lambda s, t: (
-            ca.SX(shapes) + s * ca.DM(turn + np.zeros((3, 3))),
+            ca.SX(shapes) + s * ca.DM(change_per_s + np.zeros((3, 3))),
             ca.diag(ca.vertcat(-3.0 + s, -1.0 - s + t, -0.1)),
         ),
     )
 
 
 @pytest.mark.parametrize(
-    ("shapes", "turn", "grid"),
-    [(SHAPES, 0.0, [0.0, 0.15, 0.3]), (NEARLY_PARALLEL, 0.0, [0.0]), (TURNING, TURN, [0.0])],
-    ids=["over a grid", "2 degrees apart", "turning"],
+    ("shapes", "change_per_s", "values_of_t"),
+    [
+        (SHAPES, 0.0, [0.0, 0.15, 0.3]),
+        (NEARLY_PARALLEL, 0.0, [0.0]),
+        (CHANGING, CHANGE_PER_S, [0.0]),
+    ],
+    ids=["over a grid", "2 degrees apart", "changing"],
 )
-def test_eigenvalues_that_cross_keep_their_columns(shapes, turn, grid):
-    """Modes keep their columns through a crossing, although another eigenvalue is nearer."""
-    swept = sweep(crossing(shapes, turn), s=np.linspace(0.0, 2.0, 8), t=grid)
+def test_eigenvalues_that_cross_keep_their_columns(shapes, change_per_s, values_of_t):
+    """The eigenvalues -3 + s and -1 - s + t cross near s = 1. Each keeps its column, as its mode shape
+    tells, although beyond the crossing the other eigenvalue is nearer to the previous one.
+
+    Mode shapes are the columns of `shapes` + s `change_per_s`.
+    """
+    swept = sweep(crossing(shapes, change_per_s), s=np.linspace(0.0, 2.0, 8), t=values_of_t)
     s, t = swept.values.T
     expected = np.stack([-3.0 + s, -1.0 - s + t, np.full_like(s, -0.1)], axis=1)
     np.testing.assert_allclose(swept.eigenvalues, expected, atol=1e-11)
@@ -73,7 +82,9 @@ def test_eigenvalues_far_apart_keep_their_columns_whatever_their_shapes_do(seed,
 
 
 def test_modes_that_exchange_their_shapes_keep_their_eigenvalues():
-    """Two modes with shapes 2 degrees apart turn into each other: -3 and -0.3 keep their columns."""
+    """The mode shapes, at the angles s and 0.035 rad - s, are exchanged from s = 0 to s = 0.035 rad (2 deg).
+    The eigenvalues -3 and -0.3, which are far apart, keep their columns.
+    """
 
     def modes(s, t):
         shapes = [ca.vertcat(ca.cos(angle), ca.sin(angle)) for angle in (s, 0.035 - s)]
@@ -84,10 +95,12 @@ def test_modes_that_exchange_their_shapes_keep_their_eigenvalues():
 
 
 def test_a_pair_that_becomes_real_keeps_its_columns():
-    """v'' = -s v, where s changes its sign again and again: the lower real eigenvalue comes first,
-    whichever of the two is nearer by a rounding.
+    """v'' = -s v, with another sign of s at each point: the first column has i sqrt(s) or, of the real
+    eigenvalues ± sqrt(-s), the lower one.
+
+    Both are equally far from i sqrt(s) of the previous point, so that a rounding would choose.
     """
-    shapes = ca.DM(SHAPES[:2, :2])  # V of D, the dynamics of (v, v')
+    shapes = ca.DM(SHAPES[:2, :2])  # x = V (v, v')
     oscillator = plant("ab", lambda s, t: (shapes, ca.blockcat([[0.0, 1.0], [-s, 0.0]])))
     s = np.linspace(1.0, 4.0, 30) * np.resize([1.0, -1.0], 30)
     first = np.where(s > 0.0, 1j, -1.0) * np.sqrt(np.abs(s))

@@ -50,10 +50,10 @@ CASES = {
 
 @pytest.mark.parametrize("name", CASES)
 def test_each_point_equals_its_single_trim(published_aircraft, name):
-    """Each point of a sweep equals its single trim and linear model.
+    """Each point of a sweep equals its single trim and linear model. A point without a trim has the reason
+    that the error of the single trim states.
 
-    If a point has no trim, the sweep and the single trim give the same reason: of each grid with
-    a limit one point, and four of the slow one.
+    One point of each grid with limits has no trim, and neither have the four of "slow" at 30 ft/s.
     """
     grid, condition = CASES[name]
     result = sweep(published_aircraft, grid, condition=condition)
@@ -75,8 +75,8 @@ def test_each_point_equals_its_single_trim(published_aircraft, name):
         np.testing.assert_allclose(result.states[i], point.states, rtol=1e-9, atol=1e-11)
         np.testing.assert_allclose(result.inputs[i], point.inputs, rtol=1e-9, atol=1e-11)
         np.testing.assert_allclose(result.A[i], linearize(model, point).A, rtol=1e-9, atol=1e-9)
-    without = {"slow": 4} | {each: 1 for each in CASES if "limit" in each}
-    assert np.count_nonzero(~result.trimmed) == without.get(name, 0)
+    untrimmed = {"slow": 4} | {each: 1 for each in CASES if "limit" in each}
+    assert np.count_nonzero(~result.trimmed) == untrimmed.get(name, 0)
 
 
 def test_a_sweep_warns_beyond_the_papers_range(published_aircraft):
@@ -136,9 +136,9 @@ def test_a_list_may_have_comments_units_and_flight_levels(tmp_path):
 
 
 @pytest.mark.parametrize("command", ["trim", "sweep"])
-def test_a_list_is_given_by_conditions(command, tmp_path):
-    """A list given by --condition, the option for a single condition, is refused with the advice to
-    use --conditions, which reads it.
+def test_a_list_given_as_a_single_condition_is_refused_with_advice(command, tmp_path):
+    """--condition is the option for a single condition. A list of points given by it is refused with the
+    advice to use --conditions, which reads the list.
     """
     path = tmp_path / "points.csv"
     path.write_text("dihedral\n10\n", encoding="utf-8")
@@ -169,7 +169,9 @@ def test_a_sweep_in_chunks_is_that_of_all_points(published_aircraft, monkeypatch
 
 
 def test_finished_points_are_counted_from_the_first_of_the_sweep(published_aircraft, monkeypatch):
-    """Of 4 points in chunks of 2, solved one by one, the progress is 1 to 4 of 4."""
+    """Of 4 points in chunks of 2, solved one by one, the progress is 1 to 4 of 4: the count does not begin
+    again with each chunk.
+    """
     # With a free alpha, each point is a separate optimization of least effort.
     grid, one_by_one = CASES["least effort"]
     finished = []
@@ -262,6 +264,8 @@ def store(tmp_path_factory):
 def test_a_store_has_names_and_units_and_the_numbers_of_the_sweep(published_aircraft, store):
     """A Zarr store has A and the limits reached of the sweep in memory, with names, units and axes by
     which xarray selects them.
+
+    The store is of dihedral 5 and 10 deg and speed 64 and 68 ft/s, with the aileron at its limit.
     """
     dataset = xarray.open_zarr(store, consolidated=False).load()
     assert dataset.dihedral.attrs["units"] == "rad"
@@ -295,18 +299,19 @@ def test_a_store_is_resumed_with_its_own_sweep_only(more, store):
 # Printed reports.
 
 
-def test_a_long_sweep_prints_its_ends(published_aircraft):
-    """Of 401 points, both tables have the first and last 20 rows, and 20 of the 23 points without a trim
-    (30 ft/s) have a reason. The records have each point.
+def test_a_long_sweep_prints_its_first_and_last_rows(published_aircraft):
+    """Of 401 points, the tables of eigenvalues and of trims have the first and last 20 rows. Of the 23
+    points without a trim (30 ft/s), 20 have their reason. The records have all points.
     """
     speeds = np.linspace(68.0, 75.0, 401)
     speeds[[100, *range(200, 222)]] = 30.0
     result = sweep(published_aircraft, {"dihedral": [0.1], "speed": speeds})
     text = result.report().text(width=None)
     assert "(361 more)" in text
+    # A row begins with the dihedral, 0.1 rad = 5.73 deg, and the speed.
     shown = re.findall(r"^ *5\.7\d* {2,}(\S+)", text, re.MULTILINE)
     ends = [f"{speed:g}" for speed in (*speeds[:20], *speeds[-20:])]
-    assert shown == 2 * ends  # of the eigenvalues, and of the trims
+    assert shown == 2 * ends  # in both tables
     assert text.count("no trim: ") == 20
     assert "3 more points have no trim" in text
     records = result.records()
