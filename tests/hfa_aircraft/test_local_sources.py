@@ -18,11 +18,8 @@ PLANT = Model(
 
 
 def hashes_of(name, inner):
-    """Return the hashes of a model whose module has three contents in succession.
-
-    The first two are equal. The third has a comment more.
-
-    inner: file of the module
+    """Return three hashes of a model: at first, after its module `inner` is written again with the same
+    text, and after a comment is added to it.
     """
     hashes = []
     for content in ("two = 2.0\n", "two = 2.0\n", "two = 2.0  # measured\n"):
@@ -34,23 +31,31 @@ def hashes_of(name, inner):
 
 
 def test_a_changed_module_beside_the_model_changes_the_hash(tmp_path):
-    """The model imports the changed module indirectly, and the change has no effect."""
+    """A comment that is added to a module changes the hash of a model that imports it through another
+    module of its folder. The same text, written again, does not.
+    """
     (tmp_path / "helper_of_plant.py").write_text("from inner_of_plant import two as gain\n")
     (tmp_path / "plant.py").write_text(MODEL.format(helper="helper_of_plant"))
-    first, same, changed = hashes_of(f"{tmp_path}/plant.py", tmp_path / "inner_of_plant.py")
-    assert first == same != changed
+    first, written_again, commented = hashes_of(
+        f"{tmp_path}/plant.py", tmp_path / "inner_of_plant.py"
+    )
+    assert first == written_again != commented
 
 
 def test_a_changed_module_of_the_enclosing_package_changes_the_hash(tmp_path, monkeypatch):
-    """The model is a module of a package, and imports the changed module of the outer package."""
+    """A comment that is added to a module of the outer package changes the hash of a model in an inner
+    package that imports it. The same text, written again, does not.
+    """
     monkeypatch.syspath_prepend(str(tmp_path))
     outer = tmp_path / "outer_of_plant"
     folder = outer / "models"
     folder.mkdir(parents=True)
     (folder / "helper_of_plant.py").write_text("from ..inner_of_plant import two as gain\n")
     (folder / "plant.py").write_text(MODEL.format(helper=".helper_of_plant"))
-    first, same, changed = hashes_of("outer_of_plant.models.plant", outer / "inner_of_plant.py")
-    assert first == same != changed
+    first, written_again, commented = hashes_of(
+        "outer_of_plant.models.plant", outer / "inner_of_plant.py"
+    )
+    assert first == written_again != commented
 
 
 def test_a_file_imports_the_modules_beside_it(tmp_path, monkeypatch):

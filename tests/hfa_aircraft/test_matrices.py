@@ -31,9 +31,10 @@ def test_lqr_of_matrices_equals_python_control():
 
 @pytest.mark.parametrize("suffix", [".json", ".npz", ".mat"])
 def test_a_linear_model_is_read_from_its_file(tmp_path, suffix):
-    """A saved linear model is loaded with all but the aircraft, which its modes are named after.
+    """A linear model that is saved and loaded has all its entries but those of its aircraft: operating
+    point, dynamics, warnings, and modes, whose names the aircraft gives.
 
-    The model that is loaded has these matrices and outputs. Another file is refused.
+    Linearized again, the loaded model has the same matrices. The file of an operating point is refused.
     """
     model = hfa.aircraft()
     point = hfa.trim(model)
@@ -116,7 +117,9 @@ def test_an_unused_disturbance_matrix_is_noted(folder):
 
 
 def test_a_linear_model_read_as_an_aircraft_has_no_warning_of_its_speed(folder):
-    """The speed in the file of a linear model is a deviation: 0 is not an aircraft that stands."""
+    """The speed in the file of a linear model is a deviation from its trim: at 0, there is no warning of a
+    speed too low for a flight.
+    """
     assert cli.hfa("linearize", "--dihedral", "10", "-o", "linear.json").code == 0
     again = cli.hfa("linearize", "--aircraft", "linear.json")
     assert again.code == 0

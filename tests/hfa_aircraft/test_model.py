@@ -112,12 +112,15 @@ EQUATIONS = {
 
 @pytest.mark.parametrize("message", EQUATIONS)
 def test_wrong_equations_are_refused(message):
-    """Equations that fail at a trim are refused in one line that names the fault."""
+    """Equations of the cart that fail at a trim are refused in one line that names the fault.
+
+    `EQUATIONS` has, for each message, a function that returns the rate of v or (rates, outputs).
+    """
 
     def equations(x, u, p, w):
         found = EQUATIONS[message](x, u)
-        is_pair = isinstance(found, tuple)
-        return found if is_pair else ({"x": x.v, "v": found}, {"position": x.x})
+        is_complete = isinstance(found, tuple)
+        return found if is_complete else ({"x": x.v, "v": found}, {"position": x.x})
 
     assert message in refused(lambda: trim(cart(equations=equations, trim={"x": 0.0})))
 

@@ -124,38 +124,36 @@ def test_an_aircraft_of_each_reader_is_the_same_in_si(reader):
 @pytest.mark.parametrize(
     "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))]
 )
-def test_an_aircraft_in_any_units_equals_its_twin_in_si(seed):
-    """An aircraft in random units, converted to SI, equals its twin, the aircraft written in SI.
-
-    Signals, trim, A, B, sheet and disturbance are compared. All units of time are minutes.
+def test_an_aircraft_in_random_units_equals_the_aircraft_written_in_si(seed):
+    """PLANE is written in SI units; `named(seed)` is the same aircraft in random units, with times in
+    minutes. Converted to SI units, it has the signals, trim, A, B, sheet and disturbance of PLANE.
     """
 
     def weighted(model, size):
-        """Return the aircraft with weights and a disturbance of alpha, in its units."""
+        """Return the aircraft with weights and a disturbance of alpha, whose unit is `size` rad."""
         weights = {"Q": {"alpha": 3.0 * size**2, "speed": 0.0}, "E": ("alpha",)}
         return replace(model, about=About(weights=weights))
 
-    other, twin = named(seed), weighted(PLANE, 1.0)  # of `twins.py`
-    model = in_si(weighted(other.model, other.sizes["alpha"]))
+    drawn, plane = named(seed), weighted(PLANE, 1.0)
+    rad = drawn.sizes["alpha"]  # the unit of alpha, rad
+    model = in_si(weighted(drawn.model, rad))
     assert model.native.time_unit == "min"
     assert model.time_unit == "s"
-    for name, signal in twin.signals.items():
+    for name, signal in plane.signals.items():
         found = model.signals[name]
         assert found.unit == signal.unit
         assert found[1:5] == pytest.approx(signal[1:5]), name  # nominal, min, max, start
-    heavier, twin_heavier = (each.with_parameters(mass="1100 kg") for each in (model, twin))
-    rates = [
-        each.rates_at([50, 0.1, 0.2, 0.1, 900], [0.1, 800]) for each in (heavier, twin_heavier)
-    ]
+    heavier = (each.with_parameters(mass="1100 kg") for each in (model, plane))
+    rates = [each.rates_at([50, 0.1, 0.2, 0.1, 900], [0.1, 800]) for each in heavier]
     assert rates[0] == pytest.approx(rates[1])
-    point, of_twin = trim(model, speed="100 kt"), trim(twin, speed="100 kt")
-    assert dict(point) == pytest.approx(dict(of_twin), abs=1e-9)
-    linear, linear_twin = point.linearize(), of_twin.linearize()
-    np.testing.assert_allclose(linear.A, linear_twin.A, atol=1e-9)
-    np.testing.assert_allclose(linear.B, linear_twin.B, atol=1e-9)
-    for row, row_of_twin in zip(point.sheet, of_twin.sheet, strict=True):
-        assert (row.name, row.unit) == (row_of_twin.name, row_of_twin.unit)
+    point, expected = trim(model, speed="100 kt"), trim(plane, speed="100 kt")
+    assert dict(point) == pytest.approx(dict(expected), abs=1e-9)
+    linear, expected_linear = point.linearize(), expected.linearize()
+    np.testing.assert_allclose(linear.A, expected_linear.A, atol=1e-9)
+    np.testing.assert_allclose(linear.B, expected_linear.B, atol=1e-9)
+    for row, expected_row in zip(point.sheet, expected.sheet, strict=True):
+        assert (row.name, row.unit) == (expected_row.name, expected_row.unit)
         if not isinstance(row.value, str):  # a bound of rounding
-            assert row.value == pytest.approx(row_of_twin.value, rel=1e-6, abs=1e-9), row.name
-    declared = other.sizes["alpha"] / 60.0  # a unit per minute, of the rate of alpha
+            assert row.value == pytest.approx(expected_row.value, rel=1e-6, abs=1e-9), row.name
+    declared = rad / 60.0  # a unit of alpha per minute
     np.testing.assert_allclose(hfa.game(linear).E, [[0.0], [declared], [0.0], [0.0]])

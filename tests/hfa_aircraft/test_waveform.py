@@ -41,7 +41,9 @@ def test_a_typed_signal_and_its_rate_equal_their_formula(text, value):
 
 
 def test_sums_and_products_of_waveforms_have_their_values():
-    """A sum joins equal frequencies; M s(t) has its values."""
+    """The sum of two waveforms has the sum of their values, and one harmonic for each frequency; s(t)
+    through a matrix M has the values M s(t).
+    """
     a = commanded(x1="1+2t+sin(t)", x2="cos(4t)")
     b = commanded(x1="3-t+2sin(t)+cos(4t)", x2="sin(t)+cos(t)")
     both = a + b

@@ -25,15 +25,15 @@ KG_PER_M3 = 14.593902937206364 / METRE_PER_FOOT**3  # kg/m^3 per slug/ft^3
     ],
 )
 def test_the_air_of_aircraft_agrees_with_ambiance(lowest, highest, tolerance):
-    """Dynamic pressure and Mach number of the flexible aircraft and of a table agree with it.
+    """Dynamic pressure and Mach number of the flexible aircraft, and of an aircraft from a table, are those
+    of the air of `ambiance`. So is the density that tests compute.
 
-    So does the density that tests compute. The constants of tables are JSBSim's, which differ by
-    2e-5.
+    The constants of tables are JSBSim's, which differ by 2e-5.
     """
     altitudes = np.linspace(lowest, highest, 40)
     expected = Atmosphere(altitudes * METRE_PER_FOOT)
     flexible, table = hfa.aircraft(), hfa.load_model(str(ROOT / "examples/cessna182.toml"))
-    for model, off in ((flexible, tolerance), (table, 2e-5 + tolerance)):
+    for model, largest_error in ((flexible, tolerance), (table, 2e-5 + tolerance)):
         states = {name: signal.start for name, signal in model.states.items()} | {"speed": 100.0}
         found = [
             model.outputs_at(
@@ -43,10 +43,10 @@ def test_the_air_of_aircraft_agrees_with_ambiance(lowest, highest, tolerance):
             )
             for altitude in altitudes.tolist()
         ]
-        thick = np.array([each["dynamic_pressure"] for each in found]) / (0.5 * 100.0**2)
-        sound = 100.0 * METRE_PER_FOOT / np.array([each["mach"] for each in found])
-        np.testing.assert_allclose(thick * KG_PER_M3, expected.density, rtol=off)
-        np.testing.assert_allclose(sound, expected.speed_of_sound, rtol=off)
+        densities = np.array([each["dynamic_pressure"] for each in found]) / (0.5 * 100.0**2)
+        speeds_of_sound = 100.0 * METRE_PER_FOOT / np.array([each["mach"] for each in found])
+        np.testing.assert_allclose(densities * KG_PER_M3, expected.density, rtol=largest_error)
+        np.testing.assert_allclose(speeds_of_sound, expected.speed_of_sound, rtol=largest_error)
     own = [float(density(altitude)) * KG_PER_M3 for altitude in altitudes.tolist()]
     np.testing.assert_allclose(own, expected.density, rtol=tolerance)
 

@@ -67,8 +67,7 @@ def test_published_differs_from_newton_in_two_equations_only(parameters):
 def test_newton_equals_the_rigid_bodies_of_mujoco(parameters):
     """With inertias that a body can have, the rates of "newton" are MuJoCo's to 1e-8.
 
-    MuJoCo's rates, of which those of speed and alpha are differences, were stored by
-    `mujoco_bodies.py` of commit a9fd0d555.
+    MuJoCo's rates were stored by `mujoco_bodies.py` of commit a9fd0d555.
     """
     stored = json.loads(Path(__file__).with_name("mujoco_rates.json").read_text("utf-8"))
     p = np.array(parameters._replace(**stored["inertias"]))

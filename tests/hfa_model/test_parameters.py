@@ -34,13 +34,15 @@ def test_round_trip_is_bit_for_bit(tmp_path, parameter_set):
 COVARIANCE = "[covariance] must list the identified parameters and be symmetric"
 
 
-@pytest.mark.parametrize("units", [1.0, 1e100])
-def test_a_covariance_with_a_negative_eigenvalue_is_refused(tmp_path, parameter_set, units):
-    """A symmetric covariance with positive variances and a correlation above 1 is refused."""
+@pytest.mark.parametrize("size", [1.0, 1e100])
+def test_a_covariance_with_a_negative_eigenvalue_is_refused(tmp_path, parameter_set, size):
+    """A symmetric covariance with positive variances and a correlation of 2 is refused, also if a third
+    parameter has 1e100 times the size, beside which the negative eigenvalue is below rounding.
+    """
     covariance = np.eye(len(parameter_set.identified)) * 1e-6
     covariance[0, 1] = covariance[1, 0] = 2e-6
-    covariance[2] *= units
-    covariance[:, 2] *= units
+    covariance[2] *= size
+    covariance[:, 2] *= size
     path = tmp_path / "indefinite.toml"
     save_parameters(replace(parameter_set, covariance=covariance), path, "")
     assert COVARIANCE in refusal(load_parameters, path)

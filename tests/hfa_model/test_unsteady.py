@@ -42,23 +42,24 @@ def by_energies(x, u, p, w):
 
 
 def test_rates_equal_those_from_energies():
-    """The rates equal those of the Euler-Lagrange equations, which include the carried air.
+    """The rates equal those of the Euler-Lagrange equations, whose energy includes that of the apparent mass.
 
     The test uses no effect, all effects, each effect alone, and random fractions of all effects.
     """
-    mine, other = (
+    computed, derived = (
         rates_function(UNSTEADY.layout, equations)
         for equations in (lambda *at: UNSTEADY.equations(*at)[0], by_energies)
     )
     fractions = np.random.default_rng(1).uniform(0, 1, (6, 6))
     effects = np.vstack([np.zeros(6), np.ones(6), np.eye(6), fractions])  # of the six `EFFECTS`
-    places = [list(UNSTEADY.parameters).index(name) for name in EFFECTS]
+    indices = [list(UNSTEADY.parameters).index(name) for name in EFFECTS]
     for effect, (x, u, w) in zip(effects, points(len(effects), seed=5), strict=True):
         p = UNSTEADY.p.copy()
-        p[places] = effect
-        expected = np.array(other(x, u, p, w))
+        p[indices] = effect
+        expected = np.array(derived(x, u, p, w))
         assert (
-            np.abs((np.array(mine(x, u, p, w)) - expected) / (1 + np.abs(expected))).max() < 1e-11
+            np.abs((np.array(computed(x, u, p, w)) - expected) / (1 + np.abs(expected))).max()
+            < 1e-11
         )
 
 
@@ -115,39 +116,39 @@ def sears(k):
 
 
 @pytest.mark.parametrize(
-    ("kind", "of", "lag", "most"),
+    ("kind", "exact", "lag", "largest_error"),
     [("lag", theodorsen, MOTION, 0.0144), ("gust", sears, GUST, 0.1173)],
 )
-def test_lags_approximate_theodorsen_and_sears(kind, of, lag, most):
+def test_lags_approximate_theodorsen_and_sears(kind, exact, lag, largest_error):
     """The largest error of two lags, relative to the steady lift, is 1.4 % for motion, by Theodorsen's
     function of an oscillation, and 12 % for gusts, by Sears's function.
 
-    Reduced frequencies are .05 to 2. Other constants of the lags have other errors.
+    Reduced frequencies are .05 to 2. Another constant in `MOTION` or `GUST` would change the errors.
     """
     k = np.linspace(0.05, 2.0, 400)
-    assert np.abs(response(kind, lag, k) - of(k)).max() == pytest.approx(most, rel=0.01)
+    assert np.abs(response(kind, lag, k) - exact(k)).max() == pytest.approx(largest_error, rel=0.01)
 
 
 @pytest.mark.parametrize("degrees", [11.0, 20.0])
 def test_unsteady_trims_equal_quasi_steady_trims(degrees):
-    """The inputs of a trim equal those with quasi-steady loads, finite span and downwash.
+    """The inputs of a trim equal those with quasi-steady loads, finite span and downwash, because the lag
+    states are steady: both of each strip are equal, and those of hinge motion and gusts are 0.
 
-    The two lag states of each strip are equal. lag_tip_1 and gust_outer_1 are 0. Without finite
-    span, the center elevator changes by more than 0.3 deg.
+    Without finite span, the center elevator changes by more than 0.3 deg.
     """
     condition = usual_condition(UNSTEADY).at(degrees * DEGREES)
-    whole = trim(UNSTEADY, condition)
-    slow = trim(
+    unsteady = trim(UNSTEADY, condition)
+    quasi_steady = trim(
         UNSTEADY.with_parameters(local_motion=0.0, apparent_mass=0.0, lift_lag=0.0, gust_lag=0.0),
         condition,
     )
-    assert_allclose(whole.inputs, slow.inputs, rtol=1e-10, atol=1e-11)
-    strips = {name: getattr(whole.states, name) for name in LAG_STATES}
+    assert_allclose(unsteady.inputs, quasi_steady.inputs, rtol=1e-10, atol=1e-11)
+    lags = {name: getattr(unsteady.states, name) for name in LAG_STATES}
     assert all(
-        strips[f"lag_{name}_1"] == pytest.approx(strips[f"lag_{name}_2"], abs=1e-12)
+        lags[f"lag_{name}_1"] == pytest.approx(lags[f"lag_{name}_2"], abs=1e-12)
         for name in ("center", "outer", "tail_center", "tail_outer")
     )
-    assert strips["lag_tip_1"] == pytest.approx(0.0, abs=1e-12)  # the hinge rate is 0
-    assert strips["gust_outer_1"] == pytest.approx(0.0)  # still air
+    assert lags["lag_tip_1"] == pytest.approx(0.0, abs=1e-12)  # the hinge rate is 0
+    assert lags["gust_outer_1"] == pytest.approx(0.0)  # still air
     infinite = trim(UNSTEADY.with_parameters(finite_span=0.0), condition)
-    assert abs(infinite.inputs.elevator_center - whole.inputs.elevator_center) > 0.3 * DEGREES
+    assert abs(infinite.inputs.elevator_center - unsteady.inputs.elevator_center) > 0.3 * DEGREES

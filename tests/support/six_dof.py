@@ -55,18 +55,18 @@ class SixDof:
     """
 
     def __init__(self, table, cg=None, warmer=0.0):
-        self.of = {key: each for key, each in table.items() if not isinstance(each, Mapping)}
+        self.entries = {key: each for key, each in table.items() if not isinstance(each, Mapping)}
         for group in table.values():
-            self.of |= group if isinstance(group, Mapping) else {}
-        self.moved = 0.0 if cg is None else (cg - self.of["cg"]) * self.of["chord"]
+            self.entries |= group if isinstance(group, Mapping) else {}
+        self.moved = 0.0 if cg is None else (cg - self.entries["cg"]) * self.entries["chord"]
         self.warmer = warmer
-        of = self.of
+        of = self.entries
         xz = of.get("Ixz", 0.0)
         self.inertia = np.array([[of["Ixx"], 0, -xz], [0, of["Iyy"], 0], [-xz, 0, of["Izz"]]])
 
     def get(self, name):
         """Return an entry of the table, 0 if it is missing."""
-        return self.of.get(name, 0.0)
+        return self.entries.get(name, 0.0)
 
     def coefficients(self, flow, rates, u, at):
         """Return the steady coefficients by name; without C_alphadot.
@@ -75,9 +75,9 @@ class SixDof:
         u: thrust, elevator, aileron, rudder
         """
         alpha, beta, speed = flow
-        p, _, r = rates * self.of["span"] / (2.0 * speed)
-        q = rates[1] * self.of["chord"] / (2.0 * speed)
-        mach = speed / at.sound - self.of["speed"] / air(self.get("altitude")).sound
+        p, _, r = rates * self.entries["span"] / (2.0 * speed)
+        q = rates[1] * self.entries["chord"] / (2.0 * speed)
+        mach = speed / at.sound - self.entries["speed"] / air(self.get("altitude")).sound
         by = {"0": 1.0, "alpha": alpha - self.get("alpha"), "beta": beta, "p": p, "q": q, "r": r}
         by |= {"mach": mach, "elevator": u[1], "aileron": u[2], "rudder": u[3]}
         found = {}
@@ -91,7 +91,7 @@ class SixDof:
         and the aerodynamic pitching moment; all without C_alphadot.
         """
         alpha, _, speed = flow
-        S, b, c = (self.of[name] for name in ("wing_area", "span", "chord"))
+        S, b, c = (self.entries[name] for name in ("wing_area", "span", "chord"))
         pressure = 0.5 * at.density * speed**2
         C = self.coefficients(flow, rates, u, at)
         lift, drag, side = (pressure * S * C[name] for name in ("CL", "CD", "CY"))
@@ -112,7 +112,7 @@ class SixDof:
         flow = np.array([math.atan2(x[2], x[0]), math.asin(x[1] / speed), speed])
         at = air(altitude, self.warmer)
         force, moment, *_ = self.loads(flow, omega, u, at)
-        mass, S, c = self.of["mass"], self.of["wing_area"], self.of["chord"]
+        mass, S, c = self.entries["mass"], self.entries["wing_area"], self.entries["chord"]
         down = [-math.sin(theta), math.sin(phi) * math.cos(theta), math.cos(phi) * math.cos(theta)]
         free = force / mass + GRAVITY * np.array(down) - np.cross(omega, velocity)
         # The lift of alphadot is part of the equation of alphadot.

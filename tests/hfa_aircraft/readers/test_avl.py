@@ -216,7 +216,9 @@ ENTRIES = [
     [*(("glider.st", *row) for row in FILES), *(("glider.toml", *row) for row in ENTRIES)],
 )
 def test_faulty_files_are_refused(file, old, new, message, glider):
-    """Each fault of the stability file or of its table is named in one line."""
+    """Each fault of the stability file or of its table is named in one line. In the stability file, the text
+    `old` is replaced by `new`; in the table, the line that begins with it.
+    """
     if file == "glider.st":
         Path(file).write_text(PRINTED.replace(old, new))
     else:
@@ -224,22 +226,22 @@ def test_faulty_files_are_refused(file, old, new, message, glider):
         Path(file).write_text("\n".join([new, *kept]))
     said = refused(tool.load_model, "glider.toml")
     assert message in said
-    if "*" in new:
+    if "*" in new:  # AVL's print of a number that is too long, which the message finds by its line
         assert f"glider.st, line {PRINTED.partition(old)[0].count(chr(10)) + 1}" in said
 
 
 def test_drag_of_a_file_without_derivatives_is_that_of_the_table(glider):
-    """With CD_CL2 in the table, CD_0 is the total drag of the file, CDtot = 0.02725, less CD_CL2 CL²
-    with CLtot = 0.6; with CD_alpha, it is CDtot.
+    """A file of AVL 3.40 has CDtot = 0.02725 and CLtot = 0.6, but no derivatives of the drag. With CD_CL2 in
+    the table, CD_0 is CDtot - CD_CL2 CLtot²; with CD_alpha, it is CDtot.
 
     The entry of the table is kept, and the controls have no drag.
     """
     Path("glider.st").write_text(of_older_version())
-    for line, induced in (("CD_CL2 = 0.02", 0.02 * 0.6**2), ("CD_alpha = 0.3", 0.0)):
-        Path("glider.toml").write_text(f"{line}\n{TABLE}")
+    for name, value, induced in (("CD_CL2", 0.02, 0.02 * 0.6**2), ("CD_alpha", 0.3, 0.0)):
+        Path("glider.toml").write_text(f"{name} = {value}\n{TABLE}")
         given = tool.load_model("glider.toml").parameters
         assert given["CD_0"].start == pytest.approx(0.02725 - induced, abs=1e-6)
-        assert given[line.partition(" ")[0]].start == float(line.rpartition(" ")[2])
+        assert given[name].start == value
         assert "CD_elevator" not in given
 
 
@@ -259,7 +261,9 @@ def test_inviscid_drag_and_another_mach_number_are_noted(glider):
 
 
 def test_names_of_controls_become_identifiers(glider):
-    """The aircraft with controls `elevon-L` and `1elev` is that with `elevator` and `aileron`."""
+    """The controls `elevon-L` and `1elev` of a file become the inputs elevon_L and v_1elev, as a name cannot
+    begin with a digit. The trim is that with the names elevator and aileron.
+    """
     plain = trim(tool.load_model("glider.toml"))
     file = PRINTED.replace("elevator ", "elevon-L ").replace("aileron ", "1elev   ")
     Path("glider.st").write_text(file)

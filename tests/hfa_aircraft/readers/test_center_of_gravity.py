@@ -59,8 +59,8 @@ def assert_equal_rates(model, own):
         return
     at = air(altitude, own.warmer)
     force, _, lift, drag, moment = own.loads(np.array([alpha, beta, speed]), np.array(spin), u, at)
-    normal = (force[0] * np.sin(alpha) - force[2] * np.cos(alpha)) / (own.of["mass"] * GRAVITY)
-    pressed = 0.5 * at.density * speed**2 * own.of["wing_area"]
+    normal = (force[0] * np.sin(alpha) - force[2] * np.cos(alpha)) / (own.entries["mass"] * GRAVITY)
+    pressed = 0.5 * at.density * speed**2 * own.entries["wing_area"]
     names = ("lift", "drag", "pitching_moment", "load_factor", "turn_rate")
     assert model.outputs_at(x, u, names) == pytest.approx(
         dict(zip(names, (pressed * lift, pressed * drag, moment, normal, turning), strict=True)),
@@ -69,14 +69,15 @@ def assert_equal_rates(model, own):
 
 
 @pytest.mark.parametrize(
-    ("cg", "warmer", "lag"), [(0.2, 0.0, 0.0), (0.28, 15.0, 60.0), (0.35, 0.0, 0.0)]
+    ("cg", "warmer", "CL_alphadot"), [(0.2, 0.0, 0.0), (0.28, 15.0, 60.0), (0.35, 0.0, 0.0)]
 )
-def test_rates_at_another_center_equal_own_equations(cg, warmer, lag):
-    """At three centers of gravity, rates and loads equal those of forces moved by r x F.
+def test_rates_at_another_center_of_gravity_equal_independent_equations(cg, warmer, CL_alphadot):
+    """At three centers of gravity, in chords, the rates and loads equal those of `SixDof`, equations of the
+    tests that sum the forces of the table at its point and move them to the center by r x F.
 
-    The second case is also in warm air and with a large lift by the rate of alpha.
+    The second case has air 15 K warmer than the standard, and a large lift by the rate of alpha.
     """
-    table = TABLE | {"CL_alphadot": lag}
+    table = TABLE | {"CL_alphadot": CL_alphadot}
     model = from_derivatives(table).with_parameters(cg=cg, isa=warmer)
     assert_equal_rates(model, SixDof(table, cg, warmer))
 
@@ -94,16 +95,15 @@ def test_a_tail_arm_scales_the_damping():
     table = UAV | tail | {"longitudinal": {**UAV["longitudinal"], "Cm_q": -5.0 * arm / chord}}
     share = 1.0 - moved / arm
     own = SixDof(table, 0.3)
-    own.of |= {"CL_q": share * 5.0, "Cm_q": -share * 5.0 * arm / chord}
+    own.entries |= {"CL_q": share * 5.0, "Cm_q": -share * 5.0 * arm / chord}
     model = from_derivatives(table | {"tail_arm": arm}).with_parameters(cg=0.3)
     assert_equal_rates(model, own)
 
 
 @pytest.mark.slow
-def test_avl_at_two_centers_is_one_aircraft(folder):
-    """A file about 0.3 m moved by 0.1 chord has the A of a file about 0.375 m.
-
-    Static margin, elevator per g and c.g. are the same, too. A of the file that is not moved differs.
+def test_moving_the_center_of_gravity_gives_avls_file_about_the_new_center(folder):
+    """AVL's file about x = 0.3 m, moved by cg to 0.375 m (by 0.1 chord), gives the A, static margin, elevator
+    per g and c.g. of AVL's file about x = 0.375 m. Not moved, it gives another A.
     """
     models = []
     for place, x in (("300", 0.3), ("375", 0.375)):
@@ -112,14 +112,14 @@ def test_avl_at_two_centers_is_one_aircraft(folder):
         text = text.replace("glider.st", f"{place}.st").replace("[0.3,", f"[{x},")
         Path(f"{place}.toml").write_text(text.replace("cg = 0.4", f"cg = {x / 0.75!r}"))
         models.append(tool.load_model(f"{place}.toml"))
-    ahead, behind = models
-    moved = ahead.with_parameters(cg=0.5)
-    points = [trim(each, free=("gamma",), thrust=0.0) for each in (moved, behind)]
+    about_300, about_375 = models
+    moved = about_300.with_parameters(cg=0.5)  # 0.375 m / 0.75 m
+    points = [trim(each, free=("gamma",), thrust=0.0) for each in (moved, about_375)]
     found, expected = (linearize(point.model, point) for point in points)
     sizes = np.abs(expected.A).max(axis=1, keepdims=True)
     assert (np.abs(found.A - expected.A) < 2e-3 * sizes).all()
-    kept = linearize(ahead, trim(ahead, free=("gamma",), thrust=0.0))
-    assert (np.abs(kept.A - expected.A) > 2e-2 * sizes).any()
+    not_moved = linearize(about_300, trim(about_300, free=("gamma",), thrust=0.0))
+    assert (np.abs(not_moved.A - expected.A) > 2e-2 * sizes).any()
     for name in ("static margin", "elevator per g"):
         values = [point.sheet[name].value for point in points]
         assert values[0] == pytest.approx(values[1], rel=3e-3)

@@ -128,7 +128,7 @@ class Published(NamedTuple):
 
     printed: each mode as an eigenvalue, as (decay rate,), or as (damping, natural frequency)
     mistake: entries that are wrong
-    wrong: the modes that then differ by more than the largest error
+    affected: the modes that then differ by more than the largest error
     held: parameters that differ from those of the table
     """
 
@@ -136,7 +136,7 @@ class Published(NamedTuple):
     printed: dict[str, Any]
     error: float
     mistake: dict[str, Any]
-    wrong: set[str]
+    affected: set[str]
     held: dict[str, float] | None = None
 
 
@@ -170,16 +170,17 @@ def root_of(printed):
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_modes_agree_with_published_modes(name):
-    """Each mode has the printed eigenvalue; a planted error changes the modes `wrong`, no others."""
+    """Each mode of a published table has the printed eigenvalue within the largest error of the case. A
+    planted mistake changes the modes that it affects by more, and no others.
+    """
     case = PUBLISHED[name]
     table = {key: value for key, value in case.table.items() if key != "longitudinal"}
     table |= case.table.get("longitudinal", {})
-    # Without a mistake no mode is off.
-    for given, wrong in ((table, set()), ({**table, **case.mistake}, case.wrong)):
+    for given, affected in ((table, set()), ({**table, **case.mistake}, case.affected)):
         values = np.linalg.eigvals(linear_model(given, **(case.held or {})).A)
         roots = {mode: root_of(printed) for mode, printed in case.printed.items()}
-        off = {m for m, root in roots.items() if np.abs(values / root - 1).min() > case.error}
-        assert off == wrong
+        differing = {m for m, root in roots.items() if np.abs(values / root - 1).min() > case.error}
+        assert differing == affected
 
 
 def test_slope_and_coefficient_of_the_thrust_are_equivalent():

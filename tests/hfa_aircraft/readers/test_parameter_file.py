@@ -15,7 +15,7 @@ PYTHON = """
 import pathlib
 from hfa import Model, Signal
 
-pathlib.Path({trace!r}).write_text("executed")
+pathlib.Path({executed!r}).write_text("executed")
 CAR = Model(
     name="car",
     states={{"v": Signal(nominal=1.0, start=1.0)}},
@@ -54,7 +54,9 @@ def test_an_aircraft_is_found_in_the_folder_of_its_parameter_file(folders):
 
 
 def test_a_changed_aircraft_is_refused(folders):
-    """A file that states the SHA-256 of an aircraft is refused beside another one of this name."""
+    """A parameter file that states the SHA-256 of uav.toml is read in the folder of this file, and refused
+    beside another file with this name.
+    """
     digest = tool.load_model(str(folders / "uav.toml")).source.digest
     text = f'aircraft = "uav.toml"\nsha256 = "{digest}"\n[parameters]\nCL_alpha = 4.0\n'
     (folders / "found.toml").write_text(text)
@@ -101,31 +103,33 @@ def test_a_wrong_entry_is_refused(folders, entries, message):
 
 
 @pytest.fixture(params=[("car.py:CAR", "car.py"), ("car_module:CAR", "car_module.py")])
-def names_python(request, folders, monkeypatch):
-    """A TOML that names an aircraft in Python, and the file that this aircraft writes if executed."""
+def naming_python(request, folders, monkeypatch):
+    """A TOML that names an aircraft in Python, and the file that exists if this code was executed."""
     named, file = request.param
     monkeypatch.syspath_prepend(str(folders))
-    trace = folders / "trace"
-    (folders / file).write_text(PYTHON.format(trace=str(trace)))
+    executed = folders / "executed"
+    (folders / file).write_text(PYTHON.format(executed=str(executed)))
     parameters = folders / "found.toml"
     parameters.write_text(f'aircraft = "{named}"\n[parameters]\ndrag = 3.0\n')
-    return parameters, trace
+    return parameters, executed
 
 
-def test_a_data_file_executes_no_python(names_python):
+def test_a_data_file_executes_no_python(naming_python):
     """A TOML that names Python code is refused, and the code is not executed."""
-    parameters, trace = names_python
+    parameters, executed = naming_python
     result = hfa("trim", "--aircraft", str(parameters))
     assert_refused(result, 2, "--parameters", str(parameters))
-    assert not trace.exists()
+    assert not executed.exists()
 
 
-def test_the_suggested_command_applies_the_parameters(names_python):
-    """The refusal ends with options that execute the Python code, with the parameters of the TOML."""
-    parameters, trace = names_python
+def test_the_suggested_command_applies_the_parameters(naming_python):
+    """The refusal of a TOML that names Python code ends with other options. A trim with them executes the
+    code, with the parameters of the TOML: the drag of 3 N needs 3 N of thrust.
+    """
+    parameters, executed = naming_python
     words = shlex.split(hfa("trim", "--aircraft", str(parameters)).err.rpartition("; give ")[2])
     assert words[0] == "--aircraft"
     trim = hfa("trim", *words, "--json")
     assert trim.code == 0, trim.err
     assert json.loads(trim.out)["operating_point"]["inputs"]["thrust"] == pytest.approx(3.0)
-    assert trace.exists()
+    assert executed.exists()

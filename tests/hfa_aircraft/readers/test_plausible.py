@@ -73,23 +73,23 @@ MISTAKES = {
     "Iyy and Izz exchanged": ({"Iyy": 1.759, "Izz": 1.135}, "(Izz - Iyy) / Ixx"),
     "density of another altitude": ({"altitude": 9000.0, "alpha": "2 deg"}, "altitude"),
 }  # fmt: skip
-#: Entries that are parameters of the model: `--hold` can make the same mistake.
-HELD = ("Cm_alpha", "Cm_q", "Cl_p", "Cn_r", "CY_beta", "Ixx", "Iyy", "Izz", "Ixz", "mass")
+#: Entries that are parameters of the model, which --hold can set to a wrong value.
+PARAMETERS = ("Cm_alpha", "Cm_q", "Cl_p", "Cn_r", "CY_beta", "Ixx", "Iyy", "Izz", "Ixz", "mass")
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_a_planted_mistake_has_a_warning(mistake):
-    """A line names the entry, and the aircraft is still read.
+    """An entry with a usual mistake has a warning that names it, and the aircraft is still read.
 
-    A held value has the same line; the right value, held again, has none.
+    A parameter that is set to the wrong value has the same warning, and one set back has none.
     """
     values, word = MISTAKES[mistake]
     warnings = hfa.from_derivatives(changed(**values)).warnings
     assert any(word in warning for warning in warnings)
-    if {*values} <= {*HELD} and None not in values.values():
-        held = hfa.from_derivatives(changed()).with_parameters(**values)
-        assert held.warnings == warnings
-        assert held.with_parameters(**{name: changed()[name] for name in values}).warnings == ()
+    if {*values} <= {*PARAMETERS} and None not in values.values():
+        wrong = hfa.from_derivatives(changed()).with_parameters(**values)
+        assert wrong.warnings == warnings
+        assert wrong.with_parameters(**{name: changed()[name] for name in values}).warnings == ()
 
 
 @pytest.mark.parametrize("name", ["uav.toml", "cessna182.toml", "glider.toml"])
@@ -125,8 +125,10 @@ def test_a_changed_file_of_avl_has_a_warning(line, tmp_path):
     assert any(word in warning for warning in warnings)
 
 
-def test_derivatives_by_speed_are_doubted_far_from_their_condition():
-    """CT_u is reported where the speed is more than about 10 % from that of the table, 220.1 ft/s."""
+def test_a_derivative_by_speed_has_a_warning_far_from_its_speed():
+    """The Cessna's CT_u is reported where the speed is more than about 10 % from that of its table,
+    220.1 ft/s.
+    """
     plane = hfa.load_model(f"{ROOT}/examples/cessna182.toml")
     for speed, is_far in ((195.0, True), (200.0, False), (240.0, False), (245.0, True)):
         title = hfa.trim(plane, speed=speed).report().title

@@ -16,7 +16,7 @@ from hfa import TrimCondition, trim
 
 UAV = f"{ROOT}/examples/uav.toml"
 #: Airspeed -> its formula of `six_dof.py`: (true airspeed in m/s, air) -> airspeed in kt, or Mach.
-OWN = {
+FORMULAS = {
     "kcas": calibrated,
     "keas": equivalent,
     "ktas": lambda speed, at: speed / KNOT,
@@ -29,16 +29,16 @@ def uav():
     return tool.load_model(UAV)
 
 
-@pytest.mark.parametrize("name", OWN)
-@pytest.mark.parametrize(("altitude", "warmer"), [(3000.0, 15.0)])
-def test_an_imposed_airspeed_is_that_of_the_flight(name, altitude, warmer, uav):
-    """The speed, dynamic pressure and Mach number of a trim belong to the imposed airspeed.
+@pytest.mark.parametrize("name", FORMULAS)
+def test_an_imposed_airspeed_gives_the_true_airspeed(name, uav):
+    """The calibrated, equivalent or true airspeed, or the Mach number, of a flight at 33 m/s is computed by a
+    formula of the tests and imposed: the trim is at 33 m/s, with its dynamic pressure and Mach number.
 
-    The airspeed of a flight at 33 m/s is imposed, by the formula of `OWN`.
+    The air is 15 K warmer than the standard atmosphere.
     """
-    there = air(altitude, warmer)
-    value = OWN[name](33.0, there)
-    point = trim(uav.with_parameters(isa=warmer), hold={name: value, "altitude": altitude})
+    there = air(3000.0, warmer=15.0)
+    value = FORMULAS[name](33.0, there)
+    point = trim(uav.with_parameters(isa=15.0), hold={name: value, "altitude": 3000.0})
     assert point["speed"] == pytest.approx(33.0, rel=3e-5)
     outputs = point["dynamic_pressure"], point["mach"]
     expected = 0.5 * there.density * 33.0**2, 33.0 / there.sound
@@ -57,9 +57,8 @@ def test_a_sweep_imposes_airspeeds_at_each_altitude(uav):
 
 @pytest.mark.parametrize("source", ["HFA", "f16.py:F16"])
 def test_other_aircraft_with_altitude_and_speed_have_airspeeds(source):
-    """An imposed equivalent airspeed gives the paper's aircraft, and one in Python, its speed.
-
-    So does the calibrated airspeed of the sheet, where the aircraft has a dynamic pressure.
+    """The paper's aircraft and the F-16, an aircraft in Python, have their usual speed in a trim with its
+    equivalent airspeed imposed and, if they have a dynamic pressure, its calibrated airspeed.
     """
     model = tool.aircraft() if source == "HFA" else tool.load_model(f"{ROOT}/examples/{source}")
     usual = trim(model)
@@ -75,11 +74,14 @@ def test_other_aircraft_with_altitude_and_speed_have_airspeeds(source):
         assert again[speed] == pytest.approx(point[speed], rel=1e-9)
 
 
-def test_texts_with_units_are_read_alike_everywhere(uav):
-    """Texts with units are the same values in Python, on the command line and in a table.
+#: 3000 ft of geopotential altitude, with the radius of the standard atmosphere, m.
+AT_FL030 = 6356766.0 * 914.4 / (6356766.0 - 914.4)
 
-    Python takes them in trims, conditions, parameters and sweeps. A flight level is a pressure
-    altitude.
+
+def test_a_trim_reads_texts_with_units(uav):
+    """A trim in Python and `hfa trim` read texts with units as the numbers that they are.
+
+    A flight level is a pressure altitude: FL030 is 3000 ft of geopotential altitude.
     """
     typed = {"kcas": "70 mph", "altitude": "FL030", "gamma": "2 deg"}
     point = trim(uav, hold=typed)
@@ -87,14 +89,16 @@ def test_texts_with_units_are_read_alike_everywhere(uav):
     run = hfa("trim", "--aircraft", UAV, "--json", *" ".join(words).split())
     found = json.loads(run.out)["operating_point"]["states"]
     assert found == pytest.approx(point.states._asdict(), rel=1e-12, abs=1e-15)
-    # 3000 ft of geopotential altitude, with the radius of the standard atmosphere, m.
-    at_fl030 = 6356766.0 * 914.4 / (6356766.0 - 914.4)
     kcas = 70.0 * 1609.344 / 1852.0
-    in_numbers = trim(uav, kcas=kcas, altitude=at_fl030, gamma=math.radians(2.0))
+    in_numbers = trim(uav, kcas=kcas, altitude=AT_FL030, gamma=math.radians(2.0))
     assert point["speed"] == pytest.approx(in_numbers["speed"], rel=1e-12)
+
+
+def test_tables_parameters_conditions_and_sweeps_read_texts_with_units(uav):
+    """Texts with units are values also in a table, a parameter, a trim condition and a sweep."""
     table = tomllib.loads(Path(UAV).read_text("utf-8"))
     table["condition"]["altitude"] = "FL030"
-    assert trim(tool.from_derivatives(table))["altitude"] == pytest.approx(at_fl030)
+    assert trim(tool.from_derivatives(table))["altitude"] == pytest.approx(AT_FL030)
     # ICAO's table of the standard atmosphere: 238.42 hPa at FL350.
     assert air(uav.number("altitude", "FL350")).pressure == pytest.approx(23842.0, rel=2e-5)
     assert uav.with_parameters(mass="30 lbm").parameters["mass"].start == pytest.approx(13.6077711)
@@ -133,7 +137,9 @@ def test_wrong_temperature_deviations_are_refused(words, message):
     assert_refused(hfa("trim", "--aircraft", UAV, *words.split()), 2, message)
 
 
-def test_aircraft_with_air_of_their_own_have_no_deviation():
-    """--isa of an aircraft whose equations have their own air is refused."""
+def test_a_temperature_deviation_is_refused_if_the_equations_compute_the_air():
+    """--isa, a deviation from the standard temperature, is refused for the F-16, whose equations have their
+    own air.
+    """
     run = hfa("trim", "--aircraft", f"{ROOT}/examples/f16.py:F16", "--isa", "15")
     assert_refused(run, 2, "has air of its own")

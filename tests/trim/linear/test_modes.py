@@ -153,8 +153,7 @@ def test_modes_are_named_also_if_states_have_a_prefix(prefix, named):
     states = {f"{prefix}{name}": hfa.Signal(unit) for name, unit in units.items()}
 
     def equations(x, u, *_):
-        values = list(x)
-        rates = [sum(a * value for a, value in zip(row, values, strict=True)) for row in A]
+        rates = [sum(a * value for a, value in zip(row, x, strict=True)) for row in A]
         rates[-1] += u.elevator
         return dict(zip(states, rates, strict=True)), {}
 
