@@ -398,12 +398,12 @@ def _data_change(enclosure: Enclosure) -> float:
     is_known = sizes > np.diag(radii(P_balls))  # other P_ii may be 0
     W = np.diag(np.where(is_known, 1.0 / np.where(is_known, sizes, 1.0), 0.0))
     equation, proved_P, gains = enclosure.proved
-    F = midpoints(equation.loop(proved_P, gains))
-    T = T_inverse = np.eye(len(F))
+    loop = equation.loop(proved_P, gains)
+    F, T, T_inverse = midpoints(loop), np.eye(len(P)), np.eye(len(P))
     if exact_T is not None:
         T, T_inverse = midpoints(exact_T), midpoints(exact_T.inv())
-    transposed, T_W_T = ball_matrix(F.T), ball_matrix(T @ W @ T.T)
-    T_V_T = midpoints(solved_in_bits(transposed, T_W_T, is_discrete=equation.is_discrete))
+    T_W_T = ball_matrix(T @ W @ T.T)
+    T_V_T = midpoints(solved_in_bits(loop.transpose(), T_W_T, is_discrete=equation.is_discrete))
     V = T_inverse @ T_V_T @ T_inverse.T
     of_F = P @ (T_inverse @ F @ T @ V if equation.is_discrete else V)
     twice = 2.0 * math.sqrt(game.discount) * of_F

@@ -176,7 +176,7 @@ def solved_in_bits(
 ) -> arb_mat:
     """Return a candidate for D of F'D + D F + C = 0, in discrete time of F'D F - D + C = 0.
 
-    In doubles, corrected by residuals in balls until one is a hundredth of C; in bits if they do
+    In doubles, corrected by residuals in balls until one is a millionth of C; in bits if they do
     not shrink.
 
     F, C: (n, n), of which only the midpoints count
@@ -191,7 +191,7 @@ def solved_in_bits(
         for _ in range(NEWTON_STEPS):
             D = (D + ball_matrix(solver.solve(-midpoints(rest)))).mid()
             before, rest = rest, change_along(F, D, is_discrete=is_discrete) + C
-            if norm(rest) < norm(C) * 0.01:
+            if norm(rest) < norm(C) * 1e-6:
                 return D
             if not norm(rest) < norm(before) * 0.5:
                 break
