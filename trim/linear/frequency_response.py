@@ -33,11 +33,11 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     of_states, of_costates = np.split(np.log2(scaling), 2)
     # The nearest symplectic scaling: that of the costates is the inverse of that of the states.
     units = np.exp2(np.round(0.5 * (of_states - of_costates)))
-    if not Q.any() and S.any() and A.any():
+    if not Q.any() and S.any() and A.any():  # balanced also in units that are f times as large
         S_in_units = S / np.outer(units, units)
         A_in_units = A * units / units[:, None]
         with np.errstate(all="ignore"):
-            # Units that are f times as large divide S by f², and leave A.
+            # They divide S by f², and leave A.
             logarithm = np.log2(np.abs(S_in_units).max()) - np.log2(np.abs(A_in_units).max())
             units = units * np.exp2(np.round(0.5 * logarithm))
     return units

@@ -83,7 +83,7 @@ def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
             row = rows[place]
             unit = model.rate_unit(row.name) if row.is_rate else model.unit(row.name)
             text = f"{row.name} by {residuals[place] * row.scale:.3g} {unit}"
-            texts.append(text.removesuffix(" 1"))
+            texts.append(text.removesuffix(" 1"))  # without a unit
     return texts
 
 
@@ -284,10 +284,10 @@ def _trim_of_parameters(
 ) -> OperatingPoint:
     """Return the trim of a condition that sets parameters free, at the parameters that it needs."""
     names = freed_parameters(condition)
-    wide = with_parameters_as_inputs(model, names)
+    extended = with_parameters_as_inputs(model, names)
     others = tuple(name for name in condition.freed if name not in names)
     try:
-        point = trim(wide, replace(condition, model=wide, freed=others), start)
+        point = trim(extended, replace(condition, model=extended, freed=others), start)
     except TrimError as error:
         attempt = with_found_parameters(error.attempt, model, condition)
         raise TrimError(str(error), attempt, error.required) from error

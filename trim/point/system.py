@@ -463,7 +463,7 @@ def parameters_at(model: Model, count: int, columns: Mapping[str, np.ndarray]) -
     """Return the parameters of a model at N points, (N, number of parameters).
 
     count: N
-    columns: name -> values (N,); one of a parameter replaces the model's value
+    columns: name -> values (N,), which replace the model's value if the name is a parameter
     """
     table = np.tile(model.p, (count, 1))
     for place, name in enumerate(model.parameters):
@@ -483,6 +483,6 @@ def declared_start(model: Model, imposed: Mapping[str, Any]) -> dict[str, float]
     values = {name: model.signals[name].start for name in model.variables}
     if model.trimming.begin is None:
         return values
-    held = {name: signal.start for name, signal in model.parameters.items()}
-    begun = model.trimming.initial({**held, **imposed})
-    return values | {name: float(begun[name]) for name in begun if name in values}
+    parameters = {name: signal.start for name, signal in model.parameters.items()}
+    computed = model.trimming.initial({**parameters, **imposed})
+    return values | {name: float(computed[name]) for name in computed if name in values}

@@ -150,7 +150,7 @@ def _paired(A: np.ndarray, nominal: np.ndarray, pairs: np.ndarray) -> _Paired:
     values[:1] = _modes(A[:1], nominal).values  # of a single point, which has no pair
     matches = np.empty((len(pairs), A.shape[1]), dtype=int)
     gains = np.empty(len(pairs))
-    by_point = np.argsort(pairs.max(axis=1), kind="stable")
+    by_point = np.argsort(pairs.max(axis=1), kind="stable")  # so that a chunk has few points
     for begin in range(0, len(pairs), _AT_ONCE):
         rows = by_point[begin : begin + _AT_ONCE]
         points, places = np.unique(pairs[rows], return_inverse=True)
@@ -227,8 +227,8 @@ def neighbors_in_grid(sizes: list[int], trimmed: np.ndarray) -> np.ndarray:
     index = np.arange(trimmed.size).reshape(sizes)
     pairs = []
     for axis, size in enumerate(sizes):
-        along = np.moveaxis(index, axis, -1).ravel()
-        line = np.arange(trimmed.size) // size
+        along = np.moveaxis(index, axis, -1).ravel()  # all points, line after line along the axis
+        line = np.arange(trimmed.size) // size  # number of the line of each
         kept = trimmed[along]
         along = along[kept]
         line = line[kept]

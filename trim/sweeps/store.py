@@ -172,16 +172,18 @@ def _template(plan: SweepPlan) -> Any:
         "flag_values": list(range(len(STATUS))),
         "flag_meanings": " ".join(word.replace(" ", "_") for word in STATUS),
     }
-    about = {"long_name": "entries of A and B at a nonsmooth point"}
-    slow = {
+    nonsmooth = {"long_name": "entries of A and B at a nonsmooth point"}
+    one_by_one = {
         "long_name": "1 where the point was trimmed separately, which is a thousand times slower"
     }
     fill_status = np.int8(MISSING)
     arrays["status"] = template_variable((_POINT,), (plan.count,), fill_status, chunk, status)
     arrays["nonsmooth_points"] = template_variable(
-        (_POINT,), (plan.count,), np.int16(-1), chunk, about
+        (_POINT,), (plan.count,), np.int16(-1), chunk, nonsmooth
     )
-    arrays["one_by_one"] = template_variable((_POINT,), (plan.count,), np.int8(0), chunk, slow)
+    arrays["one_by_one"] = template_variable(
+        (_POINT,), (plan.count,), np.int8(0), chunk, one_by_one
+    )
 
     coordinates: dict[str, Any] = dict(coordinates_of(plan.condition))
     for name, unit in zip(plan.variables, plan.units, strict=True):

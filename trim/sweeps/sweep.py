@@ -43,9 +43,9 @@ def run_points(
     """Return the results of a sweep for N of its points, name -> array, with A (N, k, k) and B
     (N, k, m) of the k linear states.
 
-    The names are those of `Points`, of the variables, and "values" and "nonsmooth_points", their
-    number. Two are mappings from the number of a point: `failures` contains the reason for a
-    missing trim, and `nonsmooth_notes` the notes on nonsmooth points.
+    The names are those of `Points` and of the variables, "values", and "nonsmooth_points", the
+    number of notes at each point. Two are mappings from the number of a point: `failures` contains
+    the reason for a missing trim, and `nonsmooth_notes` the notes on nonsmooth points.
 
     variables: names of the columns of values
     values: (N, number of variables)

@@ -36,7 +36,10 @@ class SweepArray(NamedTuple):
 
 
 def arrays_of(model: Model) -> dict[str, SweepArray]:
-    """Return the arrays of a sweep, name -> array. A and B are those of the linear states."""
+    """Return the arrays of a sweep, name -> axes, attributes, and value of an entry not computed.
+
+    A and B are those of the linear states. The default value is nan.
+    """
     columns = "fastest first in a Zarr store, otherwise one mode in each column"
     return {
         "states": SweepArray(("state",), {"long_name": "X0", "units_of": "state_unit"}),
