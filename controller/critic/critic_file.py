@@ -396,7 +396,8 @@ def part_by_shape(
     n, m = game.B.shape
     shapes = {"P": (n, n), "K": (m, n)}
     fitting = [name for name, shape in shapes.items() if array.shape == shape]
-    if m == 1 and array.shape == (n,) != (n * (n + 1) // 2,):  # not as many as weights
+    # A vector of n numbers is K, unless a quadratic basis has n weights: for n = 1.
+    if m == 1 and array.shape == (n,) != (n * (n + 1) // 2,):
         fitting = ["K"]
     if not fitting and max(array.shape, default=1) == math.prod(array.shape):
         fitting = ["W"]
@@ -447,7 +448,8 @@ def single_parts(
                 f"{name} has shape {values.shape}; give W as a row or column, P and K as matrices"
             )
         shaped = values.reshape(-1) if name == "W" else values
-        if name == "K" and values.ndim == 1 and len(scales.inputs) <= 1:  # 0 if not known
+        # One input. `scales` has none if they are not known.
+        if name == "K" and values.ndim == 1 and len(scales.inputs) <= 1:
             shaped = values[None]
         parts[name] = checked_matrix(name, shaped, LARGEST_CRITIC_ENTRY, DIMENSIONS[name])
     return in_plant_units(parts, scales, basis)

@@ -104,8 +104,9 @@ def refuse_nonsmooth(linear: LinearModel) -> None:
             "series; use an aircraft with smooth equations, or leave out the order"
         )
     point = linear.point
-    trims_near, columns = near_switches(model, point.x[None], point.u[None], model.p[None])
-    if trims_near.size:  # the only one, the trim
+    # Indices of the points near a switch: that of the trim, or none.
+    points_near, columns = near_switches(model, point.x[None], point.u[None], model.p[None])
+    if points_near.size:
         signals = [(*model.states, *model.inputs)[column] for column in columns]
         raise BadInputError(
             f"{model.title}: |.|, min, max or a comparison of {', '.join(signals)} switches at the "

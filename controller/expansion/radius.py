@@ -108,10 +108,10 @@ def flown_until_decayed(
         """
         z_now = flown.states[:, -1, :-1]  # without the cost
         value = quadratic_forms(z_now, P)
-        first = initial[flown.flights]
+        at_start = initial[flown.flights]
         mask = np.zeros(flown.states.shape[:2], dtype=bool)
-        is_far = ~(value <= FAR_OF_EXPANSION * first)  # so is a nan
-        mask[:, -1] = has_decayed(value, first, OF_EXPANSION) | is_far
+        is_far = ~(value <= FAR_OF_EXPANSION * at_start)  # so is a nan
+        mask[:, -1] = has_decayed(value, at_start, OF_EXPANSION) | is_far
         return mask
 
     starts = np.column_stack([z0, np.zeros(len(z0))])  # rows (z, cost)
@@ -204,7 +204,14 @@ def _relative_errors(values: np.ndarray, costs: np.ndarray) -> np.ndarray:
 
 
 class _Search:
-    """Search for the radius of values of one expansion."""
+    """Search for the radius of values of one expansion.
+
+    States are given by y = root'z, so that z'Pz = |y|². Flights agree with a value if its errors
+    are at most `SHARE`.
+
+    flights: simulated costs of both players
+    directions: unit vectors y, along which flights begin, (N, n)
+    """
 
     def __init__(self, expansion: Expansion) -> None:
         """Choose the directions of the flights: random ones, and those of the largest terms."""
@@ -258,8 +265,8 @@ class _Search:
     def _guess(self, degree: int) -> float:
         """Return the size s = √(z'Pz) at which the next term of V has the permitted share of V2.
 
-        V2 is s², and the term of degree d is at most largest s^d. The error of the whole V is
-        guessed from its last term.
+        V2 is s², and the term of degree d is at most largest s^d: largest s^(d-2) = SHARE. The
+        error of the whole V, which has no next term, is guessed from its last term.
         """
         nonzero = {d: largest for d, largest in self._largest_terms.items() if largest > 0.0}
         if not nonzero:

@@ -124,7 +124,7 @@ class Rays:
             derivative = ca.jacobian(derivative, t)
             f.append(ca.substitute(derivative, t, 0) / math.factorial(order))
             # The coefficient k + 1 of λ'F is λ1'f_k + λ2'f_(k-1) + ... + λk'f1. Its derivative with
-            # respect to u1, which acts as t u1, is the coefficient g_k of that of λ'F to u.
+            # respect to u1, which acts as t u1, is the coefficient g_k of ∂(λ'F)/∂u.
             terms = zip(f, reversed(gradients[:order]), strict=True)
             product = sum((ca.dot(rate, gradient) for rate, gradient in terms), ca.SX(0))
             arguments = [z, *u[:order], *gradients[:order]]
@@ -204,7 +204,8 @@ class Series:
         """Find the next terms, V_d and u_{d-1}."""
         d = len(self.value) + 2
         gradients = [*self._gradients_in_z, np.zeros_like(self._z)]  # the unknown V_d as 0
-        inputs = [*self._inputs, np.zeros_like(self._inputs[0])]  # u_{d-1} does not occur
+        # u_{d-1} may be 0: the equation has it times 2 R u1 + 2 N'z + B'λ1, which is 0.
+        inputs = [*self._inputs, np.zeros_like(self._inputs[0])]
         known, _ = coefficient(self._game, self._rays, self._z, inputs, gradients)
         n = len(self.root)
         slopes = _slopes(self._y, d, self._y @ self._loop_in_y.T)  # ∂V_d/∂y y' of the linear loop
@@ -234,9 +235,9 @@ def coefficient(
     gradients: ∂V2/∂z ... ∂V_d/∂z on the rays, (n, N) each
     """
     last_order = len(gradients)  # d - 1
-    # The worst disturbance is δ w = E'λ / 2δ, for which λ'E w - δ² w'w = δ² w'w. Of the equation
-    # λ'F + u'Ru + δ²w'w + 2 z'Nu + z'Qz, add the products of a factor of order k and one of order
-    # d - k, k = 1 ... d - 1. The k-th entry of a list has the index k - 1.
+    # With λ = ∂V/∂z, the worst disturbance is δ w = E'λ / 2δ, for which λ'E w - δ² w'w = δ² w'w. Of
+    # the equation λ'F + u'Ru + δ²w'w + 2 z'Nu + z'Qz, add the products of a factor of order k and
+    # one of order d - k, k = 1 ... d - 1. The entry of order k in a list has the index k - 1.
     products: list[np.ndarray] = []
     delta_w = [game.E.T @ gradient_in_z / (2.0 * game.delta) for gradient_in_z in gradients]
     for k in range(1, last_order + 1):
@@ -294,7 +295,9 @@ def gradient(y: np.ndarray, degree: int, weights: np.ndarray) -> np.ndarray:
 
 
 def _slopes(y: np.ndarray, degree: int, y_rates: np.ndarray) -> np.ndarray:
-    """Return the derivatives (N, M) of all scaled monomials of a degree at N points y along rates.
+    """Return the derivatives of all scaled monomials of a degree at N points y, (N, M).
+
+    They are along y_rates: the rate of each monomial if y changes at these rates.
 
     y, y_rates: (N, n) each
     """

@@ -40,8 +40,15 @@ class Bands(NamedTuple):
 
 
 class PlantFit:
-    """Fit M (n, s) of ends = M [x; u; d] to the transitions of a game.
+    """Least-squares fit M (n, s) of ends = M [x; u; d] to the transitions of a game.
 
+    The ends are rates, or the states after a step, in which u and d are constant.
+
+    user_game: the game of the user, with any A and B; `game` has those of the fit
+    scales: root mean squares of the columns of [x u d], (s,)
+    scaled_begins: [x u d] / scales, (N, s)
+    matrix: M
+    residuals: ends - M [x; u; d], (N, n)
     covariance: of the residuals of the states, (n, n)
     noise: their standard deviations, (n,)
     misfit: largest ratio of a state's residuals to its ends, both as root mean squares
@@ -111,6 +118,7 @@ class PlantFit:
         follows = self.transitions.follows
         return DataSummary(
             rows=len(follows),
+            # A transition that follows no other is the first of an episode.
             episodes=int(np.sum(~follows)) if follows.any() else 0,
             excitation=self.excitation,
             misfit=self.misfit,
@@ -164,7 +172,8 @@ class PlantFit:
         for place, name in enumerate(self.user_game.names.inputs, start=n):
             if np.any(np.abs(self.matrix[:, place]) > bands[:, place]):
                 continue
-            of_input = self.scaled_begins[:, place]  # its mean square is 1
+            # The share of the input that is no linear function of x: the scaled one has the size 1.
+            of_input = self.scaled_begins[:, place]
             share = root_mean_square(_beyond(self.scaled_begins[:, :n], of_input))
             raise BadInputError(
                 f"the data show no effect of {name} in 95 % bands: {100.0 * share:.2g} % of it is "
@@ -234,7 +243,7 @@ class PlantFit:
         assert hold is not None  # the fit is of steps
         exponent = np.zeros((s, s))
         exponent[:n] = hold * rates
-        changes = hold * np.eye(n * s, s * s).reshape(-1, s, s)  # each of one rate's entry by 1
+        changes = hold * np.eye(n * s, s * s).reshape(-1, s, s)  # of [A B E], one entry by 1
         return np.column_stack(
             [expm_frechet(exponent, change, compute_expm=False)[:n].ravel() for change in changes]
         )

@@ -48,7 +48,15 @@ class Problem(NamedTuple):
 
 
 class Iteration(Samples):
-    """Policy iteration on the samples of a game, with a quadratic basis."""
+    """Policy iteration on the samples of a game, with a quadratic basis.
+
+    The policies u = -R⁻¹B'P z and d = s δ⁻²E'P z of a P have the loop z' = (A - S_s P) z. The
+    weights W of their value z'P⁺z = W'ψ(z), with the discount β, solve at each sample
+
+        W'∂ψ_j (F_j - β z_j - S_s P z_j) = -z_j'(Q + P S_s P) z_j.
+
+    β and s are those of a `Problem`.
+    """
 
     def S(self, problem: Problem) -> np.ndarray:
         """S_s = B R⁻¹B' - s E E'/δ², (n, n)."""
@@ -56,10 +64,10 @@ class Iteration(Samples):
         return game.S_control - problem.share * game.S_disturbance / game.delta**2
 
     def evaluated(self, P: np.ndarray, problem: Problem) -> np.ndarray:
-        """Return the matrix (n, n) of the value of the policies of P.
+        """Return the matrix P⁺ (n, n) of the value of the policies of P, by least squares.
 
-        The equations are divided by the lengths of their rows, and the weights are those of columns
-        of equal length.
+        For accuracy, each equation is divided by the length of its row, and then each column by its
+        length.
         """
         S = self.S(problem)
         rates = self.drifts - problem.discount * self.states - self.states @ (S @ P).T
@@ -90,7 +98,7 @@ class Iteration(Samples):
         return P if step < SMALL else None
 
     def is_solved(self, P: np.ndarray, problem: Problem) -> bool:
-        """Return whether P >= 0 up to rounding, and the loop of its policies is stable."""
+        """Return whether P >= 0 up to rounding, and A - S_s P - βI is stable."""
         loop = self.game.A - self.S(problem) @ P
         smallest = float(np.linalg.eigvalsh(P)[0])
         is_semidefinite = smallest > -ROUNDED * float(np.abs(P).max())
@@ -106,8 +114,8 @@ def reached(
     """Return P (n, n) of the last problem that was solved on a path of problems, and its share.
 
     The path begins at the share 0, and ends at the share 1. P of a problem begins the iterations of
-    the next one. A problem is solved if they converge to the only P >= 0 for which the policies
-    stabilize the discounted plant (`is_solved`). Otherwise, half the step in the share is tried.
+    the next one. A problem is solved if they converge to the only P >= 0 that stabilizes the
+    discounted plant (`is_solved`). Then the step in the share is doubled, and otherwise halved.
 
     P: its policies stabilize the plant of the problem at the share 0
     problem_at: share -> problem

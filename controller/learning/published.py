@@ -112,7 +112,12 @@ class TheoremGains(NamedTuple):
 
 
 class PublishedLaw(Samples):
-    """Learner of Eq. (46) for `controller.run`, on the samples of a game."""
+    """Learner of Eq. (46) of the paper for `controller.run`, on the samples of a game.
+
+        W' = -γ Σ_j σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)],   ē_j = σ̄_j'W + c̄_j
+
+    with sig^p(x) = |x|^p sign(x). The memory is W, (M,).
+    """
 
     @cached_property
     def linear_residuals(self) -> tuple[np.ndarray, np.ndarray]:

@@ -85,6 +85,12 @@ class QLearner:
     game: the game with the plant that was fitted to the data
     begins: (x, u, w) of the recorded steps, (N, s)
     iterations: number of iterations so far
+    ends: x⁺ of the steps by the fit, (N, n)
+    costs: cost of each step, (N,)
+    scales: root mean squares of the columns of `begins`, (s,)
+    products_of_scales: scales scales', which makes H one of (x, u, w) / scales
+    features: all products of two entries of (x, u, w) / scales, (N, M)
+    pseudoinverse: of the features. Times values of Q at the steps, it is the weights of H
     """
 
     game: Game
@@ -92,11 +98,7 @@ class QLearner:
     iterations: int = 0
 
     def __post_init__(self) -> None:
-        """Compute what all iterations use, with features of (x, u, w) in units of their sizes.
-
-        The least-squares weights of H in these units are `pseudoinverse` times the values of Q
-        at the steps.
-        """
+        """Compute what all iterations use, with features of (x, u, w) in units of their sizes."""
         size = self.begins.shape[1]
         self.scales = root_mean_square(self.begins)
         self.products_of_scales = np.outer(self.scales, self.scales)
@@ -118,7 +120,7 @@ class QLearner:
         is_moderate = bool(np.abs(H).max() <= LARGEST_CRITIC_ENTRY)
         if is_moderate and self.has_saddle(H):
             return H
-        if is_moderate and np.isfinite(self.game.delta):
+        if is_moderate and np.isfinite(self.game.delta):  # no maximum over w
             raise NoSolutionError(
                 f"at delta = {self.game.delta:g}, the disturbance increases the cost "
                 "without bound; choose a larger delta (`hfa solve` reports the smallest)"
@@ -154,7 +156,7 @@ class QLearner:
         """Return whether policy iteration has converged to a stabilizing policy.
 
         The block of H over the states changes by at most `SETTLED`, H has a saddle point, and the
-        fit of the steps, times √α, is stable with K, and with K and L.
+        discounted loop √α (A - B K) of the fit is stable, also with the worst disturbance L x.
 
         before, after: H of consecutive iterations
         """

@@ -425,13 +425,13 @@ def game_of_data(
     sizes: function of the names -> deviations of which Q and R are 1/size² (`weights_of_sizes`)
     weights: Q, R, and optionally delta and N
     """
-    name, entries = next(iter(matrices_in(data, UNNAMED).items()))
+    name, entries = next(iter(matrices_in(data, UNNAMED).items()))  # of the first source
     with prefix_errors(name):
         if "u" not in entries:
             raise BadInputError(f"there is no u{entries_found(entries)}; add it")
         n, m = (np.shape(entries[key])[1] if np.ndim(entries[key]) > 1 else 1 for key in "xu")
         is_continuous = "x_rate" in entries or words(entries, "time") == ("continuous",)
-        dt = None if is_continuous else sample_time(entries) or True
+        dt = None if is_continuous else sample_time(entries) or True  # True if it is not known
         names = PlantNames(origin=name, **{key: words(entries, key) for key in NAME_KEYS})
         if sizes is not None:
             names = names.completed(n, m)
@@ -445,7 +445,11 @@ def game_of_data(
 
 
 class _Source:
-    """Matrices of one file, mapping or table, and the game whose transitions they are."""
+    """Matrices of one file, mapping or table, and the game whose transitions they are.
+
+    entries: "x", "u", "d", "x_next", "x_rate", "time", "dt", "episode", names and units
+    notes: sentences on what is not used or assumed
+    """
 
     def __init__(self, entries: Mapping[str, Any], game: Game) -> None:
         self.entries = entries
@@ -502,7 +506,7 @@ class _Source:
         )
 
     def _matrix(self, key: str, columns: int) -> np.ndarray:
-        """Return an entry as a matrix (N, columns) of finite numbers; 0 columns for any number."""
+        """Return an entry as a matrix of finite numbers, (N, columns); 0 stands for any width."""
         if key not in self.entries:
             raise BadInputError(f"there is no {key}{entries_found(self.entries)}; add it")
         values = checked_matrix(key, self.entries[key], LARGEST, None)
@@ -518,7 +522,7 @@ class _Source:
     def _scales(self) -> FileScales:
         """Return the factors from the game's units to those of the data.
 
-        Notes tell which other names and missing units are taken as those of the game.
+        Other names, and missing units, are taken as those of the game, with a note.
         """
         for matrix, signal in (("x", "state"), ("u", "input")):
             names = getattr(self.game.names, f"{signal}s")

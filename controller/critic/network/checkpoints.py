@@ -464,7 +464,7 @@ def _stored(data: Mapping[str, Any], name: str) -> Any:
 
 
 def _number(entries: Mapping[str, Any], name: str, usual: float | None = None) -> float:
-    """Return a nonnegative number among the entries, or `usual` without it."""
+    """Return an entry that is a number of at least 0, or `usual` without the entry."""
     entry = entries.get(name, usual)
     number = Number(0.0).of(entry.item() if isinstance(entry, np.generic) else entry)
     if number is None:
@@ -490,6 +490,7 @@ def _stored_box(data: Mapping[str, Any], what: str) -> _Box:
     if what == "action" or not isinstance(spaces, dict):
         return _checked_box(space, what, "")
     boxes = {key: _checked_box(part, what, str(key)) for key, part in spaces.items()}
+    # The fields 0 and 1 of a _Box are its low and its high.
     low, high = (np.concatenate([box[end] for box in boxes.values()]) for end in (0, 1))
     names: list[str] = []
     for key, box in boxes.items():
@@ -555,6 +556,7 @@ def _statistics(stored: Inert) -> list[dict[str, Any]]:
     running = getattr(stored, "obs_rms", None)
     if not isinstance(running, dict):
         running = {"observations": running}
+    # In the order of a dictionary of spaces or, without one, of the running means.
     names = getattr(getattr(stored, "observation_space", None), "spaces", running)
     missing = [name for name in names if not isinstance(running.get(name), Inert)]
     if missing or not running:

@@ -293,6 +293,7 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
         is_only_layer = bool(all_words) or sum(array.ndim == 2 for array in tensors.values()) == 1
         if len(layers) == 1 and is_only_layer and inputs == asked.basis_size:
             return  # the weights of a basis, with an input for each function
+        # A policy acts on the states, and not on the inputs too, as a Q does.
         check_width(inputs, asked.states, 0 if kind == "policy" else asked.inputs)
         # Nothing else acts on layers that the user names, or on all observations that a zip states.
         if not is_named and inputs != declared.inputs:

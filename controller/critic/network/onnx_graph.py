@@ -314,7 +314,10 @@ def _array(onnx: Any, tensor: Any) -> np.ndarray:
 
 
 class _Operator:
-    """Node of a graph: evaluated on arrays by the ONNX package, and on rows by `_OPERATORS`."""
+    """Node of a graph: evaluated on arrays by the ONNX package, and on rows by `_OPERATORS`.
+
+    name: type of the operator, such as "Gemm", with its domain unless it is one of ONNX
+    """
 
     def __init__(self, onnx: Any, opsets: Any, node: Any) -> None:
         self._onnx = onnx

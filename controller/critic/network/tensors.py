@@ -311,7 +311,7 @@ def _flax(content: bytes) -> Any:
 
     def array(code: int, data: bytes) -> Any:
         """Return an array, or None for other extensions of flax."""
-        if code != 1:
+        if code != 1:  # the code of an array
             return None
         shape, kind, numbers = msgpack.unpackb(data)
         if kind == "bfloat16":
