@@ -47,8 +47,8 @@ def with_other_dynamics(point: OperatingPoint) -> LinearModel | None:
     """Return the linear model of `newton` dynamics at the condition of a trim of `published`
     dynamics, and the reverse.
 
-    The result is None for further dynamics, in SI units, and if the other dynamics have no trim
-    there.
+    The result is None for further dynamics, for a model in SI units, which was converted from its
+    `native` one, and if the other dynamics have no trim there.
     """
     model = point.model
     if model.name not in VARIANTS or model.native is not model or point.found_by is None:
@@ -112,7 +112,8 @@ def beside(model: LinearModel) -> Beside:
         }
     published = printed_at(model.point)
     printed: list[Table] = []
-    if published is not None and aircraft.source.native is None:  # printed in feet
+    # The paper prints feet; a model in SI units has a native one in feet.
+    if published is not None and aircraft.source.native is None:
         printed.append(comparison_table(model, published))
         data["printed"] = {"A": published.A, "B": published.B}
     return Beside(_accuracy(bands, model, other), others, printed, by_matrix, data)

@@ -117,6 +117,7 @@ def front_view(point: OperatingPoint) -> Figure:
     axes.set_aspect("equal")
     across, upward = 0.02, 0.12  # free shares of the width and the height on each side
     axes.margins(across, upward)
+    # The width of the axes is fixed, and with equal scales their height follows from the content.
     width, height = axes.dataLim.size
     ratio = (1.0 + 2.0 * upward) * height / ((1.0 + 2.0 * across) * width)
     figure.set_figheight(_TITLE_AND_LEGEND + _AXES_WIDTH * ratio)

@@ -172,6 +172,7 @@ def comparison_table(model: LinearModel, published: PublishedModel) -> Table:
 
     published: the printed pair (A, B)
     """
+    # The key "" puts nothing before the names of the entries.
     return entries_table(f"at {published.dihedral_deg:g} deg", {"": compare(model, published)})
 
 
@@ -326,7 +327,6 @@ def entries_at(
     free: indices of the free variables in v
     balanced: indices of the states whose rates remain 0
     """
-    # Imposed values 0 enter the expressions as constants, which makes these shorter.
     zero = tuple(i for i in np.flatnonzero(v == 0.0).tolist() if i not in free)
     results = _derivatives(layout, tuple(free), zero)(v[None], p[None])
     entries, by_free, by_p, rates_by_free, rates_by_p = (result[0] for result in results)
@@ -349,7 +349,8 @@ def _derivatives(layout: Layout, free: tuple[int, ...], zero: tuple[int, ...]) -
     v are the variables of a trim, from which states and inputs follow, f are the rates of all
     states, and ∂v is by the free variables alone.
 
-    free, zero: indices in v of the free variables, and of those that are 0
+    free: indices in v of the free variables
+    zero: indices in v of imposed variables that are 0, constants here, for shorter expressions
     """
     x, u, p = layout.symbols("x", "u", "p")
     f, _ = layout.expressions((x, u, p), ())

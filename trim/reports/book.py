@@ -109,7 +109,7 @@ _KEY_FIGURES = {
     "worst level": "worst level",
 }
 #: Rows of a sheet whose sentences stand below the table of conditions.
-_SAID = ("failure", "stalled", "warnings", "far out", "not determined")
+_ROWS_BELOW_TABLE = ("failure", "stalled", "warnings", "far out", "not determined")
 #: Entries of the configuration on the cover -> label.
 _LOADED = {"mass": "mass", "center_of_gravity": "c.g."} | {
     f"center_of_gravity_{axis}": f"c.g. {axis}" for axis in "xyz"
@@ -165,11 +165,10 @@ def book_of(
     sheets = [condition.report for condition in numbered if condition.point is not None]
     drawn = partial(matrix_figure, conditions)
     figure = Picture("conditions.png", f"{name} at {count} conditions", drawn)
-    has_curves = bool(_panels(conditions))
     return replace(
         overview,
         title=f"{name}, {count} conditions\n{overview.title}",
-        parts=[_matrix(numbered, loaded), *([figure] if has_curves else []), *sheets],
+        parts=[_matrix(numbered, loaded), *([figure] if _panels(conditions) else []), *sheets],
         head={"aircraft": name, **head, **_cover(conditions, loaded, model)},
     )
 
@@ -185,7 +184,10 @@ def _called(conditions: Sequence[Condition]) -> list[str]:
 def _cover(
     conditions: Sequence[Condition], loaded: Sequence[Mapping[str, Quantity]], model: Model
 ) -> dict[str, str]:
-    """Return label -> text of mass, center of gravity, class, category, atmosphere and failures."""
+    """Return label -> text of mass, center of gravity, class, category, atmosphere and failures.
+
+    loaded: configuration of each condition, {} without a trim
+    """
     texts = {}
     for name, label in _LOADED.items():
         points_and_entries = [
@@ -258,7 +260,7 @@ def _column(cells: Sequence[Any]) -> list[str]:
     numbers = [cell for cell in cells if isinstance(cell, _Number)]
     shown = [float(shown_values(number.value, number.unit)) for number in numbers]
     # The largest number has `figures` significant digits.
-    largest = max(map(abs, shown), default=0.0)
+    largest = max(filter(math.isfinite, map(abs, shown)), default=0.0)
     before_point = math.floor(math.log10(largest)) + 1 if largest else 0
     decimals = max(0, numbers[0].figures - before_point) if largest else 0
     while decimals and all(
@@ -316,7 +318,7 @@ def _matrix(
             }
         )
         rows = condition.rows
-        sentences = [str(rows[name].value) for name in _SAID if name in rows]
+        sentences = [str(rows[name].value) for name in _ROWS_BELOW_TABLE if name in rows]
         if sentences:
             notes.append(f"{called}: {'; '.join(sentences)}")
     header = tuple(dict.fromkeys(name for entry in entries for name in entry))
@@ -373,13 +375,16 @@ def _figure_cells(condition: Condition, controls: Sequence[str]) -> dict[str, An
     for name in controls:
         margin = point.margins[name]
         cells[with_shown_unit(name, margin.unit)] = _Number(
-            margin.value, margin.unit, 100.0 * margin.used, "bad" if margin.at_limit else ""
+            margin.value,
+            margin.unit,
+            used=100.0 * margin.used,
+            tone="bad" if margin.at_limit else "",
         )
     for heading, name in _KEY_FIGURES.items():
         if row := condition.rows.get(name):
             if name == "worst level":
-                tone = "bad" if row.value != 1 else ""
-                cells[heading] = Cell(f"{row.value} {row.note}".rstrip(), tone)
+                text = f"{row.value} {row.note}".rstrip()
+                cells[heading] = Cell(text, "bad" if row.value != 1 else "")
             else:
                 cells[with_shown_unit(heading, row.unit)] = _Number(row.value, row.unit)
     return cells
@@ -442,13 +447,14 @@ def _panels(conditions: Sequence[Condition]) -> dict[str, dict[str, list[float]]
         ]
         for control in _used_controls(conditions)
     }
-    margins = [
-        math.nan
-        if condition.point is None or "static margin" not in condition.rows
-        else float(condition.rows["static margin"])
-        for condition in conditions
-    ]
-    panels["static margin, chord"] = {"static margin": margins}
+    panels["static margin, chord"] = {
+        "static margin": [
+            math.nan
+            if condition.point is None or "static margin" not in condition.rows
+            else float(condition.rows["static margin"])
+            for condition in conditions
+        ]
+    }
     drawn = {}
     for label, lines in panels.items():
         known = {name: line for name, line in lines.items() if not all(map(math.isnan, line))}

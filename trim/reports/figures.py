@@ -183,6 +183,7 @@ def other_outputs(trimmed: Trimmed, rows: Iterable[Row | Lacking]) -> Iterator[R
     rows: rows of the loads
     """
     model = trimmed.point.model
+    # Imposed outputs are rows of the variables. Names of rows have blanks, "thrust force".
     known = {*_SHOWN_ELSEWHERE, *model.variables, *trimmed.point.trim_problem.asked.imposed}
     known |= {row.name.replace(" ", "_") for row in rows}
     others = tuple(name for name in model.outputs if name not in known)
@@ -196,8 +197,10 @@ def lift_and_drag(trimmed: Trimmed) -> Iterator[Row | Lacking]:
         yield Lacking("L/D", reason)
         yield Lacking("power required", reason)
     else:
-        reason = trimmed.lacks(nonzero=("drag",))
-        yield Lacking("L/D", reason) if reason else Row("L/D", trimmed["lift"] / trimmed["drag"])
+        no_ratio = trimmed.lacks(nonzero=("drag",))
+        yield (
+            Lacking("L/D", no_ratio) if no_ratio else Row("L/D", trimmed["lift"] / trimmed["drag"])
+        )
         unit = f"{trimmed.unit('drag')} {trimmed.unit(speed)}"
         shown, factor = _POWERS.get(unit, (unit, 1.0))
         yield Row("power required", trimmed["drag"] * trimmed[speed] * factor, shown)
@@ -244,6 +247,8 @@ def stall(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     yield Row("largest lift coefficient", largest.lift / force, note=largest.where)
     if largest.lift <= 0.0:
         return
+
+    # Speed over stall speed: lift is proportional to V².
     outputs = trimmed.model.outputs
     weight = trimmed["weight"] if "weight" in outputs else math.nan
     if largest.trim_is_beyond:
@@ -253,15 +258,17 @@ def stall(trimmed: Trimmed) -> Iterator[Row | Lacking]:
         yield Row(_SPEED_RATIO, ratio, note="V/Vs, stall at 1 g")
         load = trimmed["load_factor"] if "load_factor" in outputs else 1.0
         if load > 0.0 and abs(load - 1.0) > _LOAD:
-            at_load = "V/Vs, stall at this load factor"
-            yield Row(f"{_SPEED_RATIO} at n", ratio / math.sqrt(load), note=at_load)
+            at_load = ratio / math.sqrt(load)
+            yield Row(f"{_SPEED_RATIO} at n", at_load, note="V/Vs, stall at this load factor")
     elif trimmed["lift"] > 0.0:
         ratio = math.sqrt(largest.lift / trimmed["lift"])
         yield Row(_SPEED_RATIO, ratio, note="V/Vs, stall at this lift")
+
+    # Stall speed at 1 g, as equivalent airspeed if the air is known.
     speed = trimmed.roles["speed"]
     knots = conversion_factor(trimmed.unit(speed), "kt")
     if weight > 0.0 and knots is not None:
-        stall_per_speed = math.sqrt(weight / largest.lift)  # lift is proportional to V²
+        stall_per_speed = math.sqrt(weight / largest.lift)
         true = trimmed[speed] * knots * stall_per_speed
         pressure = dynamic_pressure(trimmed)
         shown, note = true, "Vs, KTAS"

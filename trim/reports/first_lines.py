@@ -27,8 +27,8 @@ from trim.reports.figures import stall_lines
 from trim.reports.trimmed import Trimmed, named_value_text, value_text
 from trim.reports.warnings import warnings_of
 
-#: Difference of load factors that is said: that of a bank of 8 deg.
-_LOAD = 1e-2
+#: Difference of load factors that is stated: that of a bank of 8 deg.
+_STATED_DIFFERENCE = 1e-2
 #: Names of inputs and parameters that belong to one of several engines.
 _ENGINE = re.compile(r"(throttle|thrust|power|engine)_?(?P<number>\d+|left|right)")
 #: Largest numbers of imposed values and of modes in first lines.
@@ -134,7 +134,8 @@ def condition_words(trimmed: Trimmed) -> Iterator[str]:
         yield from (named_value_text(point, name) for name in [*imposed][:_MOST_VALUES])
     if condition is not None:
         for name in freed_parameters(condition):
-            if name != ISA:  # `_flight_words` states it
+            # The model of a trim has the value found as start value. `_flight_words` states ISA.
+            if name != ISA:
                 yield f"{name} {value_text(model, name, model.parameters[name].start)}"
         for name, rate in condition.rates.items():
             if rate:
@@ -169,14 +170,16 @@ def _flight_words(
     names = [*changed]
     if "load_factor" in trimmed.model.outputs:
         gamma = 0.0 if math.isnan(trimmed.flight_path) else trimmed.flight_path
-        if abs(trimmed["load_factor"] - math.cos(gamma)) > _LOAD:  # no steady straight flight
+        if (
+            abs(trimmed["load_factor"] - math.cos(gamma)) > _STATED_DIFFERENCE
+        ):  # no steady straight flight
             names.insert(0, "load_factor")
     if model.schedule in (*model.states, *model.inputs):
         names.insert(0, model.schedule)
     engines_out = engines_without_power(trimmed)  # input or switch -> text
-    said = {speed, "altitude", "gamma", "turn_rate", *in_place_of_speed, *engines_out}
+    has_words = {speed, "altitude", "gamma", "turn_rate", *in_place_of_speed, *engines_out}
     for name in dict.fromkeys(names):
-        if name not in said:
+        if name not in has_words:
             yield named_value_text(point, name)
     yield from engines_out.values()
 
@@ -221,15 +224,15 @@ def engines_without_power(trimmed: Trimmed) -> dict[str, str]:
     engines_out: dict[str, str] = {}
     for signals, values, held in (
         (model.inputs, inputs, trimmed.imposed),
-        (model.parameters, switches, switches),
+        (model.parameters, switches, switches),  # the value of each parameter is given
     ):
         engines = {name: match for name in signals if (match := _ENGINE.fullmatch(name))}
         # The shorter name first: throttle9 before throttle10.
         in_order = sorted(engines, key=lambda name: (len(name), name))
         out = {}
         for name, match in engines.items():
-            above = max(values[name] - max(signals[name].min, 0.0), 0.0)
-            if name in held and not without_rounding(above, signals[name].nominal):
+            power = max(values[name] - max(signals[name].min, 0.0), 0.0)
+            if name in held and not without_rounding(power, signals[name].nominal):
                 side = match["number"]  # a number or a side
                 engine = in_order.index(name) + 1 if side.isdigit() else side
                 out[name] = f"engine {engine} out ({name})"

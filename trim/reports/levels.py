@@ -161,25 +161,26 @@ def _rules(airplane: Airplane, qualities: Mapping[str, float]) -> dict[str, _Rul
 
     qualities: name -> value, on which the limits of some qualities depend
     """
-    # Level 3 of the phugoid is a time to double of 55 s, ln 2/(-ζω). Category A excludes a coupled
-    # roll.
+    # A least value of -inf lets any value have the level, and one of inf none.
     class_, category = airplane
     is_b, is_agile = category == "B", class_ in _AGILE
-    is_fast = class_ in {"A": ("I", "IV"), "B": (), "C": _AGILE}[category]
+    is_strict = class_ in {"A": ("I", "IV"), "B": (), "C": _AGILE}[category]
     cap_1, cap_2 = {"A": (0.28, 0.16), "B": (0.085, 0.038), "C": (0.16, 0.096)}[category]
     damping = [Span(0.3, 2.0) if is_b else Span(0.35, 1.3), Span(0.2 if is_b else 0.25, 2.0)]
-    phugoid = -math.log(2.0) / (55.0 * qualities.get("phugoid frequency", math.inf))
+    # Level 3 of the phugoid is a time to double of 55 s, ln 2/(-ζω).
+    phugoid_3 = -math.log(2.0) / (55.0 * qualities.get("phugoid frequency", math.inf))
+    # Category A permits no coupled oscillation of roll and spiral.
     coupled = ("3.3.1.4", _least(*[math.inf] * 3 if category == "A" else (0.5, 0.3, 0.15)))
     rules: dict[str, _Rule] = {
         "short period damping": ("3.2.2.1.2", [*damping, Span(0.15)]),
         "CAP": ("3.2.2.1.1", [Span(cap_1, 3.6), Span(cap_2, 10.0), Span(cap_2)]),
-        "phugoid damping": ("3.2.1.2", _least(0.04, 0.0, phugoid)),
+        "phugoid damping": ("3.2.1.2", _least(0.04, 0.0, phugoid_3)),
         "dutch roll damping": ("3.3.1.1", _least(0.19 if category == "A" else 0.08, 0.02, 0)),
         "dutch roll damping times frequency": ("3.3.1.1", _products(airplane, qualities)),
-        "dutch roll frequency": ("3.3.1.1", _least(1.0 if is_fast else 0.4, 0.4, 0.4)),
+        "dutch roll frequency": ("3.3.1.1", _least(1.0 if is_strict else 0.4, 0.4, 0.4)),
         "roll time constant": (
             "3.3.1.2",
-            [Span(most=tau) for tau in ((1.0, 1.4, 10.0) if is_fast else (1.4, 3.0, 10.0))],
+            [Span(most=tau) for tau in ((1.0, 1.4, 10.0) if is_strict else (1.4, 3.0, 10.0))],
         ),
         "spiral time to double": ("3.3.1.3", _least(20.0 if is_b else 12.0, 8.0, 4.0)),
         f"roll {_COUPLED}": coupled,
@@ -208,7 +209,7 @@ def _products(airplane: Airplane, qualities: Mapping[str, float]) -> Limits:
     least_1 = {"A": 0.35, "B": 0.15, "C": 0.15 if class_ in _AGILE else 0.1}[category]
     omega = qualities.get("dutch roll frequency", 0.0)
     excess = max(0.0, omega**2 * qualities.get("dutch roll phi/beta", 0.0) - 20.0)
-    least_3 = 0.005 * excess if excess else -math.inf
+    least_3 = 0.005 * excess if excess else -math.inf  # else the standard states no level 3
     products = (least_1 + 0.014 * excess, 0.05 + 0.009 * excess, least_3)
     return _least(
         *(min(product, 0.7 * omega) if class_ == "III" else product for product in products)
@@ -230,8 +231,10 @@ def level_lines(trimmed: Trimmed, airplane: Airplane, rows: Sequence[Row]) -> li
     if not graded_names:
         return [f"{STANDARD}: not in this model: no mode that it has a rule for"]
     reason = f" (by hfa's convention, {why}; --class changes it)" if why else ""
-    category = f"category {chosen.category} (--category changes it)"
-    sentences = [f"{STANDARD}: class {chosen.class_}{reason}, {category}"]
+    sentences = [
+        f"{STANDARD}: class {chosen.class_}{reason}, category {chosen.category} (--category "
+        "changes it)"
+    ]
     # A family is the name of a mode without an addition, such as that of "roll (fast)".
     families = dict.fromkeys(mode.name.partition(" (")[0] for mode in trimmed.modes)
     without_rule = [

@@ -145,7 +145,8 @@ class Conditions(StatesAndInputs, Result, Reported):
     @cached_property
     def levels(self) -> tuple[dict[str, int | None], ...]:
         """Mode -> its worst level by MIL-F-8785C at each condition: 4 for none of the three, None
-        without a limit. The class is the usual one, and the category B.
+        without a limit. The class follows from weight and load factor (`chosen_airplane`), and the
+        category is B.
         """
         return tuple({} if linear is None else _levels(linear) for linear in self.linear)
 
@@ -205,7 +206,8 @@ class Conditions(StatesAndInputs, Result, Reported):
 
     def _named_signals(self) -> dict[str, Any]:
         """Return the entries of files with the names and units of the signals."""
-        # `signals` has the names of the axes of linear models, and "trim_state" is one of trims.
+        # `signals` has the names on axes of linear models. Only axes of trims have an underscore,
+        # "trim_state".
         trims = {f"{axis}_names": names for axis, names in self._axes.items() if "_" in axis}
         units = {f"{axis}_units": self.model.units(names) for axis, names in self._axes.items()}
         return self.signals._asdict() | trims | units
@@ -321,7 +323,8 @@ class Conditions(StatesAndInputs, Result, Reported):
         names = np.full((len(self), n), "", dtype=object)
         levels = np.full((len(self), n), math.nan)
         for row, modes in enumerate(self.modes):
-            each_root = [  # a complex mode has two conjugate roots, a real one is equal to its own
+            # A complex mode has two roots; both entries of the pair of a real one are the same key.
+            each_root = [
                 (root, mode.name, self.levels[row].get(mode.name) or math.nan)
                 for mode in modes
                 for root in dict.fromkeys((mode.eigenvalue, mode.eigenvalue.conjugate()))

@@ -184,8 +184,8 @@ def _margin_row(margin: Margin) -> Row:
 
 
 def _verdict(margin: Margin) -> str:
-    """Return "held there" or "BINDS" of a variable at its limit, which the condition or the trim
-    has put there, or "".
+    """Return "" within the limits, "held there" at a limit at which the condition holds the
+    variable, and "BINDS" at a limit to which the trim has moved a free one.
     """
     if not margin.at_limit:
         return ""
@@ -302,11 +302,11 @@ def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
 
 
 def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane, *, whole: bool) -> list[Row]:
-    """Return rows with stalls, warnings and the worst level.
+    """Return the rows of the group "findings": stalls, warnings and the worst level.
 
     sheet: the other groups of the sheet
-    whole: whether to add what the first lines and the sentences of the groups state, and the limits
-        that are reached
+    whole: whether to add rows that repeat the first lines and the sentences of the groups, and the
+        limits that are reached
     """
     said: dict[str, Iterable[str]] = {  # row -> sentences, or names
         "stalled": stall_lines(trimmed),
@@ -314,14 +314,13 @@ def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane, *, whole: bool)
     }
     if whole:
         point = trimmed.point
-        margins = point.margins.values()
         said |= {
             "not determined": uniqueness_lines(trimmed),
             "far out": point._large_angles,
             "engines out": engines_without_power(trimmed).values(),
             "limits reached": [margin.name for margin in nearest_first(trimmed) if margin.at_limit],
             "assumed limits": [
-                margin.name for margin in margins if margin.nearer and margin.assumed
+                margin.name for margin in point.margins.values() if margin.nearer and margin.assumed
             ],
             "search": [*trimmed.search.sentences, *trimmed.search.unlimited],
             "notes": without_line_numbers(point.warnings),
@@ -338,6 +337,7 @@ def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane, *, whole: bool)
     if levels:
         chosen, why = chosen_airplane(trimmed, airplane)
         worst = max(levels.values(), key=lambda row: row.level or 0)
+        # At level 1, all qualities have the worst level, and none is named.
         named = [name for name, row in levels.items() if row.level == worst.level != 1]
         rows += [
             Row("airplane class", chosen.class_, note=why, rare=True),
@@ -415,7 +415,7 @@ def _data(trimmed: Trimmed, sheet: Sheet) -> dict[str, Any]:
     } | without_empty(
         dihedral_deg=point.dihedral_deg,
         scheduled=point.scheduled,
-        warnings=warnings_of(trimmed),
+        warnings=warnings_of(trimmed),  # in place of the notes, which the sheet has in "notes"
         stalled=stall_lines(trimmed),
     )
 
@@ -477,7 +477,7 @@ _READ_FIRST = {
 }
 #: Ends of the names of further rows that are read first: distances from the condition of the data,
 #: and control gradients.
-_READ_FIRST_TOO = (" from the table's", " per g", " per knot")
+_ENDS_READ_FIRST = (" from the table's", " per g", " per knot")
 
 
 def brief(point: OperatingPoint, airplane: Airplane) -> Report:
@@ -505,15 +505,13 @@ def brief(point: OperatingPoint, airplane: Airplane) -> Report:
             ("modes and levels", [row for row in qualities if (row.level or 1) > 1], ()),
         ]
     sheet = Sheet.of(groups, first=VARIABLES)
-    shown = [group for group in map(_shortened, sheet.groups) if group.rows]
-    modes = f"no modes: {trimmed.fault}"
-    if not trimmed.fault:
-        modes = mode_lines(trimmed.modes, point.model)
+    fault = trimmed.fault
+    modes = f"no modes: {fault}" if fault else mode_lines(trimmed.modes, point.model)
     of_the_file = without_line_numbers(point.model.about.notes)
     all_notes = without_line_numbers(point.warnings)
     notes = [note for note in all_notes if note not in of_the_file]
     adds = "rows" if len(notes) == len(all_notes) else "rows and notes"
-    parts: list[Part] = [*shown]
+    parts: list[Part] = [group for group in map(_shortened, sheet.groups) if group.rows]
     if modes:
         parts.append(modes)
     if trimmed.search.sentences:
@@ -523,8 +521,10 @@ def brief(point: OperatingPoint, airplane: Airplane) -> Report:
 
 
 def read_first(point: OperatingPoint, airplane: Airplane) -> Report:
-    """Return the first lines of a trim with a sheet of the figures that are read first, for a list
-    of trims; the arguments are those of `brief`.
+    """Return the first lines of a trim with a sheet of the few figures that the table of a list of
+    trims shows.
+
+    airplane: class and flight phase category for the levels
     """
     trimmed = Trimmed(point)
     alpha = point.margins.get("alpha")
@@ -560,7 +560,9 @@ def brief_list(report: Report) -> Report:
 
 
 def _shortened(group: Group) -> Group:
-    """Return a group with the rows that are read first: of the variables those that are not 0."""
+    """Return a group with the rows that are read first. Of the variables, these are those that are
+    printed as another value than 0, and the load factor is read if it is not 1.
+    """
     rows = []
     for row in group.rows:
         if group.title == VARIABLES:
@@ -569,7 +571,7 @@ def _shortened(group: Group) -> Group:
             is_read_first = row.cells().value != "1"
         else:
             named = row.name in _READ_FIRST.get(group.title, ())
-            is_read_first = named or bool(row.tone) or row.name.endswith(_READ_FIRST_TOO)
+            is_read_first = named or bool(row.tone) or row.name.endswith(_ENDS_READ_FIRST)
         if is_read_first and not row.rare:
             rows.append(row)
     return group._replace(rows=tuple(rows), lines=_on_stars(rows))

@@ -28,7 +28,7 @@ from trim.point.system import declared_start
 
 #: Smaller scaled residuals are printed as "<= 1e-14": they are about fifty roundings, and differ
 #: between processors.
-_NOISE = 1e-14
+_ROUNDING_RESIDUAL = 1e-14
 
 
 def equations_of(point: OperatingPoint) -> dict[str, dict[str, Any]]:
@@ -62,17 +62,18 @@ def equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]])
     scaled = point.scaled_residuals
     rows = []
     for name, entry in sorted(equations.items(), key=lambda item: item[1]["ok"]):
-        unit = entry["unit"]
         row = [f"rate of {name}" if name in states else name]
         if with_rates:
             rate = entry["imposed"] if name in states else 0.0
             row.append(f"{rate:.6g}")
         scale = entry["tolerance"] / BALANCE
-        row.append(_size_text(entry["residual"], least=_NOISE * scale))
-        row.append(f"{entry['tolerance']:.2e}")
-        row.append(unit)
-        row.append(_size_text(scaled[name], least=_NOISE))
-        row.append(Cell("PASS", "good") if entry["ok"] else Cell("FAIL", "bad"))
+        row += [
+            _size_text(entry["residual"], least=_ROUNDING_RESIDUAL * scale),
+            f"{entry['tolerance']:.2e}",
+            entry["unit"],
+            _size_text(scaled[name], least=_ROUNDING_RESIDUAL),
+            Cell("PASS", "good") if entry["ok"] else Cell("FAIL", "bad"),
+        ]
         rows.append(tuple(row))
     columns = ["equation", "residual", "tolerance", "unit", "scaled", "verdict"]
     if with_rates:
@@ -95,7 +96,7 @@ def balance_row(point: OperatingPoint) -> Row:
     if wrong:
         verdict, tone = f"{wrong} of {count} equations do not balance", "bad"
     note = f"of its scale, tolerance {BALANCE:.0e}: {verdict}"
-    return Row("largest residual", point.residual, note=note, least=_NOISE, tone=tone)
+    return Row("largest residual", point.residual, note=note, least=_ROUNDING_RESIDUAL, tone=tone)
 
 
 def other_trims(problem: TrimProblem, point: OperatingPoint) -> list[OperatingPoint]:
@@ -166,7 +167,7 @@ _ACCURACY = 1e-7
 #: Why a largest lift is unknown: neither is CL_max declared, nor has the lift a maximum over alpha.
 _NO_MAXIMUM = "no CL_max, and lift without a maximum"
 #: Change of the speed between a trim and its neighbors, kt.
-_KNOTS = 0.5
+_SPEED_CHANGE = 0.5
 
 
 def value_text(model: Model, name: str, value: float) -> str:
@@ -309,15 +310,15 @@ class Trimmed:
         """Mass, center of gravity, inertias and sizes as far as known, by name, in the units of the
         condition.
 
-        The values are those of `About.configuration`, which takes and returns units of the
-        aircraft's file, or of parameters, outputs and inputs. Without a mass, it is the weight
-        divided by the gravity.
+        A value is that of `About.configuration`, else that of a parameter, an output or an input
+        with the name of the entry. An unknown mass is the weight divided by the gravity.
         """
         point = self.point
         model = point.model
         native = model.native
         configuration: dict[str, Quantity] = {}
         in_si = native is not model
+        # `About.configuration` takes and returns units of the aircraft's file.
         if native.about.configuration is not None:
             vectors = (
                 model.native_values(tuple(names), vector)
@@ -413,7 +414,7 @@ class Trimmed:
         # state whose rate depends on one other state alone.
         slopes = self.slopes
         names = slopes.states
-        of_motion = {*self.roles.values(), "altitude"}  # also of a model that is no aircraft
+        of_motion = {*self.roles.values(), "altitude"}  # no role without speed and alpha
         for position, row in enumerate(slopes.A):
             depends_on = np.flatnonzero(row)
             is_integral = len(depends_on) == 1 and depends_on[0] != position
@@ -427,7 +428,9 @@ class Trimmed:
 
     @cached_property
     def search(self) -> Search:
-        """What is said on the search for the trim."""
+        """Data of the search for the trim, sentences on its result, and one on variables without
+        limits.
+        """
         point, problem = self.point, self.point.trim_problem
         equations, unknowns = problem.count
         sentences = []
@@ -440,7 +443,8 @@ class Trimmed:
                     "trim with the least Σ (input / scale)² near the initial point"
                 )
         if point.initial_point:
-            reason = failure(problem, problem.newton(problem.clip(problem.system.start)))
+            from_default = problem.newton(problem.clip(problem.system.start))
+            reason = failure(problem, from_default)
             sentences.append(f"From the default initial point: {reason}")
             sentences.append(
                 f"Found from initial point {point.initial_point} of {STARTS} between the limits"
@@ -449,6 +453,7 @@ class Trimmed:
             idle = ", ".join(problem.idle)
             sentences.append(f"Neither held nor determined, kept at the start value: {idle}")
         sentences += [_other_trim(problem, point, other) for other in others]
+
         data = {
             "equations": equations,
             "unknowns": unknowns,
@@ -461,6 +466,7 @@ class Trimmed:
                 {name: other.values[name] for name in problem.free} for other in others
             ],
         }
+
         limits = problem.system.limits
         is_unlimited = np.isinf(limits.lowest) & np.isinf(limits.highest)
         names = ", ".join(problem.free[i] for i in np.flatnonzero(is_unlimited))
@@ -512,13 +518,13 @@ class Trimmed:
         if knot is None or speed not in condition.imposed or name in condition.imposed:
             return None
         values = []
-        for change in (-_KNOTS, _KNOTS):
+        for change in (-_SPEED_CHANGE, _SPEED_CHANGE):
             imposed = {**condition.imposed, speed: point[speed] + change * knot}
             try:
                 values.append(trim(point.model, replace(condition, imposed=imposed), point)[name])
             except (BadInputError, NoSolutionError):  # beyond the limits
                 return None
-        slope = (values[1] - values[0]) / (2.0 * _KNOTS)
+        slope = (values[1] - values[0]) / (2.0 * _SPEED_CHANGE)
         return slope * (conversion_factor(point.model.unit(name), self.unit(name)) or 1.0)
 
     # Thrust and lift.
@@ -537,7 +543,7 @@ class Trimmed:
         if self.fault:
             return "a derivative is not a number"
         by_states, by_inputs = self.slopes.outputs[name]
-        of_motion = {*self.roles.values(), "altitude"}  # also of a model that is no aircraft
+        of_motion = {*self.roles.values(), "altitude"}  # no role without speed and alpha
         for state, slope in zip(model.states, by_states, strict=True):
             if slope and state not in of_motion:  # a state of the engine, which lags its lever
                 return f"the thrust follows the state {state}"
@@ -566,6 +572,7 @@ class Trimmed:
             valid_from, valid_to, _ = model.domain.range[alpha]
             lowest, highest = max(lowest, valid_from), min(highest, valid_to)
         is_limited = math.isfinite(lowest) and math.isfinite(highest)
+
         here = self[alpha]
         above = np.linspace(here, max(highest, here), _ANGLES) if is_limited else None
         lift = self._lift_over(alpha)
@@ -574,6 +581,7 @@ class Trimmed:
             largest = force * self["largest_lift_coefficient"]
             reached_at = math.nan if above is None else _first_at(lift, above, largest)
             return LargestLift(largest, reached_at)
+
         if above is None:
             return _NO_MAXIMUM
         slopes = np.diff(lift(above))

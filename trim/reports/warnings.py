@@ -42,6 +42,7 @@ def configuration_rows(trimmed: Trimmed) -> list[Row | Lacking]:
             angle = row.value * math.radians(full_angle)
             rows.append(Row(f"{row.name} angle", angle, "rad", rare=True))
     if "alpha" in trimmed.roles or not known.keys().isdisjoint(ENTRIES):  # an aircraft
+        # One coordinate is enough: the others may be 0, as the lateral one of most aircraft.
         if not any(name.startswith("center_of_gravity") for name in known):
             rows.append(Lacking("c.g.", ""))
         for name, label in ENTRIES.items():
@@ -98,7 +99,7 @@ _STALLING = 0.7
 #: Largest usual angle of attack, deg.
 _STEEPEST = 60.0
 #: Outputs that are 0 without air.
-_OF_AIR = ("density", "dynamic_pressure", "keas", "kcas")
+_ZERO_WITHOUT_AIR = ("density", "dynamic_pressure", "keas", "kcas")
 #: An aircraft with a smaller speed, as a share of the nominal speed, stands.
 _STANDING = 1e-2
 #: Largest change of the speed, as a share, for which derivatives by the speed are valid.
@@ -106,12 +107,13 @@ _NEAR_SPEED = 0.1
 
 
 def warnings_of(trimmed: Trimmed) -> list[str]:
-    """Return sentences on data and on values of the trim that are probably wrong, which are found
-    at the first call.
+    """Return sentences on data and on values of the trim that are probably wrong. `trimmed` keeps
+    them, because several parts of a report have them.
     """
     if trimmed.warnings is None:
         said = [*trimmed.point.model.warnings, *_warnings_at(trimmed)]
-        if {"Ixx", "Iyy", "Izz"} <= {*trimmed.model.parameters}:  # `--hold` may have changed them
+        # The model has warnings on inertias as loaded, which `--hold` may have changed.
+        if {"Ixx", "Iyy", "Izz"} <= {*trimmed.model.parameters}:
             said.append(_inertia_line(trimmed))
         trimmed.warnings = [*dict.fromkeys(filter(None, said))]
     return trimmed.warnings
@@ -154,13 +156,13 @@ def _warnings_at(trimmed: Trimmed) -> Iterator[str]:
 
 
 def _steep(trimmed: Trimmed) -> str:
-    """Return a sentence on an alpha at which nothing flies, with its cause, or with options of a
-    trim that does.
+    """Return a sentence on an alpha beyond `_STEEPEST`, with its probable cause: no air, angles of
+    the data in degrees, or a condition without a flight, then with the options of a flight.
     """
     point, model = trimmed.point, trimmed.point.model
     without_air = [
         name
-        for name in _OF_AIR
+        for name in _ZERO_WITHOUT_AIR
         if name in model.outputs and not without_rounding(point[name], model.outputs[name].nominal)
     ]
     words = [named_value_text(point, trimmed.roles["alpha"])]
@@ -218,9 +220,9 @@ def _value_in(trimmed: Trimmed, name: str, unit: str) -> float:
 
 
 def _slope_in(trimmed: Trimmed, row: str, column: str, unit: str) -> float:
-    """Return the derivative by the state `column` of the output `row`, in a unit, or of the rate of
-    the state `row`, in this unit per second; nan if it is unknown. States may be named by their
-    roles.
+    """Return a derivative by the state `column`, nan if it is unknown: that of the output `row` in
+    a unit, or that of the rate of the state `row` in this unit per second. States may be named by
+    their roles.
     """
     name, by = trimmed.roles.get(row, row), trimmed.roles.get(column, "")
     if trimmed.fault or not by or name not in trimmed.known:
@@ -237,10 +239,11 @@ def _slope_in(trimmed: Trimmed, row: str, column: str, unit: str) -> float:
 
 
 def _unusual_slope(trimmed: Trimmed) -> str:
-    """Return a sentence on a CL_alpha that no aircraft has, or "". A stall reduces any CL_alpha."""
+    """Return a sentence on a CL_alpha, 1/rad, that no aircraft has, or ""."""
     pressure = _value_in(trimmed, "dynamic_pressure", "N/m^2")
     force = _value_in(trimmed, "reference_area", "m^2") * pressure or math.nan
     slope = _slope_in(trimmed, "lift", "alpha", "N") / force
+    # A stall reduces any CL_alpha to about 0. A plant made from matrices need not be an aircraft.
     is_stalling = _value_in(trimmed, "lift", "N") / force > _STALLING
     if (is_stalling and slope < 1.0) or is_linear_plant(trimmed.point.model):
         return ""
@@ -248,28 +251,33 @@ def _unusual_slope(trimmed: Trimmed) -> str:
 
 
 def _compared(trimmed: Trimmed) -> Iterator[float]:
-    """Yield a ratio of figures that are not independent, or a difference of two, for each of
-    `_IDENTITIES`; nan where one of its figures is unknown.
+    """Yield ratios and differences of figures that are not independent, in the order of their
+    permitted ranges in `_IDENTITIES`; nan where a figure is unknown.
     """
     value, slope = partial(_value_in, trimmed), partial(_slope_in, trimmed)
     model = trimmed.point.model
     weight, speed = value("weight", "N"), value(trimmed.roles.get("speed", ""), "m/s") or math.nan
     thrust = abs(value(trimmed.thrust_name, "N"))
+
     # Share of the weight that lift and thrust carry, where the thrust, or without one the weight,
     # may carry any part of what the lift does not.
     excess = value("lift", "N") - value("load_factor", "1") * weight
     beyond = max(0.0, abs(excess) - (abs(weight) if math.isnan(thrust) else thrust))
     yield 1.0 + math.copysign(beyond, excess) / weight
+
+    # Weight over mass times gravity.
     gravity = STANDARD_GRAVITY
     if "gravity" in model.parameters:
         factor = conversion_factor(model.unit("gravity"), "m/s^2") or math.nan
         gravity = model.parameters["gravity"].start * factor
     yield weight / (_configured_in(trimmed, "mass", "kg") * gravity)
+
     # Density by dynamic pressure and speed over that of the standard atmosphere.
     altitude = trimmed.roles.get("altitude", "")
     density = 2.0 * value("dynamic_pressure", "N/m^2") / speed**2
     ratio = density / float(air_at(value(altitude, "m") if altitude else 0.0, "si").density)
     yield ratio if altitude else max(1.0, ratio)  # at an unknown altitude, air may be thin
+
     # Rates of pitch angle and alpha by the pitch rate, in coherent units; rate of climb and gamma
     # by the pitch angle; temperature, K, by the Mach number.
     for angle in ("theta", "alpha"):
@@ -289,18 +297,19 @@ def _configured_in(trimmed: Trimmed, name: str, unit: str) -> float:
 
 
 def _difference_of_static_margins(trimmed: Trimmed) -> float:
-    """Return the static margin by the output pitching_moment less that by the rate of the pitch
-    rate, chords.
+    """Return the static margin -(∂M/∂α) / (c ∂L/∂α) with M = Iyy dq/dt less that with the output
+    pitching_moment, chords.
     """
     alpha, q = (trimmed.roles.get(role, "") for role in ("alpha", "q"))
     if trimmed.fault or not alpha or not q:
         return math.nan
     A, states = trimmed.slopes.A, trimmed.slopes.states
     moment = _slope_in(trimmed, "pitching_moment", "alpha", "N m")
-    rate = float(A[states.index(q), states.index(alpha)])
+    pitch_acceleration = float(A[states.index(q), states.index(alpha)])  # ∂(dq/dt)/∂α
     inertia = _configured_in(trimmed, "Iyy", "kg m^2")
     # Without an inertia only the signs are compared.
-    moment_of_rate = math.copysign(moment, rate) if math.isnan(inertia) else inertia * rate
+    by_sign = math.copysign(moment, pitch_acceleration)
+    moment_of_rate = by_sign if math.isnan(inertia) else inertia * pitch_acceleration
     chord = _value_in(trimmed, "reference_chord", "m")
     lift_times_chord = _slope_in(trimmed, "lift", "alpha", "N") * chord
     return (moment - moment_of_rate) / lift_times_chord if lift_times_chord else math.nan
