@@ -129,7 +129,8 @@ def test_further_initial_points_cross_a_flat_region():
         trim(flat, release(usual_condition(flat), hold={"speed": 200.0}))
 
 
-@pytest.mark.parametrize(
+#: Kind of signals of the F-16, and the names of those whose nominal value is made wrong.
+SIGNALS = pytest.mark.parametrize(
     ("kind", "names"),
     [
         ("states", ("alpha",)),
@@ -138,29 +139,41 @@ def test_further_initial_points_cross_a_flat_region():
         pytest.param("outputs", ("gamma",), marks=pytest.mark.slow),
     ],
 )
-def test_a_wrong_nominal_gives_no_false_result(kind, names):
-    """A nominal value that is wrong by a factor of 1,000 changes neither the trim nor the nonsmooth points.
 
-    A sweep in which the last nominal value is wrong by a factor of 100 converges at all points, and
-    trims none of them alone unless it is that of an input.
+
+def with_nominal(kind, name, factor):
+    """Return the F-16 with the nominal value of a signal multiplied by a factor."""
+    signals = getattr(F16, kind)
+    wrong = signals[name]._replace(nominal=signals[name].nominal * factor, rate=None)
+    return replace(F16, **{kind: {**signals, name: wrong}})
+
+
+@SIGNALS
+def test_a_trim_does_not_depend_on_nominal_values(kind, names):
+    """A nominal value that is wrong by a factor of 1,000 changes neither the trim nor the nonsmooth points
+    of the linear model.
     """
     reference = trimmed(F16)
     nonsmooth_points = linearize(F16, reference).nonsmooth_points
-    signals = getattr(F16, kind)
     for name in names:
-        signal = signals[name]
-        wrong = signal._replace(nominal=signal.nominal * 1e3, rate=None)
-        model = replace(F16, **{kind: {**signals, name: wrong}})
+        model = with_nominal(kind, name, 1e3)
         point = trimmed(model)
         np.testing.assert_allclose(point.states, reference.states, atol=1e-8, err_msg=name)
         np.testing.assert_allclose(point.inputs, reference.inputs, atol=1e-8, err_msg=name)
         assert linearize(model, point).nonsmooth_points == nonsmooth_points
-    scaled = {**signals, name: signal._replace(nominal=signal.nominal * 100.0)}
-    points = trim_points(
-        replace(F16, **{kind: scaled}), ("speed",), np.linspace(130.0, 700.0, 8)[:, None]
-    )
+
+
+@SIGNALS
+def test_a_sweep_converges_with_a_wrong_nominal_value(kind, names):
+    """If a nominal value is wrong by a factor of 100, a sweep of the F-16 has a trim at each speed.
+
+    The points converge together; only a wrong input may require that points are solved one by one.
+    """
+    *_, name = names
+    speeds = np.linspace(130.0, 700.0, 8)[:, None]
+    points = trim_points(with_nominal(kind, name, 100.0), ("speed",), speeds)
     assert (points.status == 0).all()  # trimmed
-    assert name in F16.inputs or not points.one_by_one.any()
+    assert kind == "inputs" or not points.one_by_one.any()
 
 
 FAULTS = {

@@ -10,8 +10,9 @@ import pytest
 from project import ROOT
 
 import hfa
+from hfa import Model, Signal
 
-ANGLE = hfa.Signal("rad", nominal=0.1)
+ANGLE = Signal("rad", nominal=0.1)
 GRAVITY = 9.80665
 
 
@@ -34,11 +35,11 @@ def plane(x, u, p, w):
 
 
 #: Its trim imposes gamma, from which the rate of the altitude follows: an equation too few.
-PLANE = hfa.Model(
+PLANE = Model(
     "plane",
-    {"V": hfa.Signal("m/s", start=55.0, nominal=55.0), "a": ANGLE, "nose": ANGLE, "q": ANGLE,
-     "h": hfa.Signal("m", start=500.0, nominal=1000.0)},
-    {"T": hfa.Signal("N", start=1500.0, nominal=1500.0, min=0.0, max=4000.0), "stick": ANGLE,
+    {"V": Signal("m/s", start=55.0, nominal=55.0), "a": ANGLE, "nose": ANGLE, "q": ANGLE,
+     "h": Signal("m", start=500.0, nominal=1000.0)},
+    {"T": Signal("N", start=1500.0, nominal=1500.0, min=0.0, max=4000.0), "stick": ANGLE,
      "flap": ANGLE},
     plane,
     outputs={"gamma": ANGLE},
@@ -149,15 +150,15 @@ def test_which_states_keep_their_start_value_does_not_depend_on_units():
         return rates, outputs
 
     states = {
-        "V": hfa.Signal("km/s", start=0.055),
-        "a": hfa.Signal("deg"),
-        "nose": hfa.Signal("rad"),
-        "q": hfa.Signal("rad/s"),
-        "h": hfa.Signal("mm", start=5e5),
+        "V": Signal("km/s", start=0.055),
+        "a": Signal("deg"),
+        "nose": Signal("rad"),
+        "q": Signal("rad/s"),
+        "h": Signal("mm", start=5e5),
     }
-    inputs = {"T": hfa.Signal("N", start=1500.0), "stick": hfa.Signal("rad"), "flap": ANGLE}
+    inputs = {"T": Signal("N", start=1500.0), "stick": Signal("rad"), "flap": ANGLE}
     outputs = {"gamma": ANGLE}
-    model = hfa.Model(
+    model = Model(
         "plane", states, inputs, in_degrees, outputs=outputs, trim={"gamma": 0.05, "flap": 0.1}
     )
     point = hfa.trim(model, free=["h_dot"])  # the altitude changes in a climb
