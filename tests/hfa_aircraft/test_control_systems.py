@@ -29,10 +29,11 @@ def system(update, **more):
 
 
 def test_a_system_of_python_control_is_traced():
-    """A converted python-control system keeps names, parameters and outputs.
+    """A nonlinear system of python-control becomes a model with its names, parameters and outputs, whose
+    equations are symbolic.
 
     The linear model agrees with the finite differences of python-control. Converted back, the
-    system has the same rates and outputs.
+    system has the same rates and outputs, also with another value of a parameter.
     """
     nlsys = system(pendulum)
     model = from_control(

@@ -6,10 +6,11 @@ from hfa_aircraft.batch_simulation import ReportedFigure, resolved
 
 
 def test_the_integration_error_is_the_change_with_half_the_step():
-    """The step is divided into 1, 2, 4, ... parts until halving changes the figure by at most 0.1 %.
+    """The step is divided into 1, 2, 4, ... parts until halving it changes the figure by at most 0.1 %; this
+    change is the error. The flight is replaced by a figure that is a function of the parts.
 
-    The figure 1 + 4e-3 / parts is 1.004, 1.002, 1.001: from 1 to 2 parts it changes by 0.2 %, and
-    from 2 to 4 by 0.1 %. The figure 1 / parts, which halves at each halving, is not resolved.
+    1 + 4e-3 / parts is 1.004, 1.002, 1.001: 2 parts suffice, as 4 parts change it by 0.1 %. 1 / parts,
+    which halves each time, is not resolved.
     """
 
     def figures(value):

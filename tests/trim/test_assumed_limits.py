@@ -9,8 +9,8 @@ from trim import usual_condition
 
 
 def test_a_limit_of_the_user_or_of_the_model_is_not_assumed():
-    """The limits of alpha of the flexible aircraft and of a table are assumed, unless the user gives
-    them. Those that the GTM declares are not.
+    """The flexible aircraft and an aircraft from a table state no limits of alpha: those of the reader are
+    marked as assumed in the margins. Limits that the user gives, or the GTM declares, are not.
     """
     for model in (hfa.aircraft(), hfa.load_model(f"{ROOT}/examples/uav.toml")):
         margins = hfa.trim(model).margins

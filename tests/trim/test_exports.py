@@ -47,8 +47,10 @@ def test_a_missing_package_is_named(name, point, monkeypatch):
     [("", "dihedral", 10.0), ("uav.toml", "speed", 30.0), ("navion.py:NAVION", "speed", 176.0)],
 )
 def test_rows_of_a_sheet_are_those_of_its_data_and_csv_files(file, variable, value, folder):
-    """The data have the name, value, unit and level of each row of a sheet, and no others. So have, with
-    angles in degrees, the CSV files of the trim (`records`) and of a list of conditions (`cells`).
+    """Each row of a sheet is in its data, with value, unit and level, and in two CSV files, with angles in
+    degrees: that of the trim (`records`) and that of a list of conditions (`cells`).
+
+    Each entry that is compared is removed, so that at the end nothing may be left.
     """
     name = f"{ROOT}/examples/{file}"
     model = hfa.load_model(name) if file else hfa.aircraft()
@@ -61,6 +63,7 @@ def test_rows_of_a_sheet_are_those_of_its_data_and_csv_files(file, variable, val
     (cells,) = csv.DictReader(Path("matrix.csv").read_text("utf-8").splitlines())
     records = dict(zip(report.records.header, report.records.rows[0], strict=True))
     data = dict(report.data["sheet"])
+    # First the columns that are no rows: result, imposed value, and qualities of the worst level.
     assert records.pop("results") == cells.pop("results")
     imposed = [each for each in cells if each.partition(" [")[0] == f"hold {variable}"]
     assert [float(cells.pop(each)) for each in imposed] == [value]
@@ -69,6 +72,7 @@ def test_rows_of_a_sheet_are_those_of_its_data_and_csv_files(file, variable, val
     named = point.sheet["worst level"].note
     assert cells.pop("qualities of the worst level") == named
     assert records.pop("qualities of the worst level") == named
+    # Then each row; an eigenvalue has a column for its real and its imaginary part.
     for row in point.sheet:
         entry, parts = data.pop(row.name), {"": row.value}
         stored = entry["value"]

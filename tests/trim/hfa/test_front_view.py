@@ -13,10 +13,8 @@ from trim import trim_figure
 
 @pytest.mark.parametrize("degrees", [-20.0, 0.0])
 def test_lift_is_normal_to_panels_and_balances_weight(published_aircraft, degrees):
-    """Each lift is normal to its panel, the lifts balance the weights, and the arrows have the scale
-    of the title.
-
-    Both hinges have the hinge moment as a label.
+    """In the front view of a trim, each arrow of lift is normal to its panel, and the lifts balance the
+    weights. Arrows have the scale of the title; both hinges are labeled with the hinge moment.
     """
     point = model_at(degrees).point
     loads = hfa_model.loads(published_aircraft, point.states, point.inputs)

@@ -45,8 +45,8 @@ def test_a_held_alternative_frees_the_speed(held, speed):
 
 
 def test_a_rate_of_0_that_the_model_does_not_balance_is_stated():
-    """The flexible aircraft balances no altitude rate by default: an imposed climb rate of 0 is stated
-    in files of conditions, although it is 0. The free gamma is then 0.
+    """A condition file states only what differs from the model's own trim. The flexible aircraft does not
+    balance the altitude, so that an imposed climb rate of 0 is stated. The free gamma is then 0.
     """
     point = hfa.trim(hfa.aircraft(), altitude_dot=0.0, free="gamma")
     assert stated_values(point.trim_problem.asked).held == {"altitude_dot": 0.0}

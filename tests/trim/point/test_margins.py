@@ -4,14 +4,13 @@ import math
 
 import pytest
 
-import hfa
-from hfa import Signal
+from hfa import Model, NoSolutionError, Signal, trim
 
 
 def trim_at(value, lowest, highest):
     """Return the trim of x' = u - value at u = value, with these limits of u."""
-    return hfa.trim(
-        hfa.Model(
+    return trim(
+        Model(
             "box",
             {"x": Signal("m")},
             {"u": Signal("m", nominal=2.0, min=lowest, max=highest)},
@@ -66,7 +65,7 @@ def test_a_limit_is_exceeded_by_rounding_only(side):
     """
     slack = 1e-9 * (2.0 + 40.0)
     assert trim_at(side * (40.0 + 0.9 * slack), -40.0, 40.0).ok
-    with pytest.raises(hfa.NoSolutionError, match="u at m"):
+    with pytest.raises(NoSolutionError, match="u at m"):
         trim_at(side * (40.0 + 1.1 * slack), -40.0, 40.0)
 
 
@@ -74,7 +73,7 @@ def test_an_output_is_limited_by_itself_and_by_the_state_it_replaces():
     """y = 2 x has the lower limit 2 (-1) of x, above its own -3, and its own upper limit 5, below
     that of x, 2 (4).
     """
-    model = hfa.Model(
+    model = Model(
         "lever",
         {"x": Signal("m", min=-1.0, max=4.0)},
         {"u": Signal("m")},
@@ -83,5 +82,5 @@ def test_an_output_is_limited_by_itself_and_by_the_state_it_replaces():
         replaced={"x": "y"},
         trim={"y": 1.0},
     )
-    margin = hfa.trim(model).margins["y"]
+    margin = trim(model).margins["y"]
     assert (margin.lowest, margin.highest) == pytest.approx((-2.0, 5.0))

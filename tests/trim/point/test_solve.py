@@ -9,7 +9,7 @@ from random_points import INPUT_SCALES, RATE_SCALES
 
 import hfa
 import hfa_model
-from hfa import NoSolutionError, TrimCondition, trim
+from hfa import Model, NoSolutionError, Signal, TrimCondition, trim
 from hfa.paper import level_flight
 from hfa_model import STATES
 from trim import TrimError, release
@@ -96,8 +96,10 @@ def test_least_effort_stays_within_limits(published_aircraft, limited, limits):
 
 @pytest.mark.parametrize("extra", [(), ("aileron_center",)])
 def test_a_binding_limit_is_named(published_aircraft, extra):
-    """If a limit on the throttle prevents the trim, the message names the limit and the failing
-    equation.
+    """If a limit on the throttle prevents the trim, the message names the limit and the equation that fails,
+    that of the speed. The attempt that the error has is the best point within the limit.
+
+    extra: variables that are set free in addition, which do not help
     """
     limited = level_flight(float(np.radians(15.0)), limits={"throttle": (0.0, 30.0)})
     with pytest.raises(TrimError) as caught:
@@ -106,8 +108,7 @@ def test_a_binding_limit_is_named(published_aircraft, extra):
     attempt = caught.value.attempt
     assert "\n" not in message
     assert "throttle at maximum 30" in message
-    # The thrust is 10 lbf less than 40, for 28 slug: the equation of the speed fails by this
-    # amount.
+    # Level flight needs 40 lbf of thrust: 10 lbf less decelerate 28 slug by 0.36 ft/s^2.
     assert message.startswith("no trim: these rates do not balance: speed by -0.3")
     assert attempt.status == "failed"
     assert attempt.inputs.throttle == pytest.approx(30.0, rel=1e-15)
@@ -117,7 +118,9 @@ def test_a_binding_limit_is_named(published_aircraft, extra):
 
 
 def test_too_few_unknowns_name_the_equations(published_aircraft):
-    """If there are fewer unknowns than equations, the message names the failing equations."""
+    """If fewer unknowns are free than there are equations, the message counts both, and names the two
+    largest residuals and the number of the others.
+    """
     held = {"aileron_outer": 0.0, "elevator_outer": 0.0}
     with pytest.raises(NoSolutionError) as caught:
         trim(published_aircraft, release(BASE, hold=held))
@@ -144,10 +147,10 @@ def test_a_control_without_effect_is_named(published_aircraft):
 
 def test_the_rounding_of_an_effect_is_no_effect():
     """A failed trim names a control whose effect is below the rounding of its equation."""
-    model = hfa.Model(
+    model = Model(
         "cart",
-        {"v": hfa.Signal("m/s")},
-        {"force": hfa.Signal("N", max=0.5), "other": hfa.Signal("N", min=-1.0, max=1.0)},
+        {"v": Signal("m/s")},
+        {"force": Signal("N", max=0.5), "other": Signal("N", min=-1.0, max=1.0)},
         lambda x, u, p, w: ({"v": u.force + 1e-17 * u.other - 1.0}, {}),
         trim={"v": 0.0},
     )
@@ -200,11 +203,13 @@ def test_the_pitch_limit_is_checked_with_free_angles(published_aircraft):
 
 
 def test_an_equilibrium_with_all_variables_held_is_a_trim():
-    """v' = force - 2 x is 0 at x = 1 with force = 2."""
-    model = hfa.Model(
+    """A condition that holds each variable is a trim if all rates are 0: v' = force - 2 x at x = 1, v = 0 and
+    force = 2.
+    """
+    model = Model(
         "cart",
-        {"x": hfa.Signal("m"), "v": hfa.Signal("m/s")},
-        {"force": hfa.Signal("N")},
+        {"x": Signal("m"), "v": Signal("m/s")},
+        {"force": Signal("N")},
         lambda x, u, p, w: ({"x": x.v, "v": u.force - 2.0 * x.x}, {}),
     )
     point = trim(model, TrimCondition(model, {"x": 1.0, "v": 0.0, "force": 2.0}))

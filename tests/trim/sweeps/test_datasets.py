@@ -9,9 +9,10 @@ pytest.importorskip("xarray")
 
 
 def test_a_sweep_is_an_xarray_dataset():
-    """A sweep becomes a dataset over the axes of its grid, or over the points of a list.
+    """A sweep over a grid becomes a dataset with the dimensions of the grid, and a sweep over a list one with
+    the dimension "point". An entry of A is selected by values of the axes and names of states.
 
-    An entry of A is selected by the values of the axes and the names of states. Axes have units.
+    Axes, states, inputs, rates and eigenvalues have units.
     """
     axes = {"speed": [500.0, 400.0], "xcg": [0.3, 0.32, 0.35]}
     grid = hfa.sweep(F16, axes)
@@ -23,6 +24,7 @@ def test_a_sweep_is_an_xarray_dataset():
     names = grid.model.linear
     A = grid.A[1 * 3 + 1]  # of the second of 2 speeds and the second of 3 xcg
     assert float(single.A) == A[names.index("alpha"), names.index("pitch_rate")]
+    # Units of entries are coordinates; the unit of an entry of A is the quotient of two of them.
     units = {
         "state_unit": {"state": "altitude"},
         "input_unit": {"input": "elevator"},

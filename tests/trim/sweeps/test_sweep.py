@@ -323,7 +323,7 @@ def test_a_long_sweep_prints_its_first_and_last_rows(published_aircraft):
 
 def test_the_root_locus_has_paths_and_ends(published_aircraft):
     """The root locus draws the path of each eigenvalue over the trimmed points, with o at the first
-    and s at the last trimmed speed. The second panel draws only the slow ones.
+    and s at the last trimmed speed. The second panel has only the slow eigenvalues.
     """
     speeds = [30.0, *np.linspace(56.0, 100.0, 9)]  # no trim at 30 ft/s
     swept = sweep(published_aircraft, {"speed": speeds})
@@ -335,7 +335,8 @@ def test_the_root_locus_has_paths_and_ends(published_aircraft):
         for line in panel.lines:
             path = np.array(line.get_xdata()) + 1j * np.array(line.get_ydata())
             drawn.setdefault(line.get_marker(), []).append((line.get_label(), path))
-        paths = [path for _, path in drawn["None"] if len(path) == 10]  # lines without markers
+        # Of the lines without markers, paths have one value for each of the 10 speeds.
+        paths = [path for _, path in drawn["None"] if len(path) == 10]
         np.testing.assert_array_equal(paths, roots.T[shown])
         for marker, row, label in (("o", 1, "speed 56 ft/s"), ("s", 9, "speed 100 ft/s")):
             ((said, marked),) = drawn[marker]
