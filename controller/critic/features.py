@@ -58,7 +58,10 @@ def basis_of(
 
 
 def is_list(basis: str) -> bool:
-    """Return whether a text is a list of formulas, and not the name of a basis."""
+    """Return whether a text is a list of formulas, and not the name of a basis.
+
+    A name consists of small letters and +. Any other character, such as a comma, makes a list.
+    """
     return re.search(r"[^a-z+]", basis) is not None
 
 

@@ -167,6 +167,7 @@ class TrainingRun(Result, Reported):
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         entries = super()._entries() | {"P": self.P, "status": self.outcome}
+        # The format has no names of signals, and `status` instead of the residual that it judges.
         del entries["names"], entries["settling_residual"]
         return entries | without_empty(weight_units=self.weight_units)
 

@@ -27,9 +27,9 @@ from hfa_support.native.row_code import machine_code
 from hfa_support.reporting.results import Result, Vector
 
 #: Step times the magnitude of the fastest eigenvalue of the loop.
-_STEP = 0.2
+_STEP_OF_FASTEST = 0.2
 #: A flight that has not ended after this many time constants of the slowest mode does not converge.
-_LONGEST = 6.0
+_TIME_CONSTANTS = 6.0
 #: Number of steps between two tests of the end.
 TESTED = 10
 #: Function of rows, with a list of one array of rows.
@@ -82,9 +82,13 @@ class Flights:
 
 
 def scales_of_time(loop: np.ndarray) -> tuple[float, float]:
-    """Return the step and the longest duration of flights about a stable loop z' = loop z, s."""
+    """Return the step and the longest duration of flights about a stable loop z' = loop z, s.
+
+    The fastest mode determines the step, and the slowest one the duration.
+    """
     eigenvalues = np.linalg.eigvals(loop)
-    return _STEP / float(np.abs(eigenvalues).max()), _LONGEST / float(-eigenvalues.real.max())
+    step = _STEP_OF_FASTEST / float(np.abs(eigenvalues).max())
+    return step, _TIME_CONSTANTS / float(-eigenvalues.real.max())
 
 
 def flown_until_decayed(

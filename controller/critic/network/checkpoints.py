@@ -402,7 +402,7 @@ def _class_of(data: Mapping[str, Any], tensors: Tensors) -> Layout:
 
 def _algorithm(of_class: Layout, data: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
     """Return the name of the algorithm that trained a policy of a class."""
-    if of_class is _ON_POLICY:  # of several algorithms, which store entries of their own
+    if of_class is _ON_POLICY:  # of PPO and TRPO, which store an entry of their own, and of A2C
         return next((name for key, name in _ALGORITHMS.items() if key in data), "A2C")
     is_ddpg = of_class is _TD3 and settings.get("n_critics") == 1  # set by the class DDPG
     return "DDPG" if is_ddpg else of_class.algorithm

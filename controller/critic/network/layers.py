@@ -27,26 +27,25 @@ ON_ARRAYS = SimpleNamespace(
 )
 
 
-def _leaky_relu(x: Any, f: Any = ca, alpha: float = 0.01) -> Any:
-    # f: functions of CasADi, or of NumPy by the same names (`ON_ARRAYS`), here and below
-    return f.fmax(x, 0.0) + alpha * f.fmin(x, 0.0)
+def _leaky_relu(x: Any, library: Any = ca, alpha: float = 0.01) -> Any:
+    # library: CasADi, or NumPy's functions by the same names (`ON_ARRAYS`), here and below
+    return library.fmax(x, 0.0) + alpha * library.fmin(x, 0.0)
 
 
-def _sigmoid(x: Any, f: Any = ca) -> Any:
+def _sigmoid(x: Any, library: Any = ca) -> Any:
     # 1 / (1 + exp(-x)) overflows for large -x, and its derivative is then nan.
-    return 0.5 + 0.5 * f.tanh(0.5 * x)
+    return 0.5 + 0.5 * library.tanh(0.5 * x)
 
 
-def _elu(x: Any, f: Any = ca, alpha: float = 1.0) -> Any:
+def _elu(x: Any, library: Any = ca, alpha: float = 1.0) -> Any:
     # x for x > 0, and else alpha (exp(x) - 1), which may not overflow for x > 0
-    return f.fmax(x, 0.0) + alpha * f.expm1(f.fmin(x, 0.0))
+    return library.fmax(x, 0.0) + alpha * library.expm1(library.fmin(x, 0.0))
 
 
 def _selu(
-    x: Any, f: Any = ca, alpha: float = 1.6732632423543772, gamma: float = 1.0507009873554805
+    x: Any, library: Any = ca, alpha: float = 1.6732632423543772, gamma: float = 1.0507009873554805
 ) -> Any:
-    # f: functions of CasADi, or of NumPy by the same names
-    return gamma * _elu(x, f, alpha)
+    return gamma * _elu(x, library, alpha)
 
 
 def _softplus(x: Any) -> Any:
@@ -60,9 +59,9 @@ def _gelu(x: Any, approximate: str = "none") -> Any:
     return 0.5 * x * (1.0 + ca.erf(x / math.sqrt(2.0)))
 
 
-def hard_sigmoid(x: Any, f: Any = ca, alpha: float = 1.0 / 6.0, beta: float = 0.5) -> Any:
+def hard_sigmoid(x: Any, library: Any = ca, alpha: float = 1.0 / 6.0, beta: float = 0.5) -> Any:
     """Return alpha x + beta limited to [0, 1]."""
-    return f.fmin(f.fmax(alpha * x + beta, 0.0), 1.0)
+    return library.fmin(library.fmax(alpha * x + beta, 0.0), 1.0)
 
 
 #: Activations by the names of `--set activation`: those of torch's classes, in lower case.
@@ -185,7 +184,10 @@ _ADVICE = "export the network to ONNX with everything that acts on its inputs or
 
 
 def without_training(tensors: Tensors) -> dict[str, np.ndarray]:
-    """Return the tensors of a checkpoint that are not of its training alone."""
+    """Return the tensors of a checkpoint without those that only its training uses, by their names.
+
+    Such are the moments of an optimizer, and the number of samples that a normalizer saw.
+    """
     return {name: array for name, array in tensors.items() if not _OF_TRAINING.search(name.lower())}
 
 
@@ -418,7 +420,10 @@ def is_of_critic(name: str) -> bool:
 
 
 def is_deviation(name: str) -> bool:
-    """Return whether a tensor belongs to the standard deviation of a random action."""
+    """Return whether a tensor is by its name the standard deviation of a random action.
+
+    Such names are "log_std", "actor_logstd" and "sigma".
+    """
     words = _words(name)
     is_sigma = {"sigma", "sigma_param"} & {*name.split(".")}
     return bool(is_sigma) or "logstd" in words or {"log", "std"} <= words

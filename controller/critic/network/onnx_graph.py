@@ -112,12 +112,13 @@ def _batch_norm(
 def _slice(x: Any, starts: Any, ends: Any, axes: Any = None, steps: Any = None) -> Any:
     """Return the entries of a row from start to end. Of several axes, the last is that of a row."""
     step = 1 if steps is None else np.ravel(steps)[-1]
+    # Negative and too large places mean the same as in a list of Python.
     columns = slice(int(np.ravel(starts)[-1]), int(np.ravel(ends)[-1]), int(step))
     return x[:, list(range(x.numel()))[columns]]
 
 
 def _gather(x: Any, places: Any, axis: int = 0) -> Any:
-    """Return the entries of a row at some places."""
+    """Return the entries of a row at some places. `_refuse_shape` refuses another axis."""
     return x[:, [int(place) for place in np.ravel(places)]]
 
 

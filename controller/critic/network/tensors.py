@@ -400,7 +400,7 @@ def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.nda
 
 
 def lowest(precisions: set[str]) -> str:
-    """Return the lowest of several precisions, such as "float32"."""
+    """Return the lowest of several precisions, such as "float32" of "float64" and "float32"."""
     return next((name for name in _PRECISIONS if name in precisions), "float64")
 
 
