@@ -16,7 +16,7 @@ from controller.learning.q_learning import learn_steps
 from controller.learning.recording import (
     Samples,
     excitation,
-    refuse_poor,
+    refuse_low_rank,
     root_mean_square,
     simulated,
     transitions_in,
@@ -101,7 +101,7 @@ def _learned(fit: PlantFit, law: str, seed: int, progress: Progress | None) -> T
     states = fit.transitions.begins[:, :n]
     psi = basis("paper" if law == "published" and n == 6 else "quadratic", n)  # "paper": 6 states
     of_samples = excitation(psi.psi(states / root_mean_square(states)))
-    refuse_poor(of_samples)
+    refuse_low_rank(of_samples)
     # In the input u + F z, the game has the same value, and no cross weights.
     samples = Samples(game.without_cross_weights, psi, states)
     weights, diagnostics = LAWS[law](samples, progress)

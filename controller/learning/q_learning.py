@@ -19,7 +19,7 @@ from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, is_definite
 from controller.learning.recording import (
     excitation,
     plant_of,
-    refuse_poor,
+    refuse_low_rank,
     relative_residual,
     root_mean_square,
 )
@@ -58,7 +58,7 @@ def learn_steps(
         )
     learner = QLearner(game, begins)
     of_samples = excitation(learner.features)
-    refuse_poor(of_samples)
+    refuse_low_rank(of_samples)
     P = np.zeros_like(game.A)
     for pause in range(PAUSES):
         if progress is not None:

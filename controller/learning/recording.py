@@ -264,7 +264,7 @@ class Samples:
             return relative_residual(errors, self.costs, terms)
 
 
-def refuse_poor(recorded: Excitation) -> None:
+def refuse_low_rank(recorded: Excitation) -> None:
     """Raise BadInputError if the rank of recorded samples is below the number of weights.
 
     With a lower rank, a small residual does not determine the weights.

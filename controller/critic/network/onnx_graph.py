@@ -353,7 +353,7 @@ class _Operator:
         of_outputs = [helper.make_empty_tensor_value_info(name) for name in self._node.output]
         graph = helper.make_graph([self._node], "node", of_inputs, of_outputs)
         single = helper.make_model(graph, opset_imports=self._opsets)
-        with self._refused(), np.errstate(all="ignore"):
+        with self._naming_operator(), np.errstate(all="ignore"):
             results = ReferenceEvaluator(single).run(None, inputs)
         arrays = dict(zip(self._node.output, map(np.asarray, results), strict=True))
         if inputs:
@@ -373,19 +373,19 @@ class _Operator:
             ]
         values = self._onnx.helper.get_attribute_value
         attributes = {item.name: values(item) for item in self._node.attribute}
-        words = {
+        keywords = {
             name: value.decode() if isinstance(value, bytes) else value
             for name, value in attributes.items()
         }
-        with self._refused():
-            result: ca.MX = _OPERATORS[self.name](*arguments, **words)
+        with self._naming_operator():
+            result: ca.MX = _OPERATORS[self.name](*arguments, **keywords)
             return result
 
     def _refuse_size(self, arrays: list[np.ndarray]) -> None:
         """Raise BadInputError if the result of arrays would be too large, before it is computed."""
         shapes = [array.shape for array in arrays]
         size = sum(math.prod(shape) for shape in shapes)  # bounds the result of most operators
-        with self._refused():
+        with self._naming_operator():
             if self.name == "Gather":
                 size = math.prod(shapes[0]) * math.prod(shapes[1])
             elif self.name in ("MatMul", "Gemm"):
@@ -399,7 +399,7 @@ class _Operator:
             )
 
     @contextmanager
-    def _refused(self) -> Iterator[None]:
+    def _naming_operator(self) -> Iterator[None]:
         """Name the operator in the error of an operator that cannot be evaluated."""
         try:
             yield

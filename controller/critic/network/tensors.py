@@ -158,16 +158,16 @@ for _core in ("numpy.core", "numpy._core"):
 class _Restricted(pickle.Unpickler):
     """Unpickler that refuses classes and functions by name, before an object is created."""
 
-    def __init__(self, stream: io.BytesIO, content: Callable[..., np.ndarray]) -> None:
+    def __init__(self, stream: io.BytesIO, numbers_of: Callable[..., np.ndarray]) -> None:
         super().__init__(stream)
-        self.content = content
+        self.numbers_of = numbers_of  # function (key, number type, count) of a storage
 
     def find_class(self, module: str, name: str) -> Any:
         """Return what stands for a class or function of the pickle, or refuse it."""
         if (module, name) in _CALLS:
             return _CALLS[module, name]
         if module == "torch" and name in _STORAGES:
-            return name  # persistent_load receives it as pid[1]
+            return name  # `persistent_load` receives it as the class of a storage
         if module.split(".")[0] in _INERT_PACKAGES or module.startswith("numpy.random."):
             return type("Inert", (Inert,), {"made_of": f"{module}.{name}"})
         whose = " (a class or function that you defined)" if "cloudpickle" in module else ""
@@ -182,13 +182,14 @@ class _Restricted(pickle.Unpickler):
             raise BadInputError(
                 "the file is damaged (a storage has no name); save the network again"
             )
-        kind = getattr(pid[1], "made_of", pid[1])  # what `find_class` returned for the class
+        _, of_class, key, _, count, *_ = pid
+        kind = getattr(of_class, "made_of", of_class)  # `find_class` returned an Inert, or a name
         if not isinstance(kind, str) or kind not in _STORAGES:
             raise BadInputError(
                 f"a tensor has the unsupported type {shortened(str(kind))}; save the weights as "
                 "float32 or float64"
             )
-        numbers = self.content(pid[2], _STORAGES[kind], pid[4])
+        numbers = self.numbers_of(key, _STORAGES[kind], count)
         return BFloat16.of(numbers) if kind == "BFloat16Storage" else numbers
 
 
