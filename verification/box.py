@@ -80,7 +80,7 @@ def usual_box(game: Game) -> Box:
     - a linear model whose states have limits: the largest box within them
     - otherwise: the balanced units of the game
 
-    game: the game, or the game of one step in discrete time
+    game: the game, in continuous or in discrete time
     """
     names = game.names
     box = ordinary_box(names.states, names.inputs, names.state_units)
@@ -146,7 +146,7 @@ def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
     trim = linear.point.inputs._asdict()
     limits = Limits.of(linear.point.model, linear.inputs)
     at_trim = np.array([trim[name] for name in linear.inputs], dtype=float)
-    # A trim beyond a limit, whose distance has the other sign, stays possible: 0 is included.
+    # Zero, the trim itself, stays permitted if the trim violates a limit.
     lowest = np.minimum(limits.lowest - at_trim, 0.0)
     highest = np.maximum(limits.highest - at_trim, 0.0)
     return NonlinearPlant(rates_about_trim(linear), lowest, highest)
@@ -259,10 +259,10 @@ def box_flights(
         return BoxFlights(box=box.name, part=0.0, half_widths=none, clock=flown.seconds, worst=none)
 
     def simulate(per_step: int) -> _Costs:
-        """Return the costs with several steps in place of each."""
-        return _Costs(*(who.costs(part * starts, step / per_step) for who in (flown, exact)))
+        """Return the costs, with `per_step` steps of integration in place of each."""
+        return _Costs(*(each.costs(part * starts, step / per_step) for each in (flown, exact)))
 
-    costs, error = resolved(simulate, _figures, step)
+    costs, error = resolved(simulate, _converged_costs, step)
     suboptimality = costs.judged / costs.exact - 1.0
     # A flight that is not decided (nan) counts as the worst, as one that diverges does.
     worst = int(np.argmax(np.where(np.isnan(suboptimality), math.inf, suboptimality)))
@@ -281,11 +281,11 @@ def box_flights(
     )
 
 
-def _figures(costs: _Costs) -> Figures:
+def _converged_costs(costs: _Costs) -> Figures:
     """Return the costs of flights that converge, whose change with half the step is tested."""
     return {
-        f"cost {number} of the {who} policy": ReportedFigure(float(cost))
-        for who, from_starts in costs._asdict().items()
+        f"cost {number} of the {policy} policy": ReportedFigure(float(cost))
+        for policy, from_starts in costs._asdict().items()
         for number, cost in enumerate(from_starts)
         if np.isfinite(cost)
     }

@@ -116,6 +116,8 @@ def verify(
         nonlinear, nonlinear_part = _on_nonlinear_game(
             judged, linear, exact, limit, in_box, flights, progress
         )
+
+    # On the linear game, the errors, the loop and the box are judged.
     compared = judged if nonlinear is None else judged.linear_part
     errors = critic_errors(compared, exact, limit, widths)
     loop = LinearLoop(exact, judged, widths, is_exact=all(check.ok for check in errors))
@@ -140,6 +142,8 @@ def verify(
         sections.append(Section(nonlinear_part))
     elif judged.is_layer and findings is None:
         sections.append(_polynomial_section(judged))
+
+    # A mistake explains the errors; data of too low a rank explain them first.
     reason = ""
     if isinstance(critic, TrainingRun):
         checks.append(_rank_check(critic))
@@ -249,6 +253,8 @@ def _reason(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> s
         return ""
     if not critic.network or critic.weights is not None:  # matrices, or a polynomial
         return reason_for(exact, critic, limit)
+
+    # A network: no slopes, what the policy does in the box, and then a mistake in K.
     from verification.network.search import finding_of_policy
 
     if critic.P is not None:
@@ -263,6 +269,7 @@ def _reason(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> s
         )
     if finding is not None and finding.other_error <= limit:
         return finding.says  # the finding explains all errors of u
+
     is_right = is_gain_right(critic.K, exact, limit)
     mistake_in_K = "" if is_right else reason_for(exact, critic, limit)
     if finding is None:

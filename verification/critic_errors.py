@@ -171,12 +171,13 @@ def measure_of(name: str, solution: Solution) -> Measure:
     units = balanced_units(solution.game)
     if name == "P":
         scales = np.outer(units, units)
-        return Measure(solution.P, np.eye(len(units)), scales, scales)
+        return Measure(solution.P, root=np.eye(len(units)), scales=scales, entry_scales=scales)
     weight = solution.suboptimality_weight  # R, in discrete time R + α B'P B
     eigenvalues, vectors = np.linalg.eigh(weight)
     root = np.sqrt(np.abs(eigenvalues))[:, None] * vectors.T  # root' root is the weight
     scales = np.outer(np.ones(len(weight)), units)
-    return Measure(solution.K, root, scales, np.sqrt(np.diag(weight))[:, None] * scales)
+    entry_scales = np.sqrt(np.diag(weight))[:, None] * scales
+    return Measure(solution.K, root, scales, entry_scales)
 
 
 def box_errors(critic: Critic, exact: Solution, limit: float, box: np.ndarray) -> list[Check]:
@@ -192,6 +193,7 @@ def box_errors(critic: Critic, exact: Solution, limit: float, box: np.ndarray) -
     with np.errstate(all="ignore"):  # a number that is not finite fails the check
         u_errors = np.abs(critic.K - exact.K) @ box
         if critic.slope_gain is not None:  # u = -½ R⁻¹B' ∂V/∂z also has the higher terms of V
+            # Divided by b_i, the bounds of b_i ∂V/∂z_i are those of the slopes.
             u_errors += 0.5 * np.abs(critic.slope_gain) @ (higher.slopes / box)
     u_scale = np.sqrt(np.diag(exact.suboptimality_weight))  # makes inputs comparable
     policy = entry_error(u_scale * u_errors, u_scale * (np.abs(exact.K) @ box))
@@ -225,6 +227,7 @@ def disturbance_errors(
     higher = higher_terms(critic, box)
     with np.errstate(all="ignore"):
         errors = np.abs(game.disturbance_gain((critic.P + critic.P.T) / 2.0 - exact.P)) @ box
+        # Divided by b_i, the bounds of b_i ∂V/∂z_i are those of the slopes.
         errors += 0.5 * np.abs(game.E.T) @ (higher.slopes / box) / game.delta**2
     worst = entry_error(errors, np.abs(exact.disturbance_gain) @ box)
     return [error_check("disturbance_rel_error", worst, limit, "the worst disturbance in the box")]
@@ -291,9 +294,9 @@ class HigherTerms(NamedTuple):
 
 
 def higher_terms(critic: Critic, box: np.ndarray) -> HigherTerms:
-    """Return bounds of the terms of a critic's V that are not quadratic, in boxes of states.
+    """Return bounds of the terms of a critic's V that are not quadratic, in all boxes λb.
 
-    box: half-widths, (n,)
+    box: half-widths b, (n,)
     """
     psi = critic.basis
     if critic.weights is None or psi is None or psi.size == psi.quadratic_size:
@@ -301,7 +304,7 @@ def higher_terms(critic: Critic, box: np.ndarray) -> HigherTerms:
     exponents = psi.exponents[psi.quadratic_size :]  # of the terms that are not quadratic
     sizes = np.abs(critic.weights[psi.quadratic_size :])
     with np.errstate(all="ignore"):
-        reach = REACH ** np.abs(exponents.sum(axis=1) - 2)  # largest λ^(p-2)
+        reach = REACH ** np.abs(exponents.sum(axis=1) - 2)  # largest λ^(degree - 2)
         terms = sizes * np.prod(box**exponents, axis=1) * reach
     # b_i times the derivative of a monomial by z_i is its exponent of z_i times the monomial.
     return HigherTerms(float(terms.sum()), terms @ exponents)

@@ -124,9 +124,11 @@ class LinearLoop:
             ("worst case", suboptimality.high),
             ("mean over cases", suboptimality.mean),
         ):
-            above = percent(100.0 * ratio, 3).removesuffix(" %")
-            above = "0" if suboptimality.is_optimal else above  # as a double
-            rows.append((f"% above the optimum, {which}", above, *zeros))
+            # The ratio of an optimal policy is rounding.
+            above = 0.0 if suboptimality.is_optimal else 100.0 * ratio
+            rows.append(
+                (f"% above the optimum, {which}", percent(above, 3).removesuffix(" %"), *zeros)
+            )
         rows.append(("L2 gain", *(f"{loop.gain:.4g}" for loop in loops)))
         rows.append(("distance to instability", *(f"{loop.distance:.3g}" for loop in loops)))
         for name, unit in (("disk", ""), ("gain", ""), ("phase", ", deg")):
@@ -180,7 +182,7 @@ def _proved_check(name: str, value: float, limit: float, ok: bool, reason: str, 
 def _has_worst(suboptimality: Suboptimality) -> bool:
     """Return whether a policy costs most from some initial state, which is known.
 
-    That of an optimal policy would be rounding.
+    Rounding alone would decide the worst state of an optimal policy.
     """
     return not suboptimality.is_optimal and bool(np.isfinite(suboptimality.worst).all())
 

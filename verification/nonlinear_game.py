@@ -114,19 +114,19 @@ class NonlinearComparison(Result):
     @property
     def sentence(self) -> str:
         """The verdict on the coefficients as text: what is right, and what is not."""
-        compared = " and ".join(dict.fromkeys(error.of for error in self.errors))
+        compared = " and ".join(dict.fromkeys(error.of for error in self.errors))  # "V and u"
         last = max(error.degree for error in self.errors)
         wrong = [error for error in self.errors if not error.error <= self.limit]
         if not wrong:
             return f"every coefficient of {compared} to degree {last} within {self.limit:g}"
-        worst = max(wrong, key=lambda error: error.error)
-        degrees = ", ".join(str(error.degree) for error in wrong if error.of == worst.of)
-        off = f"off by {percent(100.0 * worst.error)}"
-        if math.isfinite(worst.learned) and worst.exact == 0.0:
-            off = f"{worst.learned:.3g} in place of 0"
-        elif not math.isfinite(worst.error):
+        largest = max(wrong, key=lambda error: error.error)
+        degrees = ", ".join(str(error.degree) for error in wrong if error.of == largest.of)
+        off = f"off by {percent(100.0 * largest.error)}"
+        if math.isfinite(largest.learned) and largest.exact == 0.0:
+            off = f"{largest.learned:.3g} in place of 0"
+        elif not math.isfinite(largest.error):
             off = "not finite"
-        return f"{worst.of} wrong in degree {degrees} (worst: {worst.worst}, {off})"
+        return f"{largest.of} wrong in degree {degrees} (worst: {largest.worst}, {off})"
 
     def part(self) -> Part:
         """Return the part of a report: where the value is known, and the error of each degree."""
@@ -193,8 +193,8 @@ def compare_with_nonlinear(
     Raises BadInputError if the aircraft or the critic has no power series at the trim.
     """
     widths = np.sqrt(np.diag(np.linalg.inv(solution.P)))  # of the set V2 <= 1
-    report = progress or (lambda *_: None)
-    report(0, 3, "power series")
+    show = progress or (lambda *_: None)
+    show(0, 3, "power series")
     terms = _terms(critic, widths)
     # A policy of degree d follows from a value of degree d + 1.
     order = max(degree + (of == "u") for of, degrees in terms.items() for degree in degrees)
@@ -204,7 +204,7 @@ def compare_with_nonlinear(
         for of, degrees in terms.items()
         for degree, learned in sorted(degrees.items())
     ]
-    report(1, 3, "flights from the box")
+    show(1, 3, "flights from the box")
     flown = None
     if flights:
         exact = expansion.policy
@@ -214,10 +214,10 @@ def compare_with_nonlinear(
             exact = by_value.policy
         plant = nonlinear_plant(linear)
         flown = box_flights(critic.policy, exact, expansion, plant, box, flights)
-    report(2, 3, "flights within the radius of the series")
+    show(2, 3, "flights within the radius of the series")
     compared = NonlinearComparison(tuple(errors), limit, expansion, flown)
-    _ = compared.radius  # computed here by flights, and then kept
-    report(3, 3)
+    _ = compared.radius  # simulates the flights under this progress text; the result is cached
+    show(3, 3)
     return compared
 
 
@@ -279,6 +279,7 @@ def _terms(critic: Critic, widths: np.ndarray) -> dict[str, dict[int, np.ndarray
     elif critic.value is not None:
         terms["V"] = _terms_of_function(critic.value, range(LOWEST, ORDER + 1), widths)
     if _is_policy_given(critic):
+        # A policy follows from the slopes of V, so that its degree is one below that of V.
         terms["u"] = _terms_of_function(critic.policy, range(1, degree_of_value), widths)
     return terms
 

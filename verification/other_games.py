@@ -89,12 +89,13 @@ def _families(exact: Solution, plant: Game | None) -> Iterator[Family]:
             lambda factor: replace(game, R=factor * game.R),
         )
     if not game.is_discrete:
+        # The search begins at a sample time of a tenth of the fastest time constant.
         fastest = float(np.abs(exact.poles()).max())  # of a stable loop, not 0
         yield Family(
             lambda dt: f"exact for the game sampled with dt {dt:.4g} s", 0.1 / fastest, game.sampled
         )
         return
-    less_than_1 = (1.0 - game.discount) or 0.01  # others than 1 are tried about .99
+    less_than_1 = (1.0 - game.discount) or 0.01  # about a discount of 1, 0.99 is the middle
     yield Family(
         lambda less: f"exact for discount {1.0 - less:.6g}, not {game.discount:.6g}",
         less_than_1,

@@ -117,7 +117,7 @@ def reason_for(exact: Solution, critic: Critic, limit: float) -> str:
             return _reason_for_action_value(game, critic.H, right, limit)
         implied = q_extremum(game, critic.H)
         if all(np.array_equal(getattr(critic, name), implied[name]) for name in "PK"):
-            return ""  # neither was given
+            return ""  # P and K follow from H: nothing else can be wrong
     if critic.P is None:
         return _reason_for_gain(exact, critic.K, limit)
     if all(check.ok for check in matrix_errors("P", critic.P, exact, limit)):
@@ -127,7 +127,7 @@ def reason_for(exact: Solution, critic: Critic, limit: float) -> str:
     mistakes = itertools.chain(
         _of_value(game, values), _of_weights(critic), _of_other_games(exact, values)
     )
-    return values.first(mistakes) or _not_of_value(exact, critic, critic.P, limit)
+    return values.first(mistakes) or _gain_against_implied(exact, critic, critic.P, limit)
 
 
 def _reason_for_gain(exact: Solution, K: np.ndarray, limit: float) -> str:
@@ -146,7 +146,7 @@ def _reason_for_policy(exact: Solution, critic: Critic, P: np.ndarray, limit: fl
     return (
         _beyond_quadratic(critic)
         or _reason_for_gain(exact, critic.K, limit)
-        or _not_of_value(exact, critic, P, limit)
+        or _gain_against_implied(exact, critic, P, limit)
     )
 
 
@@ -183,13 +183,14 @@ def _of_other_games(exact: Solution, compared: Compared) -> Iterator[Mistake]:
     if np.count_nonzero(distinct) < 2:
         return  # a single number agrees with many games
     mistakes = [
-        Mistake(f"{kind} is {says}", right + (given - matrix))  # matrix: exact for the other game
-        for says, matrix in other_games(exact, kind, given, compared.sizes)
+        # Without the mistake, the critic is as far from this game as it is from the other one.
+        Mistake(f"{kind} is {says}", right + (given - exact_of_other))
+        for says, exact_of_other in other_games(exact, kind, given, compared.sizes)
     ]
     yield from sorted(mistakes, key=lambda mistake: np.max(compared.errors(mistake.undone)))
 
 
-def _not_of_value(exact: Solution, critic: Critic, P: np.ndarray, limit: float) -> str:
+def _gain_against_implied(exact: Solution, critic: Critic, P: np.ndarray, limit: float) -> str:
     """Return a sentence on how much K differs from the gain that P implies, or ""."""
     implied = exact.game.gain((P + P.T) / 2.0)
     difference = relative_error(exact.K + (critic.K - implied), exact.K)  # in units of the exact K
@@ -259,12 +260,12 @@ def _order_of_states(P: np.ndarray, exact: np.ndarray) -> np.ndarray:
 
 def _factors_of_states(values: Compared) -> np.ndarray:
     """Return the factor on each state that the diagonal and the signs of P suggest, (n,)."""
-    # P_ij has the sign s_i s_j times that of the exact entry: the largest products of both tell
-    # signs of states relative to one another, best ones first. Most states have the right sign.
+    # With signs s_i of the states, the product of P_ij and the exact entry has the sign s_i s_j.
+    # Signs spread from state to state along the largest products, which rounding affects least.
     products = values.given * values.exact / values.sizes**2
     signs = np.zeros(len(products))
     while not signs.all():
-        # Of a block of states that no product links with others, the first sign is a guess.
+        # The first state without a sign begins a block of linked states; its own sign is a guess.
         block = np.arange(len(signs)) == np.argmin(np.abs(signs))
         signs[block] = 1.0
         while True:
@@ -274,7 +275,7 @@ def _factors_of_states(values: Compared) -> np.ndarray:
                 break
             block[linked] = True
             signs[linked] = signs[known] * math.copysign(1.0, links[known, linked])
-        signs[block] *= math.copysign(1.0, signs[block].sum())  # the majority is right
+        signs[block] *= math.copysign(1.0, signs[block].sum())  # most states have the right sign
     with np.errstate(all="ignore"):
         return signs * np.sqrt(np.abs(np.diag(values.given) / np.diag(values.exact)))
 
@@ -347,7 +348,8 @@ def _of_rows(
     """
     column_sizes = floored(np.abs(exact).max(axis=0))
     rows, exact_rows = given / column_sizes, exact / column_sizes
-    order = _assigned(np.sum((rows[:, None] - exact_rows) ** 2, axis=-1))  # of the nearest rows
+    # Row i of K is nearest to the exact row order[i], where it is put without the mistake.
+    order = _assigned(np.sum((rows[:, None] - exact_rows) ** 2, axis=-1))
     yield Mistake(_order_text(noun, order), given[np.argsort(order)])
     with np.errstate(all="ignore"):  # factors of least squares
         factors = np.sum(rows * exact_rows, axis=1) / np.sum(exact_rows**2, axis=1)
@@ -364,12 +366,13 @@ def _factors(noun: str, meant: str, compared: Compared) -> Iterator[Mistake]:
     kind, given, exact, sizes, _ = compared
     for factor, wrong in FACTORS.items():
         yield Mistake(f"the {noun} {wrong}: {meant}", given / factor)
-    # The factor of least squares. Of a single entry, each value is a multiple.
+    # The factor of least squares. A single entry is always a multiple of the exact one.
     ratio = float(np.sum(given * exact / sizes**2) / (np.sum((exact / sizes) ** 2) or 1.0))
     if ratio and math.isfinite(ratio) and np.count_nonzero(exact) > 1:
-        shown = f"{ratio:.4g}"
-        shown = f"{ratio:.8g}" if shown == "1" else shown
-        yield Mistake(f"every entry of {kind} is {shown} times the exact one", given / ratio)
+        digits = 8 if f"{ratio:.4g}" == "1" else 4  # "1 times" would name no mistake
+        yield Mistake(
+            f"every entry of {kind} is {ratio:.{digits}g} times the exact one", given / ratio
+        )
 
 
 def _wrong_units(
@@ -382,7 +385,7 @@ def _wrong_units(
     """
     for wrong, factor in {"the wrong sign": -1.0, **units}.items():
         has_factor = np.abs(factors / factor - 1.0) < NEAR
-        if has_factor.any() and not has_factor.all():  # a factor of all is a common one
+        if has_factor.any() and not has_factor.all():  # `_factors` tries one factor of all
             *numbers, last = (str(index + 1) for index in np.flatnonzero(has_factor))
             subject = f"{noun}s {', '.join(numbers)} and {last}" if numbers else f"{noun} {last}"
             singular, plural = ("has", "have") if factor == -1.0 else ("is", "are")
@@ -392,12 +395,12 @@ def _wrong_units(
 
 def _assigned(distances: np.ndarray) -> np.ndarray:
     """Return a permutation (n,) with small distances[i, order[i]], the smallest assigned first."""
-    left = distances.copy()
-    order = np.zeros(len(left), dtype=int)
+    unassigned = distances.copy()
+    order = np.zeros(len(distances), dtype=int)
     for _ in order:
-        row, column = np.unravel_index(np.argmin(left), left.shape)
+        row, column = np.unravel_index(np.argmin(unassigned), distances.shape)
         order[row] = column
-        left[row], left[:, column] = np.inf, np.inf
+        unassigned[row], unassigned[:, column] = np.inf, np.inf
     return order
 
 
@@ -411,7 +414,7 @@ def _one_entry(compared: Compared) -> Iterator[Mistake]:
     kind, given, exact, *_ = compared
     distinct = np.triu(exact) if kind == "P" else exact
     if np.count_nonzero(distinct) < 3:
-        return  # a single number agrees with many mistakes
+        return  # one right number beside a wrong one agrees with many mistakes
     errors = compared.errors(given)
     place = np.unravel_index(int(np.argmax(errors)), errors.shape)
     name = f"{kind}({place[0] + 1}, {place[1] + 1})"

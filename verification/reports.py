@@ -35,7 +35,7 @@ _SHOWN = 1e-8
 #: Number of failures printed with their reasons; of further ones only the names are printed.
 _FAILURES = 6
 #: Kinds of checks that the first lines always mention. Another failed check is told by its reason.
-_IN_THE_FACTS = ("error", "rest", "stability", "game loop")
+_KINDS_IN_FIRST_LINES = ("error", "rest", "stability", "game loop")
 #: Checks of the gain K.
 _OF_K = ("K_rel_error", "K_balanced_error", "K_entry_error")
 #: What to compare if no mistake is recognized.
@@ -141,11 +141,11 @@ def _facts(verdict: Verdict) -> list[str]:
     """Return at least two findings, the most important one first."""
     failed = [check for check in verdict.checks if not check.ok]
     exactness = _exactness(verdict, failed)
-    # What is found of a policy without slopes at the trim tells little of its other errors.
+    # A policy with a nonsmooth point at the trim has no slopes there: its errors come first.
     is_nonsmooth = verdict.critic.is_nonsmooth and bool(failed)
     facts = [exactness] if is_nonsmooth else []
-    if failed and not any(check.kind in _IN_THE_FACTS for check in failed):
-        # No other finding says why the critic fails.
+    if failed and not any(check.kind in _KINDS_IN_FIRST_LINES for check in failed):
+        # The findings below mention no check of this kind, and would not say why the critic fails.
         facts.append(failed[0].reason)
     facts += [_cost_text(verdict)] if verdict.flights is None else _network_facts(verdict)
     if not verdict.stabilizing:
@@ -195,11 +195,11 @@ def _cost_text(verdict: Verdict) -> str:
     if enclosed.is_optimal:
         return "optimal cost"
     least = percent(100.0 * enclosed.low)
-    if enclosed.is_known and not math.isinf(enclosed.low):
+    if enclosed.is_known and not math.isinf(enclosed.low):  # both bounds have the same digits
         return f"{least} above the optimum"
     if enclosed.matrix is None:  # no quadratic form bounds the cost
         return "cost without bound"
-    if math.isinf(enclosed.low):
+    if math.isinf(enclosed.low):  # the ratio to an optimum of 0
         return f"costs {enclosed.from_free:.3g} where the optimum is 0"
     if math.isinf(enclosed.high):
         return f"cost not decided, at least {least} above the optimum"
@@ -326,6 +326,7 @@ def verdicts_report(verdicts: Mapping[str, Verdict], limit_cost: float | None = 
     rows = []
     for name, verdict in verdicts.items():
         above = verdict.cost_above_optimum_percent
+        optimal = above <= OPTIMAL  # a cost that differs by rounding alone is printed as 0
         gain = verdict.value_of("l2_gain")
         rows.append(
             (
@@ -335,7 +336,7 @@ def verdicts_report(verdicts: Mapping[str, Verdict], limit_cost: float | None = 
                 _number_text(verdict.K_rel_error),
                 _number_text(verdict.largest_error),
                 "yes" if verdict.stabilizing else "no",
-                percent(above if above > OPTIMAL else 0.0, 3).removesuffix(" %"),
+                percent(0.0 if optimal else above, 3).removesuffix(" %"),
                 "" if math.isnan(gain) else f"{gain:.4g}",
             )
         )

@@ -124,11 +124,12 @@ class Rates:
         """Return the rows after a tick, and the number of LSODA's steps."""
         from scipy.integrate import odeint
 
-        shares = np.abs(rows / self._sizes).max(axis=1, keepdims=True)  # of each flight, of the box
-        band = rows.shape[1] - 1  # of the Jacobian: no flight acts on another
+        shares = np.abs(rows / self._sizes).max(axis=1, keepdims=True)  # the box is 1
+        half_bandwidth = rows.shape[1] - 1  # of a block-diagonal Jacobian: flights are independent
         # The loops of all flights as one function, and the order of its numbers in memory.
         function, order = of_rows(self._closed, len(rows), len(rows) >= _MANY_ROWS)
         bound = BoundFunction(function)
+        # Views of the function's own memory: an evaluation copies no array.
         state, rate = (
             memory.reshape(rows.shape, order=order)
             for memory in (bound.inputs[0], bound.results[0])
@@ -148,8 +149,8 @@ class Rates:
                     rows.ravel(),
                     [0.0, self.tick],
                     full_output=True,
-                    ml=band,
-                    mu=band,
+                    ml=half_bandwidth,
+                    mu=half_bandwidth,
                     rtol=_ACCURACY,
                     atol=(_OF_BOX * shares * self._sizes).ravel(),
                     mxstep=most,
@@ -169,8 +170,8 @@ class Steps:
     """
 
     def __init__(self, closed: ca.Function, discount: float, *, is_slow: bool) -> None:
-        per_tick, self.most_steps = (1, FEW_STEPS) if is_slow else (_PER_TICK, STEPS)
-        self.tick = float(per_tick)
+        self.most_steps = FEW_STEPS if is_slow else STEPS
+        self.tick = 1.0 if is_slow else float(_PER_TICK)
         self.longest = float(self.most_steps)
         self._closed = closed
         self._discount = discount
@@ -285,29 +286,30 @@ def _linear_loop(
     """Return the loop z' = A z + B u of a policy, in discrete time z⁺, with the cost J - V*.
 
     A: (n, n), with the worst disturbance or without one
+    b: half-widths of the box of states, (n,)
     disturbance_gain: gain of the disturbance above the exact one, (k, n); None for the cost 0
     """
     game, z = exact.game, critic.symbols
     u = critic.policy(z)
-    change = ca.DM(A) @ z + ca.DM(game.B) @ u  # z', or z⁺ in discrete time
-    equilibrium = newton_equilibrium(z, change - z if game.is_discrete else change, b)
+    dynamics = ca.DM(A) @ z + ca.DM(game.B) @ u  # z', or z⁺ in discrete time
+    equilibrium = newton_equilibrium(z, dynamics - z if game.is_discrete else dynamics, b)
     cost = type(z)(0.0)
     if disturbance_gain is not None and equilibrium is not None:
         deviation, u_deviation = z - ca.DM(equilibrium), u - ca.DM(critic.u(equilibrium))
         cost = running_suboptimality(exact, disturbance_gain, deviation, u_deviation)
     is_slow = not isinstance(z, ca.SX)  # a wide network is an MX function
     if game.is_discrete:
-        step = ca.Function("step", [z], [ca.densify(change), ca.densify(cost)], {"cse": True})
+        step = ca.Function("step", [z], [ca.densify(dynamics), ca.densify(cost)], {"cse": True})
         return Loop(
             Steps(step, game.discount, is_slow=is_slow),
             P=exact.P,
             equilibrium=equilibrium,
-            largest=_far(exact, b),
+            largest=_diverging_value(exact, b),
             exact_step=A - game.B @ exact.K,
         )
     # The slower of the loops without and with the disturbance counts.
     tick = _tick(exact, *(open_loop - game.B @ critic.K for open_loop in (game.A, A)))
-    rates, most_steps = ca.vertcat(change, cost), FEW_STEPS if is_slow else STEPS
+    rates, most_steps = ca.vertcat(dynamics, cost), FEW_STEPS if is_slow else STEPS
     return _flow_loop(exact, z, rates, equilibrium, tick, b, most_steps)
 
 
@@ -328,13 +330,13 @@ def _flow_loop(
     value = ca.bilin(ca.DM(exact.P), z, z)
     both = ca.vertcat(z, type(z).sym("cost"))
     function = ca.Function("closed", [both], [ca.densify(rates), value], {"cse": True})
-    far = _far(exact, b)
+    far = _diverging_value(exact, b)
     sizes = np.append(b, far / FAR_OF_VALUE)  # the cost is as large as V* in the box
     simulator = Rates(function, far, sizes, tick, most_steps)
     return Loop(simulator, P=exact.P, equilibrium=equilibrium, largest=far)
 
 
-def _far(exact: Solution, b: np.ndarray) -> float:
+def _diverging_value(exact: Solution, b: np.ndarray) -> float:
     """Return V* above which a flight counts as diverging: `FAR_OF_VALUE` times that of the box."""
     return FAR_OF_VALUE * float(b @ np.abs(exact.P) @ b)
 

@@ -228,7 +228,7 @@ def search_checks(
     limit: largest relative error that passes
     """
     says = f"the slope of V at the origin is off by {at_origin:.2g}"
-    if critic.gradient is None:
+    if critic.gradient is None:  # of a policy alone, u is off at the origin
         says = bias_text(critic, exact)
     checks = [at_most("origin_error", at_origin, limit, says, kind="error")]
     for found in largest:
@@ -287,7 +287,9 @@ def search(
     reached = []  # states of the unit box, at which the errors are compared at the end
     sampled = np.array(errors_at((box * starts).T))
     # `selects` is the unit vector of an error among all errors.
-    for error, sizes, selects in zip(sampled, _sizes(sampled), np.eye(len(kinds)), strict=True):
+    for error, sizes, selects in zip(
+        sampled, _magnitudes(sampled), np.eye(len(kinds)), strict=True
+    ):
         ranking = np.argsort(-sizes, kind="stable")
         worst = ranking[0]
         reached.append(starts[worst])
@@ -299,15 +301,15 @@ def search(
             reached.append(climb(np.copysign(selects, error[start]), starts[start]))
     states = box * np.array(reached)
     largest: dict[str, LargestError] = {}
-    for name, sizes in zip(kinds, _sizes(errors_at(states.T)), strict=True):
+    for name, sizes in zip(kinds, _magnitudes(errors_at(states.T)), strict=True):
         worst = int(np.argmax(sizes))
         if name not in largest or sizes[worst] > largest[name].error:
             largest[name] = LargestError(name, float(sizes[worst]), states[worst])
-    at_origin = float(_sizes(errors_at(np.zeros(len(box)))).max())
+    at_origin = float(_magnitudes(errors_at(np.zeros(len(box)))).max())
     return at_origin, tuple(largest.values())
 
 
-def _sizes(errors: ca.DM | np.ndarray) -> np.ndarray:
+def _magnitudes(errors: ca.DM | np.ndarray) -> np.ndarray:
     """Return the magnitudes of errors, inf of those that are not finite."""
     sizes = np.abs(np.array(errors))
     return np.where(np.isfinite(sizes), sizes, math.inf)
