@@ -175,7 +175,7 @@ def _paper_job(request: ReportRequest, asked: TrimInput, swept: np.ndarray | Non
     progress = ProgressLine("report")
     progress(0.0, 1.0, "printed pairs")
     regeneration = regenerate_all(aircraft)
-    progress(0.05, 1.0, "sweep")
+    progress(0.05, 1.0, "sweep")  # up to 0.1, where `games_over` begins
     at = np.unique(array_of("--dihedral", asked.at or ASKED, MOST_ASKED)).tolist()
     slider = slider_over(
         aircraft,

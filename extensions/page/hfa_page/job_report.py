@@ -133,12 +133,13 @@ def sections_of(job: MainJob) -> Sections:
 def _book(conditions: Sequence[Condition], *, with_sheets: bool) -> Report:
     """Return the section with the table of conditions and its figure.
 
-    with_sheets: whether to add the sheets, because the slider does not show them
+    with_sheets: whether to add the sheets, because the slider does not show these conditions
     """
     points = [condition.point for condition in conditions if condition.point is not None]
     if not points:
         return Report("Book", ("No condition has a trim.",), data={"book": {}})
-    whole = book_of(Report(""), conditions, points[0].model, {})
+    # The page has a title, a cover and data of its own: nothing is added to the book.
+    whole = book_of(Report(""), conditions, points[0].model, head={})
     parts = [part for part in whole.parts if with_sheets or not isinstance(part, Report)]
     sheets = [condition.report.data for condition in conditions]
     return Report("Book", parts, data={"book": {"sheets": sheets}})
@@ -189,8 +190,9 @@ def verdicts(job: MainJob) -> Table:
     ]
     for angle in job.angles:
         if pairs or angle.solution is not None or angle.reason:  # a game was asked for
-            solved = verdict_text(angle.solution is not None)
-            rows.append((f"game at {angle.label} certified", solved))
+            rows.append(
+                (f"game at {angle.label} certified", verdict_text(angle.solution is not None))
+            )
         if pairs:
             rows.append((f"learned critic at {angle.label} exact", verdict_text(angle.ok)))
     values = "angles" if pairs else f"values of {job.slider.sweep.model.schedule}"
@@ -227,7 +229,8 @@ def angle_report(angle: Position) -> Report:
     aircraft = angle.condition.model
     what = "model, game, critic"
     data: dict[str, Any] = {"dihedral_deg": angle.dihedral_deg}
-    if not aircraft.about.names_schedule:  # another aircraft than the paper's
+    # Only the paper's aircraft has options with the name of its scheduling variable, --dihedral.
+    if not aircraft.about.names_schedule:
         data = {"scheduled": {aircraft.schedule: angle.value}}
         what = "model" if angle.solution is None else "model, game"
     data["reason"] = angle.reason
@@ -278,6 +281,7 @@ def point_reports(position: Position) -> PointReports:
         none = Report("")
         return PointReports(Report(title, (f"No trim: {position.reason}",)), none, none)
     trim = position.report
+    # The entry "data" of the head is the aircraft's file with its digest.
     sheet = replace(trim, title=f"The sheet, of {trim.head['data']}", head={})
     modes = modes_table(model.modes, model.point.model.time_unit, participation=False)
     pair = Report(f"A and B, in {units_in_words(model)}", matrices(model))
@@ -285,19 +289,22 @@ def point_reports(position: Position) -> PointReports:
 
 
 def _model_report(model: LinearModel) -> Report:
-    """Return the report of the linear model at an angle."""
+    """Return the report of the linear model at an angle, with the printed entries below those of A
+    and B if the paper prints them.
+    """
     report = linear_model_report(model)
     printed = printed_at(model.point)
-    if printed is None or model.point.model.source.native:  # printed values are in feet
+    # The paper prints feet; a model in SI units has a native one in feet.
+    if printed is None or model.point.model.source.native:
         return report
-    # In place of A and B, with which the report begins.
-    beside: tuple[Part, ...] = printed_comparison_tables(model, printed)
-    return replace(report, parts=(*beside, _COLORS, *report.parts[len(beside) :]))
+    A_and_B: tuple[Part, ...] = printed_comparison_tables(model, printed)
+    # They replace the tables of A and B, with which the report begins.
+    return replace(report, parts=(*A_and_B, _COLORS, *report.parts[len(A_and_B) :]))
 
 
 def page(job: MainJob, sections: Sections, whole: Report, origin: Provenance) -> str:
     """Return the page as HTML: verdict, slider, a table of verdicts, and sections, which are folded
-    until the user opens them.
+    until the user opens them. The element "pictures" lists the files that a folder has beside it.
 
     whole: the report of all results (`main_report`)
     origin: provenance, shown as the last section

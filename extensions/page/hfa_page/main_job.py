@@ -167,16 +167,22 @@ def slider_over(
             points.append(Position(value, at_value, reason=str(error)))
         else:
             points.append(Position(value, at_value, linearize(model, point, outputs=outputs)))
+    # Axes of the arrays of a sweep: trims have all states, and linear models the linear ones.
     names = {"all states": model.state_names, "state": model.linear, "input": model.input_names}
     linear = [position.model for position in points]
     arrays: dict[str, Any] = {**stacked(linear, _OF_SWEEP, names)}
-    reasons = tuple(position.reason for position in points)
     notes = {
         row: known.nonsmooth_points
         for row, known in enumerate(linear)
         if known is not None and known.nonsmooth_points
     }
-    swept = Sweep(plan, values[:, None], reasons, nonsmooth_points=notes, **arrays)
+    swept = Sweep(
+        plan,
+        values[:, None],
+        tuple(position.reason for position in points),
+        nonsmooth_points=notes,
+        **arrays,
+    )
     return Slider(swept, tuple(points), values.tolist().index(first))
 
 
@@ -266,6 +272,7 @@ def games_over(
     variable = slider.sweep.model.schedule
     requested = []
     for count, position in enumerate(point for point in slider.points if point.value in asked):
+        # The trims over the slider have had the first tenth of the progress.
         progress(0.1 + 0.9 * count / len(asked), 1.0, f"{variable} {position.label}")
         requested.append(with_game(position, weights))
     progress(1.0, 1.0)
@@ -273,12 +280,13 @@ def games_over(
 
 
 _TITLE = "A flight in turbulence"
-_SECONDS = 20.0
+#: Duration of the flight, s, and level of the turbulence.
+_DURATION = 20.0
 _LEVEL = "moderate"
 #: Standard deviations of the sensors' noise in a sample: ft/s, deg and deg/s.
-_SPEED = 0.3
-_ANGLES = {"alpha": 0.17, "pitch": 0.11, "dihedral": 0.11}
-_RATES = {"pitch_rate": 0.17, "dihedral_rate": 0.17}
+_SPEED_NOISE = 0.3
+_ANGLE_NOISE = {"alpha": 0.17, "pitch": 0.11, "dihedral": 0.11}
+_RATE_NOISE = {"pitch_rate": 0.17, "dihedral_rate": 0.17}
 _NOT_COVERED = (
     "One flight with one seed: gusts of other shapes, biased or late sensors, other parameters and "
     "motions that the model does not have are not covered."
@@ -310,9 +318,12 @@ def flight_in_turbulence(angle: Position) -> Report:
         f"way from the trim; an input is at a limit for {100.0 * at_limit:.2g} % of the time. "
     )
     text = f"Exact gain behind its filter in {_LEVEL} turbulence: states, their limits and inputs"
-    data = {"ok": flight.ok, "departure": flight.departure, "rms_error": flight.rms_error}
     picture = Picture("turbulence.png", text, lambda: flight.figure(text))
-    return Report(_TITLE, (figures + _NOT_COVERED, picture), data=data)
+    return Report(
+        _TITLE,
+        (figures + _NOT_COVERED, picture),
+        data={"ok": flight.ok, "departure": flight.departure, "rms_error": flight.rms_error},
+    )
 
 
 def _flown(angle: Position) -> Flight:
@@ -328,9 +339,10 @@ def _flown(angle: Position) -> Flight:
     if angle.model is None or angle.solution is None:
         raise NoSolutionError(angle.reason)
     point, model = angle.model.point, angle.model.point.model
-    angles = {name: math.radians(degrees) for name, degrees in (_ANGLES | _RATES).items()}
-    noise = {"speed": _SPEED, **angles}
+    angles = {name: math.radians(noise) for name, noise in (_ANGLE_NOISE | _RATE_NOISE).items()}
+    noise = {"speed": _SPEED_NOISE, **angles}
     air = Turbulence(_LEVEL, float(point["altitude"]))
     policy = filter(angle.model, noise, air).policy(angle.solution)
-    scenario = Scenario(_SECONDS, uncertainty=Uncertainty(noise=noise, turbulence=air))
+    # The noise and the gusts are drawn with the seed 0, as for the first of several flights.
+    scenario = Scenario(_DURATION, uncertainty=Uncertainty(noise=noise, turbulence=air))
     return fly(model, point, policy, scenario=scenario.drawn(0, 0, point), predict=False)

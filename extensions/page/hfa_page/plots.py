@@ -208,6 +208,8 @@ def _front_view(name: str, trims: Sequence[OperatingPoint | None]) -> Interactiv
     heights = np.concatenate(
         [np.asarray(trace["y"], dtype=float) for traces in drawings for trace in traces]
     )
+    # The labels of arrows and hinges need room above, below and beside the drawings. Three panels
+    # with a dihedral of 0 reach 1.5 spans to each side.
     room = in_units_of(aircraft, 16.0, "ft")
     wide = 1.5 * span + in_units_of(aircraft, 12.0, "ft")
     # Grid lines would cross the labels.
@@ -288,7 +290,7 @@ def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
 
     shown: which of the modes are drawn
     """
-    unit = swept.plan.units[-1]
+    unit = swept.plan.units[-1]  # of the scheduling variable, the only one that is swept
     values = shown_values(swept.values[:, -1], unit)
     words = f"{swept.variables[-1]} %{{customdata[0]:.4g}} {shown_unit(unit)}<br>{_HOVER}"
     roots = swept.eigenvalues[:, shown]
