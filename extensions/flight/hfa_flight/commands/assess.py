@@ -51,7 +51,7 @@ def _half_width(model: Model, name: str, text: str) -> float:
 
 def _deployment_path(text: str) -> Path:
     """Return the typed path of a deployment file, or of a file with a critic."""
-    # The dictionary has each suffix once, in this order.
+    # A critic may be in a .toml file too; the dictionary has each suffix once.
     return input_file(*dict.fromkeys((".toml", *critic_suffixes())))(text)
 
 

@@ -222,8 +222,9 @@ def _fly_once(request: FlyRequest, given: GivenTrim) -> Outcome:
     point, policy, scenario, envelope, tracking = _planned(request, given, trimmed(given))
     model = point.model
     weights = None
-    plans = request.kind in LAWS
-    if plans or request.Q is not None or request.R is not None or request.sizes:
+    # The first line of a law's report has the cost of the flight.
+    is_law = request.kind in LAWS
+    if is_law or request.Q is not None or request.R is not None or request.sizes:
         game = weighted_game(given_weights(request, model), linearize(model, point)).game
         weights = Cost(game.Q, game.R)
     plant = NonlinearPlant(with_errors(model, scenario), point)
@@ -236,8 +237,9 @@ def _fly_once(request: FlyRequest, given: GivenTrim) -> Outcome:
     predict = not isinstance(policy, ScheduledGainPolicy)
     progress = ProgressLine("simulate")
     result = simulated_loop(loop, envelope, predict=predict, progress=progress)
+
     report = result.report()
-    if plans:
+    if is_law:
         first, *rest = report.title.split("\n")
         report = replace(report, title="\n".join([f"{first}; {_end_of(result)}", *rest]))
     if tracking is not None:
@@ -389,8 +391,8 @@ def _steering(
 
 
 def _end_of(result: Flight) -> str:
-    """Return the end of the first line of a policy that plans: whether the flight returned, and its
-    cost, also relative to that of its first plan.
+    """Return the end of the first line for a law: whether the flight returned, and its cost, also
+    relative to that of its first plan, if the law plans.
     """
     ended = "returned" if result.returned else "not returned"
     first = result.loop.policy.data(result.model).get("samples", {}).get("first_plan")
@@ -408,6 +410,7 @@ def _fly_members(request: FlyRequest, given: GivenTrim, members: int) -> Outcome
     _refuse_contradictions(request, many=True)
     spread = None
     if request.draws is not None:
+        # The parameters that the trim imposes are not drawn.
         held = given.hold if given.at is None else (*given.hold, given.model.schedule)
         spread = parameter_spread(request, given.common.model, held)
     point, policy, scenario, envelope, _ = _planned(request, given, trimmed(given), many=True)
@@ -419,8 +422,8 @@ def _fly_members(request: FlyRequest, given: GivenTrim, members: int) -> Outcome
         policy,
         scenario,
         envelope,
-        spread,
-        request.need.get(SHARE, ALL),
+        spread=spread,
+        share=request.need.get(SHARE, ALL),
     )
     if target is None:
         flights = flights_in_air(plan, request.workers)

@@ -156,11 +156,11 @@ class Assessment(Result, Reported):
     def findings(self) -> list[Finding]:
         """Findings over all trims, worst first: severity and text."""
         unmet = [Finding(Severity.FAILURE, text) for text in self.unmet]
-        of_files = [
-            Finding(Severity.WARNING, note) for note in self.deployed.deployment.actor.notes
-        ]
+        # Notes on contradictions between the deployment and the files of the policy.
+        notes = self.deployed.deployment.actor.notes
+        contradictions = [Finding(Severity.WARNING, note) for note in notes]
         return worst_first(
-            [*unmet, *findings_at_trims(self.points), *of_files, *self._unfiltered()]
+            [*unmet, *findings_at_trims(self.points), *contradictions, *self._unfiltered()]
         )
 
     def _unfiltered(self) -> list[Finding]:

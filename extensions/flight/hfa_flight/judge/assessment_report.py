@@ -142,7 +142,7 @@ def _instability(point: AssessedPoint) -> _AtTrim | None:
     if not point.radius >= 1.0:
         return None
     text = f"unstable at its equilibrium (spectral radius {point.radius:.5f})"
-    return _AtTrim(Severity.FAILURE, text, point.radius)
+    return _AtTrim(Severity.FAILURE, text, size=point.radius)
 
 
 def _leaving_flights(point: AssessedPoint, flown: Outcomes | None, when: str) -> _AtTrim | None:
@@ -154,7 +154,7 @@ def _leaving_flights(point: AssessedPoint, flown: Outcomes | None, when: str) ->
     if flown.departure is not None:
         text += f" (first: {flown.departure.cause()})"
     severity = Severity.WARNING if point.holds else Severity.FAILURE
-    return _AtTrim(severity, text, flown.left_envelope / flown.starts)
+    return _AtTrim(severity, text, size=flown.left_envelope / flown.starts)
 
 
 def _convergence(point: AssessedPoint) -> _AtTrim | None:
@@ -166,7 +166,7 @@ def _convergence(point: AssessedPoint) -> _AtTrim | None:
     if staying:
         text = f"{staying} of {flown.starts} flights do not converge within {flown.seconds:.3g} s"
         severity = Severity.WARNING if point.holds else Severity.FAILURE
-        return _AtTrim(severity, text, staying / flown.starts)
+        return _AtTrim(severity, text, size=staying / flown.starts)
     return None if flown.left_envelope else _AtTrim(Severity.NOTE, "every flight converges")
 
 
@@ -175,13 +175,12 @@ def _not_returned(point: AssessedPoint) -> _AtTrim | None:
     costs = point.costs
     if costs is None or not costs.not_converged:
         return None
-    fraction = costs.not_converged / costs.starts
     text = (
         f"{costs.not_converged} of {costs.starts} other flights leave or have not returned to the "
         f"trim after {costs.seconds:.3g} s"
     )
     severity = Severity.FAILURE if point.costs_refute(point.share) else Severity.WARNING
-    return _AtTrim(severity, text, fraction)
+    return _AtTrim(severity, text, size=costs.not_converged / costs.starts)
 
 
 def _delay(point: AssessedPoint) -> _AtTrim | None:
@@ -191,8 +190,9 @@ def _delay(point: AssessedPoint) -> _AtTrim | None:
     limit = point.delays.limit
     if limit is None:
         longest = point.delays.searched
-        return _AtTrim(Severity.NOTE, f"stable with delays up to {1e3 * longest:.4g} ms", -longest)
-    return _AtTrim(Severity.NOTE, f"unstable with {1e3 * limit:.4g} ms of delay", -limit)
+        text = f"stable with delays up to {1e3 * longest:.4g} ms"
+        return _AtTrim(Severity.NOTE, text, size=-longest)
+    return _AtTrim(Severity.NOTE, f"unstable with {1e3 * limit:.4g} ms of delay", size=-limit)
 
 
 def _steady_state_error(point: AssessedPoint) -> _AtTrim | None:
@@ -212,11 +212,11 @@ def _steady_state_error(point: AssessedPoint) -> _AtTrim | None:
     rate = None if point.costs is None else point.costs.offset_rate
     if rate is not None and rate > 0.0:
         text += f", which costs {rate:.2g} per second"
-    return _AtTrim(Severity.NOTE, text, float(shares[index]))
+    return _AtTrim(Severity.NOTE, text, size=float(shares[index]))
 
 
 def _linear_cost(point: AssessedPoint) -> _AtTrim | None:
-    """Return the note on the cost of the sampled loop above the optimum."""
+    """Return the note on the sampled loop's cost above the optimum, if the policy stabilizes it."""
     if point.cost is None or not point.holds:
         return None
     worst = point.cost.worst
@@ -224,7 +224,7 @@ def _linear_cost(point: AssessedPoint) -> _AtTrim | None:
         text = "linear cost of the optimum"
     else:
         text = f"linear cost up to {percent(worst, up=True)} above the optimum"
-    return _AtTrim(Severity.NOTE, text, worst)
+    return _AtTrim(Severity.NOTE, text, size=worst)
 
 
 def _clipped_observations(point: AssessedPoint) -> _AtTrim | None:
@@ -255,7 +255,7 @@ _KINDS: tuple[Callable[[AssessedPoint], _AtTrim | None], ...] = (
 )
 
 
-_CONVERGES = (
+_RULE_OF_CONVERGENCE = (
     f"A flight converges if it ends within {100 * BALL:g} % of the initial-condition box about the "
     "policy's equilibrium."
 )
@@ -264,12 +264,13 @@ _CONVERGES = (
 def report_parts(deployed: Deployed, points: Sequence[AssessedPoint]) -> list[Any]:
     """Return the parts of the report of an assessment, in reading order."""
     actor = deployed.deployment.actor
-    other_notes = [note for note in actor.declared.notes if note not in actor.notes]  # not findings
+    # The notes in `actor.notes` are findings; the others have no other place in the report.
+    other_notes = [note for note in actor.declared.notes if note not in actor.notes]
     parts: list[Any] = ["; ".join([actor.chain, *other_notes])]
     if any(point.costs is not None for point in points):
-        parts += [_weights_text(deployed, points[0]), f"{_CONVERGES} {RULE}"]
+        parts += [_weights_text(deployed, points[0]), f"{_RULE_OF_CONVERGENCE} {RULE}"]
     elif any(point.flights is not None for point in points):
-        parts.append(_CONVERGES)
+        parts.append(_RULE_OF_CONVERGENCE)
     parts.append(_figures("sampled loop", points, loop_rows))
     parts.append(_figures("flights", points, flight_rows))
     error = points[0].integration

@@ -61,7 +61,7 @@ def resolved_flight(
         largest = dict(zip(model.states, flown[1].tolist(), strict=True))
         return {
             f"the largest deviation of {name}": ReportedFigure(
-                largest[name], _SMALL * model.states[name].nominal
+                largest[name], least=_SMALL * model.states[name].nominal
             )
             for name in model.linear
         }
@@ -85,7 +85,8 @@ def _largest_deviations(flight: SampledFlight, cases: Sequence[TrimCase], seed: 
     envelopes = [flight_envelope(deployed.model, case.point) for case in cases]
     least = np.array([envelope.least for envelope in envelopes])[owners, None]
     most = np.array([envelope.most for envelope in envelopes])[owners, None]
-    # Of each flight, the samples before its first one outside; the initial condition counts.
+    # Samples of a flight from the first one outside the envelope on do not count. The initial
+    # condition always counts.
     inside = np.logical_and.accumulate(flight.stays(flown.states, least, most), axis=1)
     inside[:, 0] = True
     trim = trims[:, None, : lowest.shape[2]]  # the states, before inputs and parameters

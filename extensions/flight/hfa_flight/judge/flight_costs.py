@@ -78,7 +78,7 @@ def diagonal_weights(matrix: str, given: Any, names: Sequence[str]) -> dict[str,
     """
     weights = numbers_in(matrix, given)
     diagonal = np.diagonal(weights) if weights.ndim == 2 else weights
-    # More entries than those of the diagonal are not 0 if one outside it is not.
+    # A matrix that is not diagonal has more nonzero entries than its diagonal.
     if diagonal.shape != (len(names),) or np.count_nonzero(weights) > np.count_nonzero(diagonal):
         raise BadInputError(
             f"{matrix} is not a diagonal matrix of {len(names)} weights; give one weight for each "

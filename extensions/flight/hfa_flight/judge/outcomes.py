@@ -132,6 +132,7 @@ def seeded_starts(case: TrimCase, count: int, seed: int, with_pulse: bool) -> tu
     with_pulse: False if the pulses are 0
     """
     model = case.point.model
+    # A stream of its own: `drawn_starts` with the same seed returns other initial conditions.
     random = np.random.default_rng([seed, 1])
     # Directions are drawn without pulses too: flights with pulses begin at the same states.
     in_half_widths = random.uniform(-1.0, 1.0, (count, len(model.linear)))
@@ -258,7 +259,8 @@ class CaseFlights:
         """Return a mask of the flights that left their limits, and store when and with what."""
         # A flight leaves with the first step whose extremes are not all within its limits, or
         # whose last states are not all finite.
-        states = flown.states[:, :, : self._least.shape[1]]  # the first ones have limits
+        # Only the first states have limits; the inputs and memories after them have none.
+        states = flown.states[:, :, : self._least.shape[1]]
         lows, highs = self.flight.extremes(flown.states)
         least, most = self._least[flown.flights, None], self._most[flown.flights, None]
         within = is_within(lows, least, most) & is_within(highs, least, most)
@@ -272,7 +274,7 @@ class CaseFlights:
             # value of -inf is beyond a missing limit too.
             low, high = lows[row, step], highs[row, step]
             extreme = np.where((low < least[row, 0]) | np.isneginf(low), low, high)
-            # Within the limits, a state is not a number.
+            # A flight that leaves within the limits has a state that is not a number.
             self.left_with[flight] = states[row, step] if within[row, step] else extreme
         return left
 
@@ -298,6 +300,7 @@ class CaseFlights:
         flights = np.flatnonzero(self.owners == owner)
         ends = self.ends[flights]
         left = flights[ends == FlightOutcome.LEFT]
+        # The worst flight is the first to leave, or without one the farthest in its last window.
         first_departure = None
         worst = int(flights[np.argmax(self.nearest[flights])])
         if left.size:

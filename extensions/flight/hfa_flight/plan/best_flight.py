@@ -37,13 +37,12 @@ def line_with_ratios(begin: str, outcomes: Sequence[tuple[str, float | None, str
     >>> line_with_ratios("Best flight", [("gain of K.csv", 1.2, "leaves"), ("exact", 1.03, "")])
     'Best flight; exact 1.03x, gain 1.2x (leaves)'
     """
-    said = [(name, _ratio_text(ratio, loss)) for name, ratio, loss in reversed(outcomes)]
-    # Of a name only its begin, as "gain" of "gain of K.csv".
-    texts = [
-        f"{name.partition(' of ')[0].removesuffix(', saturated')} {says}"
-        for name, says in said
-        if says
-    ]
+    texts = []
+    for name, ratio, loss in reversed(outcomes):
+        if result := _ratio_text(ratio, loss):  # empty without a best flight to compare with
+            # Of a name only its begin, as "gain" of "gain of K.csv".
+            short_name = name.partition(" of ")[0].removesuffix(", saturated")
+            texts.append(f"{short_name} {result}")
     return f"{begin}; {', '.join(texts)}" if texts else begin
 
 

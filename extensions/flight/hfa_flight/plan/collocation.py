@@ -38,9 +38,9 @@ OPTIONS: dict[str, Any] = {
     "ipopt.fast_step_computation": "yes",
 }
 #: Number of intervals from which IPOPT needs a third fewer iterations with an adaptive barrier.
-_LARGE = 100
+_ADAPTIVE_FROM = 100
 #: Least roughness of an interval in an adapted mesh, relative to the largest.
-_EVEN = 1e-3
+_LEAST_ROUGHNESS = 1e-3
 #: Weight of jumps of the inputs' slopes, and power of the roughness that determines the intervals.
 #: Of the values that were tried, these halve the difference between meshes of 25 and 50 intervals
 #: for the HFA.
@@ -81,6 +81,7 @@ class CandidateFlight(NamedTuple):
 
         The nodes of an interval are its start and its collocation points.
         """
+        # The followed states that are not in z(0), such as the altitude, begin at the trim.
         start = np.pad(self.start, (0, self.z.shape[-1] - len(self.start)))
         before = np.vstack([start[None], self.z[:-1, -1]])
         return np.concatenate([before[:, None], self.z], axis=1)
@@ -169,7 +170,7 @@ def adapted_mesh(
     roughness = curvature + jumps_at_ends * candidate.lengths
     before, after = np.append(0.0, roughness[:-1]), np.append(roughness[1:], 0.0)
     largest = np.maximum.reduce([roughness, after, before])
-    shares = (largest + _EVEN * largest.max()) ** _POWER
+    shares = (largest + _LEAST_ROUGHNESS * largest.max()) ** _POWER
     shares_until = np.append(0.0, np.cumsum(shares))
     wanted = np.linspace(0.0, shares_until[-1], intervals + 1)
     return _on_steps(np.interp(wanted, shares_until, candidate.ends), step)
@@ -317,7 +318,8 @@ class Transcription:
     def _solver(self) -> ca.Function:
         """IPOPT solver of the nonlinear program."""
         # The equations at collocation point i are s_i - h_i f(r_i) = 0, with states and inputs r_i,
-        # slopes s_i of the polynomial of the states, and length h_i of the interval.
+        # slopes s_i of the polynomial of the states, and length h_i of the interval. The scale of
+        # the objective is that of `solve`, 1 over the linear cost.
         problem, intervals = self.problem, self.intervals
         k, m = len(problem.followed), len(problem.inputs)
         points = intervals * DEGREE
@@ -340,7 +342,7 @@ class Transcription:
             "f": scale * cost,
             "g": ca.vec(equations),
         }
-        strategy = "adaptive" if intervals >= _LARGE else "monotone"
+        strategy = "adaptive" if intervals >= _ADAPTIVE_FROM else "monotone"
         return ca.nlpsol("flight", "ipopt", parts, {**OPTIONS, "ipopt.mu_strategy": strategy})
 
     def _slopes(self, z: ca.MX, start: ca.MX) -> ca.MX:
@@ -349,6 +351,8 @@ class Transcription:
         z: states at the collocation points, (k, N DEGREE)
         """
         ends = z[:, DEGREE - 1 : self.intervals * DEGREE - 1 : DEGREE]
+        # Row 0 has the derivatives by the state at the begin of an interval, the others those by
+        # the states at its collocation points.
         derivatives, _, _ = ca.collocation_coeff(collocation_points()[1:].tolist())
         unit = ca.DM.eye(self.intervals)
         of_points = ca.mtimes(z, ca.kron(unit, derivatives[1:, :]))

@@ -36,7 +36,7 @@ from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import spectral_abscissa
 
 #: Largest growth exponent of the linear costate equations in one step of the Riccati recursion.
-_STEP = 6.0
+_LARGEST_EXPONENT = 6.0
 #: Integration steps in a tick. z* and v* are given at the ends of each step.
 STEPS = 8
 
@@ -105,6 +105,7 @@ def tracking_rows(problem: FlightProblem, candidate: CandidateFlight, tick: floa
 def held_size(problem: FlightProblem) -> int:
     """Return the number of columns of the array that `tracking_rows` returns."""
     k, m = len(problem.states), len(problem.inputs)
+    # Begin of the tick, (z*, v*) at both ends of each integration step, and the gain, (m, k).
     return 1 + (STEPS + 1) * (k + m) + m * k
 
 
@@ -126,7 +127,7 @@ def tracking_gains(problem: FlightProblem, candidate: CandidateFlight) -> np.nda
     costate[:, k:, :k] = -problem.Q
     costate[:, k:, k:] = -A.transpose(0, 2, 1)
     fastest = np.abs(np.linalg.eigvals(costate)).max(axis=1)
-    steps = np.maximum(1, np.ceil(candidate.lengths * fastest / _STEP)).astype(int)
+    steps = np.maximum(1, np.ceil(candidate.lengths * fastest / _LARGEST_EXPONENT)).astype(int)
     back = expm(-costate * (candidate.lengths / steps)[:, None, None])
     P = problem.P
     gains = np.empty((len(A), B.shape[2], k))
@@ -281,6 +282,7 @@ class Flights:
             return self._of_function(name, given.policy)
         scenario = self.scenario(self.tick)
         policy, scenario = policy_and_scenario(given, self.problem.point, scenario)
+        # A gain without a feedforward is a function of z alone, which is saturated here.
         is_gain = isinstance(policy, GainPolicy) and policy.feedforward is None
         if is_gain or isinstance(policy, ScheduledGainPolicy):
             z = ca.SX.sym("z", len(self.problem.states))
@@ -311,7 +313,8 @@ class Flights:
         R[np.ix_(problem.moved, problem.moved)] = problem.R
         plant = NonlinearPlant(problem.model, problem.point)
         loop = FlightLoop(plant, policy, calm, Cost(problem.Q, R))
-        return CompiledLoop(loop, self.count * _TICKS)
+        # The scenario here lasts one tick; flights are longer.
+        return CompiledLoop(loop, flights=self.count * _TICKS)
 
     def scenario(self, seconds: float) -> Scenario:
         """Return a scenario without disturbance. Its duration is `seconds`, rounded up to whole

@@ -149,7 +149,10 @@ class HeldModel:
         return BoundFunction(machine_code(self.sample))
 
     def after(self, z: np.ndarray, v: np.ndarray, seconds: float) -> np.ndarray:
-        """Return the states after a hold that is not longer than the first one, (n,)."""
+        """Return the states after a hold, (n,), with the integration steps of the first hold.
+
+        seconds: duration of the hold, at most that of the first one, for which the steps suffice
+        """
         (moved,) = self._sample_code.at(z, v, seconds)
         return moved
 
@@ -218,7 +221,7 @@ class NearestInputs:
         return tuple(self.model.scaled.problem.states[place] for place in self._kept)
 
     def __call__(self, z: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Return the inputs of a sample: v itself if the next states stay within the limits.
+        """Return v itself if the next states stay within the limits, else the nearest such inputs.
 
         z: states, (n,)
         v: inputs, (m,)
@@ -276,7 +279,8 @@ class Measured:
         ranges = np.where(np.isfinite(highest - lowest), highest - lowest, 1.0)
         moved = np.abs(hold_of(*model.scaled.linear_states, self._dt).B) @ ranges
         box = np.maximum(model.scaled.box, _LEAST_BOX)
-        #: Largest difference of a sample from its prediction, (n,): of carried states 1.
+        #: Largest difference of a sample from its prediction, (n,). It is a nominal value for
+        #: carried states, which have no box.
         self._most = np.append(_OF_BOX * box + _OF_MOVES * moved, np.ones(n - k))
         self.wrong = 0
         #: Commands that may act yet, (m,) each, and number of all commands of the flight.
@@ -324,7 +328,8 @@ class Measured:
         """Return the command of a sample, 0 before the flight, (m,)."""
         if number < 0:
             return np.zeros(self._model.scaled.counts.inputs)
-        return self._commands[number - self._count]  # counted from the latest, of `_count` - 1
+        # The last entry is the command of sample `_count` - 1; the index counts from the end.
+        return self._commands[number - self._count]
 
     def _moved(self, z: np.ndarray, acting: list[tuple[np.ndarray, float]]) -> np.ndarray:
         """Return the states z after inputs that act in turn, each with its duration, (n,)."""

@@ -149,7 +149,8 @@ class PlanProgram:
         # Unit of the changes, in which the plan costs _COST.
         unit = np.sqrt(max(cost.value, np.finfo(float).tiny) / _COST)
         curvatures = cost.weights.ravel(), 0.5 * cost.slack_curvatures.ravel(), cost.P.ravel()
-        # All values of H and A, in the order of their numbers (`_numbers_of_values`).
+        # All values of H and A, in the order of their numbers (`_numbers_of_values`). HPIPM
+        # minimizes x'H x / 2 + g'x, so that H is twice the matrix of the cost.
         H = 2.0 * np.concatenate(curvatures)
         A = np.concatenate([[1.0, -1.0], slopes.ends.ravel(), slopes.middles.ravel()])
         limits = *_limits_of_rows(room, n), *_limits_of_unknowns(room, n)
@@ -185,8 +186,7 @@ def _numbers_of_values(
     # A program fills its values in by one indexing with these numbers, instead of building H and A
     # anew. Numbers begin with 1; 0 is no entry. The values of H are W of each hold, the curvatures
     # of the slacks, and P; those of A are 1, -1, and the derivatives of the states at the ends and
-    # at the middles of the holds. The rows of A of a hold are the n equations, then for the limits
-    # at its end and for those at its middle first the upper sides, x - slack, then the lower ones.
+    # at the middles of the holds.
     both, slacks, middles = n + m, len(soft), len(fast)
     unknowns, rows_of_hold = both + slacks, n + 2 * (slacks + middles)
     H = np.zeros((count * unknowns + n, count * unknowns + n), dtype=int)
@@ -194,7 +194,7 @@ def _numbers_of_values(
     sizes = np.array([count * both**2, count * slacks, n * n])
     W, curvatures, P = np.split(np.arange(1, sizes.sum() + 1), np.cumsum(sizes)[:-1])
     W, curvatures = W.reshape(count, both, both), curvatures.reshape(count, slacks)
-    one, minus = 1, 2
+    number_of_1, number_of_minus_1 = 1, 2
     ends = 3 + np.arange(count * n * both).reshape(count, n, both)
     at_middles = 1 + ends.max() + np.arange(count * middles * both).reshape(count, middles, both)
     for k in range(count):
@@ -202,11 +202,14 @@ def _numbers_of_values(
         states_and_inputs, slack = first + np.arange(both), first + both + np.arange(slacks)
         H[np.ix_(states_and_inputs, states_and_inputs)] = W[k]
         H[slack, slack] = curvatures[k]
+        # Rows of the n equations: the states after the hold are those of the next hold.
         A[row : row + n, states_and_inputs] = ends[k]
-        A[row + np.arange(n), first + unknowns + np.arange(n)] = minus
+        A[row + np.arange(n), first + unknowns + np.arange(n)] = number_of_minus_1
         row += n
+        # Rows of the limits at the end, then at the middle: x - slack of the upper sides, then
+        # x + slack of the lower sides (`_limits_of_rows`).
         for limited, beyond in ((ends[k, soft], slack), (at_middles[k], slack[fast])):
-            for sign in (minus, one):
+            for sign in (number_of_minus_1, number_of_1):
                 rows = row + np.arange(len(beyond))
                 A[rows[:, None], states_and_inputs], A[rows, beyond] = limited, sign
                 row += len(beyond)
@@ -217,12 +220,13 @@ def _numbers_of_values(
 def _gradient(cost: PlanCost) -> np.ndarray:
     """Return the derivatives of the cost by the unknowns, at no change and no slack."""
     both = np.hstack([cost.z[:-1], cost.v])
-    pull = 2.0 * np.einsum("kij,kj->ki", cost.weights, both)
-    return np.append(np.hstack([pull, cost.slack_slopes]).ravel(), 2.0 * cost.P @ cost.z[-1])
+    of_holds = 2.0 * np.einsum("kij,kj->ki", cost.weights, both)
+    return np.append(np.hstack([of_holds, cost.slack_slopes]).ravel(), 2.0 * cost.P @ cost.z[-1])
 
 
 def _limits_of_rows(room: Room, n: int) -> Range:
-    """Return the limits of the rows of A: the equations, then a row for each side of each limit."""
+    """Return the limits of the rows of A, in the order of the rows of `_numbers_of_values`."""
+    # Equations are 0. At the end and at the middle, x - slack <= highest and x + slack >= lowest.
     (lowest, highest), (lowest_middle, highest_middle) = room.ends, room.middles
     equations = np.zeros((len(lowest), n))
     free, free_middle = np.full(lowest.shape, np.inf), np.full(lowest_middle.shape, np.inf)

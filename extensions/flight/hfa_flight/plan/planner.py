@@ -109,10 +109,12 @@ class Planner:
         self.soft = np.flatnonzero(np.isfinite(lowest) | np.isfinite(highest))
         #: Soft limits without a spread.
         self.room = Range((1.0 - margin) * lowest[self.soft], (1.0 - margin) * highest[self.soft])
-        longest, count = grid.most_samples  # of each hold, and of a plan
+        # Largest number of samples of each hold, (N,), and of a whole plan.
+        longest, count = grid.most_samples
         self._fast = np.flatnonzero(scaled.reached(grid.dt)[self.soft])
         self._slopes, self._curvatures = self._slack_penalties(P)
-        self._nearest = NearestInputs(scaled, grid.dt * longest[-1], 1.0 - margin)  # of the last
+        # For the last hold, whose inputs `later` must choose.
+        self._nearest = NearestInputs(scaled, grid.dt * longest[-1], 1.0 - margin)
         self.model = HeldModel(scaled, grid.dt * longest)
         self._halves = HeldModel(scaled, 0.5 * grid.dt * longest)
         #: The flight of a plan, by half samples.
@@ -132,6 +134,7 @@ class Planner:
         slopes = 2.0 * np.abs(P[:, :k]) @ self.scaled.box  # largest ones of z'Pz over the box
         least = _LEAST_PENALTY * slopes.max()
         penalties = _STIFF * np.maximum(slopes, least)[self.soft] / self.grid.dt
+        # A slack of this size costs half as much again as by the slope alone.
         largest_slack = np.minimum(0.5 * (highest - lowest)[self.soft], _LARGEST_SLACK)
         return penalties, penalties / largest_slack
 
@@ -140,9 +143,10 @@ class Planner:
         return float(z @ self.P @ z)
 
     def room_of(self, following: NextSample) -> Range:
-        """Return the soft limits with which a plan in still air keeps those of the next sample.
+        """Return the soft limits for a plan, which knows no air, from what a filter predicts.
 
-        They are moved by the shift and narrowed by the spread of the states.
+        They are moved against the shift of the states that the estimated air causes, and narrowed
+        by the spread of the states, at most to `_REMAINS` of the distances from trim to limits.
         """
         shift, spread = following.shift[self.soft], _SPREAD * following.deviations[self.soft]
         lowest, highest = (limit[self.soft] for limit in self.scaled.state_limits)
@@ -195,8 +199,11 @@ class Planner:
         return cost if cost < _INFINITE else np.inf
 
     def _flight_of_gain(self) -> BoundFunction:
-        """Return the machine code of ([z, cost, excess], K by rows) -> them after four horizons."""
-        # K acts on the first k of the n states z; the excess is the largest over the limits.
+        """Return the machine code of ([z, cost, excess], K by rows) -> [z, cost, excess] after four
+        horizons, with the inputs -K z of the first k states, saturated.
+
+        excess: largest excess over the soft limits up to now
+        """
         k, n, m = self.scaled.counts
         begin, K = ca.MX.sym("begin", n + 2), ca.MX.sym("K", m * k)
         arguments = [begin, K]
@@ -235,25 +242,27 @@ class Planner:
             better, failed = self._step(plan, until)
             unsolved += failed
             if better is None:
-                return Improved(plan, True, unsolved)
+                return Improved(plan, is_refused=True, unsolved=unsolved)
             gained = plan.cost - better.cost
             plan = better
             if gained < _SMALL * plan.cost:
                 break
-        return Improved(plan, False, unsolved)
+        return Improved(plan, is_refused=False, unsolved=unsolved)
 
     def _step(self, plan: Plan, until: float) -> tuple[Plan | None, int]:
         """Return a cheaper plan by a step of the program, or None, and the unsolved programs."""
         # The plan itself is returned where the program promises less than _SMALL of its cost. If
         # the full step is not cheaper, a second program has limits that are corrected by the
-        # difference of the flight from its linear prediction. The step then bends towards it.
+        # difference of the flight from its linear prediction. Shorter steps then follow a parabola
+        # that begins along the first step and ends at that of the second program.
         slopes = self._slopes_along(plan)
         none = np.zeros(plan.middle.shape)
         first = self._proposed(plan, slopes, AlongHolds(none, none))
         unsolved = int(not first.is_solved)
         if not np.isfinite(first.v).all():
             return None, unsolved
-        # The program's cost has the whole penalty after the step, of which the plan has its own.
+        # The program's change of cost contains the penalty after the step, but does not subtract
+        # the penalty of the plan before it.
         promised = plan.penalty - first.cost
         if first.is_solved and promised < _SMALL * plan.cost:
             return plan, 0
@@ -288,13 +297,14 @@ class Planner:
         # Places in `soft` of the states with limits in the program, and of the fast ones of these.
         limited, program = self._program_for(plan)
         fast = limited[program.fast]
+
         states, fast_states = self.soft[limited], self.soft[fast]
         ends = (plan.z[1:] + correction.ends)[:, states]
         middles = (plan.middle + correction.middles)[:, fast_states]
         lows, highs = plan.room
         lowest, highest = self.scaled.input_limits
         holds = self.grid.at(plan.age)
-        seconds = holds.seconds[:, None]
+        seconds = holds.seconds[:, None]  # the penalties are those of a slack for a second
         cost = PlanCost(
             z=plan.z,
             v=plan.v,
@@ -346,7 +356,7 @@ class Planner:
         z, n = plan.z[:-1], plan.z.shape[1]
         if not len(self._fast):
             ends = self.model.moved_along(z, plan.v, holds.seconds)[1]
-            return AlongHolds(ends, ends)
+            return AlongHolds(ends, ends)  # middles are used of fast states only: here, none
         half = 0.5 * holds.seconds
         middle, first_half = self._halves.moved_along(z, plan.v, half)
         _, second_half = self._halves.moved_along(middle, plan.v, half)
@@ -383,7 +393,8 @@ class Planner:
         z: states now, (n,)
         """
         before, holds = self.grid.at(plan.age), self.grid.at(plan.age + 1)
-        # Samples of the plan at which the holds of the next one begin, and the plan's holds then.
+        # Samples of `plan` at which the holds of the later plan begin, and then the numbers of the
+        # holds of `plan` in which these samples are.
         begins = 1 + np.cumsum(holds.samples) - holds.samples
         number = np.searchsorted(np.cumsum(before.samples), begins, side="right")
         v = plan.v[np.minimum(number, len(plan.v) - 1)]
@@ -397,6 +408,7 @@ class Planner:
         z = plan.z[-1]
         gain, _ = hold.back(self.P)
         linear = np.clip(-gain @ z, *self.scaled.input_limits)
+        # Of each proposal, the nearest input that keeps the limits of the rates.
         inputs = [self._nearest(z, v) for v in (linear, plan.v[-1], np.zeros(len(linear)))]
         costs = []
         for v in inputs:

@@ -116,18 +116,20 @@ class Predictive(SampledPolicy):
         prediction was used, quantiles of the computing times in s, and the cost `first_plan`.
         """
         done = self.samples
-        counts: dict[str, Any] = {
+        median = high = None
+        if len(done.seconds):
+            median, high = np.quantile(done.seconds, (0.5, 0.99)).tolist()
+        samples = {
             "planned": done.planned,
             "refused": done.refused,
             "unsolved": done.unsolved,
             "late": done.late,
             "linear": done.linear,
             "wrong": self.controller.measured.wrong,
+            "median_seconds": median,
+            "seconds_99": high,
+            "first_plan": self.first_plan,
         }
-        times: dict[str, float | None] = {"median_seconds": None, "seconds_99": None}
-        if len(done.seconds):
-            times = dict(zip(times, np.quantile(done.seconds, (0.5, 0.99)).tolist(), strict=True))
-        samples = {**counts, **times, "first_plan": self.first_plan}
         return {**super().data(model), "dt": self.dt, "holds": self.holds, "samples": samples}
 
     def notes(self) -> tuple[str, ...]:
@@ -278,8 +280,8 @@ def _end_of(scaled: ScaledProblem, dt: float, end_game: Game) -> tuple[np.ndarra
 
 def _sampled_game(continuous: Game, dt: float) -> Game:
     """Return the game with a zero-order hold dt, with the exact cost of the inputs."""
-    # The cost of the disturbance alone is exact. Its effect on the states within a hold costs
-    # nothing before the end of the hold.
+    # `Game.sampled` has the exact cost of a disturbance, but not the cost in a hold of the states
+    # that it moves: the weights of a hold contain only states at its begin and inputs.
     k = len(continuous.A)
     W = hold_of(continuous.A, continuous.B, continuous.Q, continuous.R, dt).W
     return replace(continuous.sampled(dt), Q=W[:k, :k], N=W[:k, k:], R=W[k:, k:])

@@ -362,16 +362,16 @@ def cost_text(
     return ", ".join(parts)
 
 
-#: Factor on a box that reaches beyond the limits.
-_INSIDE = 0.9
+#: Largest half-width of a box, relative to the distance from the trim to the nearer limit.
+_PART_OF_LIMITS = 0.9
 
 
 def start_box(model: Model, point: OperatingPoint) -> np.ndarray:
     """Return the half-widths (k,) of the initial-condition box in the linear states about a trim.
 
     - Angles and angular rates: the nominal value.
-    - Other states with a trim value of at least half the nominal value in magnitude: 10 % of the
-      nominal value.
+    - Other states with a trim value of at least half the nominal value in magnitude, such as the
+      speed: 10 % of the nominal value.
     - Other states: the nominal value.
 
     A half-width is at most half the distance to a limit.
@@ -401,9 +401,9 @@ def usual_box(problem: FlightProblem) -> np.ndarray:
 
 
 def _inside(problem: FlightProblem, half: np.ndarray) -> np.ndarray:
-    """Return half-widths, (k,), reduced where the box would exceed limits of states."""
+    """Return half-widths, (k,), of at most 90 % of the distance to the nearer limit of a state."""
     lowest, highest = (limit[: len(half)] for limit in problem.state_limits)
-    return np.minimum(half, _INSIDE * np.minimum(-lowest, highest))
+    return np.minimum(half, _PART_OF_LIMITS * np.minimum(-lowest, highest))
 
 
 def drawn_starts(

@@ -138,15 +138,15 @@ class RecedingHorizon:
             now = self.measured.checked(z)
         else:
             memory.room = self.planner.room_of(following)
-        planned, first = memory.samples.planned, memory.samples.first
+        planned_before, first_plan = memory.samples.planned, memory.samples.first
         v = np.zeros(self.planner.scaled.counts.inputs)  # trim, if nothing is known of the states
         if now is not None:
             with np.errstate(over="ignore", invalid="ignore"):  # the flight may diverge
                 then = self.measured.when_acting(now)
                 v = self._input(then, began + self.budget)
         self.measured.command(v)
-        # The time of the first plan is recorded apart, as `first_seconds`.
-        if memory.samples.planned > planned and first is not None:
+        # The time of the sample with the first plan is recorded apart, as `first_seconds`.
+        if memory.samples.planned > planned_before and first_plan is not None:
             memory.samples.seconds.append(time.thread_time() - began)
         return v
 
@@ -177,7 +177,7 @@ class RecedingHorizon:
         last = memory.plan
         if last is None:
             return self._begin_plan(z, until)
-        if memory.waits:
+        if memory.waits:  # the first sample, for which `begin` has made the plan already
             memory.waits = False
             if np.array_equal(z, last.z[0]):
                 return last

@@ -417,7 +417,10 @@ def sample_time_of_plans(scaled: ScaledProblem, asked: float | None = None) -> f
 
 
 def _rule_of_samples(scaled: ScaledProblem) -> float:
-    """Return the sample time of the rule of `grid_of`, s."""
+    """Return the longest listed sample time, s, that resolves the fastest pole and costs little.
+
+    The cost is that of inputs held for a sample, above the least linear cost.
+    """
     for dt in _SAMPLE_TIMES:
         if dt * scaled.fastest > _FASTEST:
             continue

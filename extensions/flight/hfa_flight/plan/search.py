@@ -162,27 +162,29 @@ class BestFlights:
         lengths = self._mesh(seconds, _COARSE)
         program = self._transcription(_COARSE)
         rough = program.solve(start, lengths, *sampled(guess, lengths))
-        candidate = self._finer(_COARSE, rough, MARGIN) if rough.feasible else rough
+        # The second solution has a mesh that is adapted to the first.
+        candidate = self._adapted(_COARSE, rough, MARGIN) if rough.feasible else rough
         if not candidate.feasible:
             raise _Unconfirmed(NONE_WITHIN)
         return candidate
 
     def _confirmed(self, seconds: float, linear: SimulatedFlight, coarse: CandidateFlight) -> Found:
         """Return the flight that confirms a candidate on whose cost two meshes agree."""
-        # The margin is the least with which the flight stays within the limits. Near the trim, the
-        # linear policy may be cheaper by the errors of the meshes.
+        # The candidate's margin to the limits of the states grows until the flight that follows
+        # the candidate stays within the limits.
         candidate, meshes = self._agreed(coarse)
         simulated: list[SimulatedFlight] = []
         for factor in _MARGINS:
             if factor > 1.0:
-                candidate = self._finer(len(candidate.lengths), candidate, factor * MARGIN)
+                candidate = self._adapted(len(candidate.lengths), candidate, factor * MARGIN)
                 if not candidate.feasible:
                     break
             flown = self.flights.follow(candidate, (1.0 + AFTER) * seconds)
             reason = refutation(flown, candidate)
             if not reason:
-                flown = _cheapest_inside([flown, linear]) or flown
-                return Found(flown, candidate, seconds, meshes, linear)
+                # Near the trim, the linear optimum may be cheaper by the errors of the meshes.
+                cheapest = _cheapest_inside([flown, linear]) or flown
+                return Found(cheapest, candidate, seconds, meshes, linear)
             simulated.append(replace(flown, policy=REFUSED))
             if flown.departure is None:
                 break  # narrower limits would not help a flight that is inside them
@@ -192,7 +194,7 @@ class BestFlights:
         """Return the candidate on the second of two meshes that agree, and the costs on all."""
         candidate, meshes = coarse, {_COARSE: coarse.cost}
         for intervals in _FINER:
-            candidate = self._finer(intervals, candidate, MARGIN)
+            candidate = self._adapted(intervals, candidate, MARGIN)
             if not candidate.feasible:
                 raise _Unconfirmed(NONE_WITHIN)
             meshes[intervals] = candidate.cost
@@ -201,8 +203,8 @@ class BestFlights:
         change = percent(100.0 * difference_of_meshes(meshes))
         raise _Unconfirmed(f"two meshes differ by {change}")
 
-    def _finer(self, intervals: int, guess: CandidateFlight, margin: float) -> CandidateFlight:
-        """Return a candidate solved again on a mesh of `intervals` intervals, adapted to it."""
+    def _adapted(self, intervals: int, guess: CandidateFlight, margin: float) -> CandidateFlight:
+        """Return a candidate solved again, on a mesh adapted to it or else on a geometric one."""
         adapted = adapted_mesh(guess, intervals, self.flights.step, self._weights)
         for lengths in (adapted, self._mesh(float(guess.lengths.sum()), intervals)):
             z, v = sampled(guess.at, lengths)
@@ -213,7 +215,7 @@ class BestFlights:
 
     @cached_property
     def _weights(self) -> tuple[np.ndarray, np.ndarray]:
-        """Weights for `adapted_mesh`, by the cost: the square roots of the diagonals of P and R."""
+        """Weights for `adapted_mesh`, of states and inputs: roots of the diagonals of P and R."""
         problem = self.problem
         return np.sqrt(np.abs(np.diag(problem.P))), np.sqrt(np.diag(problem.R))
 

@@ -35,8 +35,8 @@ def smooth_rates(problem: FlightProblem) -> ca.Function:
     of_states, of_inputs = problem.nominal
     pairs = zip(problem.state_limits, problem.input_limits, strict=True)
     below, above = (np.concatenate([z / of_states, v / of_inputs]) for z, v in pairs)
-    # Random points are within the limits, and each state and each input without limits is within
-    # _NEAR nominal values of the trim.
+    # Random points are within the limits. Each state, whose limits may be wide, and each input
+    # without limits is also within _NEAR nominal values of the trim.
     range_of_inputs = (above - below)[len(of_states) :]
     reach_of_inputs = np.where(np.isfinite(range_of_inputs), np.inf, _NEAR)
     reach = np.concatenate([np.full(len(of_states), _NEAR), reach_of_inputs])
@@ -50,6 +50,7 @@ def is_nonsmooth(problem: FlightProblem) -> bool:
     """Return whether the equations of a problem have nonsmooth points, as those of tables, that
     are smoothed for the optimizer.
     """
+    # `smoothed` returns the function itself if there is nothing to smooth.
     return smooth_rates(problem) is not problem.rates
 
 
@@ -113,7 +114,7 @@ class _Blend:
             return _Blend(0.0)  # infinite somewhere, or constant
         levels = np.unique(finite)
         if len(levels) == 2:  # such as a truth value
-            return _Blend(0.0, (float(levels[0]), float(levels[1])))
+            return _Blend(0.0, levels=(float(levels[0]), float(levels[1])))
         width = part * float(finite.std())
         comes_near_0 = finite.min() <= width and finite.max() >= -width
         if len(levels) < max(3, len(values) // 20) or not comes_near_0:
@@ -169,7 +170,7 @@ class _Replay:
             code = function.instruction_id(number)
             out = function.instruction_output(number)
             places = function.instruction_input(number)
-            if code == ca.OP_OUTPUT:  # `out` is (result, entry), as `places` is of an input
+            if code == ca.OP_OUTPUT:  # `out` is (result, entry)
                 result[out[1]] = self.work[places[0]].value
             else:
                 self.work[out[0]] = self._value(number, code, places)
@@ -184,7 +185,7 @@ class _Replay:
         if code == ca.OP_CONST:
             return _Value(ca.SX(self.function.instruction_constant(number)))
         if code == ca.OP_INPUT:
-            return _Value(self.symbol[places[1]])
+            return _Value(self.symbol[places[1]])  # of an input, `places` is (argument, entry)
         if code == ca.OP_CALL:
             raise BadInputError(
                 "the equations call a compiled function, such as an FMU, which the search for best "
@@ -218,6 +219,7 @@ class _Replay:
     def _next_blend(self, argument: ca.SX) -> _Blend:
         """Store the argument of a further nonsmooth point, and return its smoothing."""
         self.arguments.append(argument)
+        # A first replay without blends only collects the arguments, from which the blends follow.
         return _Blend(0.0) if self.blends is None else self.blends[len(self.arguments) - 1]
 
 
@@ -240,5 +242,6 @@ def _chosen(code: int, values: list[_Value]) -> _Value:
     if code == ca.OP_IF_ELSE_ZERO:  # the branch b that a selects, 0 otherwise
         if b.is_constant() and not np.isfinite(float(b)):  # 0 inf is not 0
             return _Value(ca.SX.binary(code, a >= 0.5, b))
+        # With the branch 1, the result is a truth value again.
         return _Value(a * b, is_soft=b.is_constant() and float(b) == 1.0)
     return _Value(a * b if code == ca.OP_AND else a + b - a * b, is_soft=True)

@@ -108,7 +108,7 @@ class StartsTable(OfProblem, Result, Reported):
         return sum(best.cost is not None for best in self.flights)
 
     def failures(self) -> list[str]:
-        """Return a sentence for each of best flights and judged policies with too few flights."""
+        """Return a sentence on the best flights, and on each judged policy, if too few succeed."""
         if self.share is None:
             return []
         successes = {"a best flight is found": self.found}
@@ -212,11 +212,10 @@ def _summary(flights: Sequence[FlightRow]) -> PolicySummary:
     ratios = [flight.over_best for flight in flights if flight.over_best is not None]
     not_converged = sum(not flight.converges for flight in flights)
     left = sum(flight.departure is not None for flight in flights)
-    counts = (flights[0].policy, not_converged, left)
-    if not ratios:
-        return PolicySummary(*counts, None, None, None)
-    median, high = np.quantile(ratios, [0.5, 0.9]).tolist()
-    return PolicySummary(*counts, median, high, max(ratios))
+    median = high = worst = None
+    if ratios:
+        median, high, worst = np.quantile(ratios, [0.5, 0.9, 1.0]).tolist()
+    return PolicySummary(flights[0].policy, not_converged, left, median, high, worst)
 
 
 def _flights_from(

@@ -83,9 +83,15 @@ class StateDependent(SampledPolicy):
         return self.problem.gain_of(self.scaled.gain_at(np.zeros(len(self.problem.followed))))
 
     def data(self, model: Model) -> dict[str, Any]:
-        """Return the JSON data on the policy, with the number of samples without a solution."""
-        counts = {"unsolved": self.unsolved, "wrong_samples": self.scaled.measured.wrong}
-        return {**super().data(model), "dt": self.dt, **counts}
+        """Return the JSON data on the policy, with the numbers of samples without a solution, and
+        of samples in whose place a prediction was used (`Measured.wrong`).
+        """
+        return {
+            **super().data(model),
+            "dt": self.dt,
+            "unsolved": self.unsolved,
+            "wrong_samples": self.scaled.measured.wrong,
+        }
 
     def notes(self) -> tuple[str, ...]:
         """Return what the samples of the last flight needed."""
@@ -123,7 +129,7 @@ class RiccatiPolicy:
     ) -> None:
         self.nearest = NearestInputs(scaled, dt)
         self._scaled = scaled
-        self._attenuated = E @ E.T / delta**2  # in the Riccati equation
+        self._disturbance_term = E @ E.T / delta**2  # of the Riccati equation
         self._P = P
         self._kept = [scaled.problem.states.index(name) for name in self.nearest.states]
         least_weight = float(np.linalg.eigvalsh(scaled.linear_states.R)[0])
@@ -192,18 +198,19 @@ class RiccatiPolicy:
         from scipy.linalg import LinAlgError, schur
 
         k = len(A)
-        S = B @ np.linalg.solve(R, B.T) - self._attenuated
+        S = B @ np.linalg.solve(R, B.T) - self._disturbance_term
         # P maps z to the costate in the stable subspace of the Hamiltonian, which the first k
         # Schur vectors span. P is computed in a unit in which S and Q have the same norm.
         scale = math.sqrt(np.linalg.norm(Q) / np.linalg.norm(S))
         try:
-            _, vectors, stable = schur(np.block([[A, -S * scale], [-Q / scale, -A.T]]), sort="lhp")
+            hamiltonian = np.block([[A, -S * scale], [-Q / scale, -A.T]])
+            _, vectors, stable_modes = schur(hamiltonian, sort="lhp")
             P = scale * np.linalg.solve(vectors[:k, :k].T, vectors[k:, :k].T).T
         except LinAlgError:
-            stable, P = 0, self._P
+            stable_modes, P = 0, self._P
         P = 0.5 * (P + P.T)
         least = np.linalg.eigvalsh(P)[0]
-        if stable != k or not least >= -_NEGATIVE * np.linalg.norm(P):
+        if stable_modes != k or not least >= -_NEGATIVE * np.linalg.norm(P):
             self.unsolved += 1
             return self._P
         return P
@@ -373,7 +380,7 @@ class _SamplesInside:
 
     def __init__(self, kept: KeptInside) -> None:
         self._kept = kept
-        self._policy = kept.policy.sampler()
+        self._sampler = kept.policy.sampler()  # None if the policy is not computed in samples
         self._command = BoundFunction(kept.command())
         self._measured = Measured(kept.nearest.model, kept.delay)
         self._held = kept.held[0]
@@ -392,11 +399,11 @@ class _SamplesInside:
         when_acting = measured.copy()
         if kept.delay:
             when_acting[problem.followed_places] = z * problem.nominal.states
-        if self._policy is None:
+        if self._sampler is None:
             of_policy = kept.policy.held_inputs(tick, time)
         else:
-            of_policy = self._policy(tick, when_acting)
-        # A policy without samples acts on the states now, as it does without the limits.
+            of_policy = self._sampler(tick, when_acting)
+        # A policy without samples is evaluated at the states now, as it is without kept limits.
         (u,) = self._command.at(time, measured, of_policy)
         v = u[problem.moved] / problem.nominal.inputs
         inside = kept.nearest(z, v)
@@ -456,7 +463,9 @@ def kept_inside(policy: Policy, problem: FlightProblem, interval: float = 0.01) 
             f"in {interval:g} s the inputs move no limited state by a tenth of its range; remove "
             "keep-inside"
         )
+    # Held inputs of the policy, whether its command is replaced, and by which inputs.
     held = np.zeros((1, policy.held.shape[1] + 1 + len(problem.model.inputs)))
+    # The samples and the delay are those of a scenario, set by `in_scenario`.
     return KeptInside(
         f"{policy.name}, kept inside",
         policy,

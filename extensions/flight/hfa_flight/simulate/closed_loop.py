@@ -112,6 +112,7 @@ class NonlinearPlant(Plant):
         Disturbances that are not in `winds` are 0. Raises BadInputError if the output
         `ANGLE_OF_ATTACK` depends on an input, because it is then not a flow angle.
         """
+        # A model without disturbances for the gusts gets them added to its equations.
         model = self.model if set(winds) <= set(self.model.disturbances) else in_gusts(self.model)
         outputs = [ANGLE_OF_ATTACK] if winds and has_angle_of_attack(model) else []
         X = ca.DM(self.point.x) + x

@@ -443,7 +443,7 @@ class Flight(StatesAndInputs, Result, Reported):
             flight += f", {scheduled}"
         flight += f", policy {self.loop.policy.name}"
         if isinstance(self.loop.policy, GainPolicy):
-            flight += ", frozen"
+            flight += ", frozen"  # not scheduled in the flight
         duration = f"{self.deviations.times[-1]:g} s"
         wrong = self.departure or self.cycle
         has_envelope = is_limited(self.envelope)
@@ -515,8 +515,7 @@ class Flight(StatesAndInputs, Result, Reported):
         """
         model, flown, gust = self.point.model, self.deviations, self.loop.scenario.gust
         with_angle_of_attack = bool(flown.winds) and has_angle_of_attack(model)
-        parts: list[Part] = []
-        parts.append(self._state_table(with_angle_of_attack))
+        parts: list[Part] = [self._state_table(with_angle_of_attack)]
         if with_angle_of_attack:
             parts.append(OVER_GROUND)
         elif gust is not None and ALPHA in model.states:
@@ -550,8 +549,8 @@ class Flight(StatesAndInputs, Result, Reported):
         """Return a table of the states, one row each; in moving air, one of the angle of attack."""
         model, envelope = self.point.model, self.envelope
         differences = self.largest_difference_from_linear
-        header = ["state", "unit", "largest deviation", "final deviation", "rms error, 2nd half"]
-        header.append("envelope")
+        header = ["state", "unit", "largest deviation", "final deviation"]
+        header += ["rms error, 2nd half", "envelope"]
         if differences is not None:
             header.append("difference from linear")
         final = self.final
@@ -565,13 +564,16 @@ class Flight(StatesAndInputs, Result, Reported):
             names = [state]
             if state == ALPHA and with_angle_of_attack:
                 names.append(ANGLE_OF_ATTACK)  # which the envelope limits in place of alpha
+            limited = limits_text(low, high, unit) + ", assumed" * is_assumed
             for name in names:
-                cells = [name, shown_unit(unit)]
-                cells.append(short_number(largest[name], unit))
-                cells.append(short_number(final[name] - trim, unit))
-                cells.append(short_number(errors[name], unit) if name in errors else "")
-                limited = limits_text(low, high, unit) + ", assumed" * is_assumed
-                cells.append(limited if name == names[-1] else "")
+                cells = [
+                    name,
+                    shown_unit(unit),
+                    short_number(largest[name], unit),
+                    short_number(final[name] - trim, unit),
+                    short_number(errors[name], unit) if name in errors else "",
+                    limited if name == names[-1] else "",
+                ]
                 if differences is not None:
                     known = name in differences
                     cells.append(short_number(differences[name], unit) if known else "")

@@ -23,9 +23,9 @@ _COLUMNS = 3
 #: A signal is constant if it changes by less than this fraction of its nominal size.
 _STILL = 1e-9
 #: Least range of a panel, as a fraction of the nominal size. It hides rounding errors.
-_LEAST = 0.02
+_LEAST_RANGE = 0.02
 #: Margin around the curves in a panel, relative to their range.
-_BEYOND = 0.25
+_MARGIN = 0.25
 
 
 class Curve(NamedTuple):
@@ -115,9 +115,9 @@ def _draw(
             values = shown_values(curve.values[name], unit)
             axes.plot(curve.times, values, curve.style, linewidth=1.1, label=curve.label)
     low, high = _range(name, curves)
-    least = _LEAST * model.signals[name].nominal
-    room = max(_BEYOND * (high - low), (least - (high - low)) / 2.0)
-    low, high = shown_values(np.array([low - room, high + room]), unit).tolist()
+    least_range = _LEAST_RANGE * model.signals[name].nominal
+    margin = max(_MARGIN * (high - low), (least_range - (high - low)) / 2.0)
+    low, high = shown_values(np.array([low - margin, high + margin]), unit).tolist()
     axes.set_ylim(low, high)
     for limit in shown_values(np.array(limits), unit):
         if low < limit < high:

@@ -19,9 +19,9 @@ LASTING = 0.9
 VISIBLE = 0.01
 #: A decay is steady if its rate in the last quarter is at least this fraction of that in the third
 #: ...
-_EVEN = 0.5
+_STEADY = 0.5
 #: ... and the amplitude decreases by more than this fraction in a quarter of the flight.
-_NO_DECAY = 5e-3
+_LEAST_DECAY = 5e-3
 #: Number of alternating estimates of line and frequency.
 _ROUNDS = 4
 #: Longest flight that is chosen for a growing mode, s. A mode that grows more slowly than by a
@@ -78,8 +78,8 @@ def duration_for(growing: np.ndarray) -> float:
     if not growing.size:
         return 0.0
     grown = 2.0 * _FULLY_GROWN / growing.real
-    # In this time, T = 2 slowest_recognized(1) / frequency, half the frequency of the mode is
-    # recognized: a large oscillation may be slower.
+    # A flight of this duration recognizes half the frequency of the mode too, because a large
+    # oscillation may be slower than a small one. Very slow modes count as 1 / _LONGEST.
     recognized = 2.0 * slowest_recognized(1.0) / np.maximum(np.abs(growing.imag), 1.0 / _LONGEST)
     oscillates = growing.imag != 0.0
     longest = np.where(oscillates, np.maximum(grown, recognized), grown).max()
@@ -112,7 +112,9 @@ def limit_cycle(model: Model, flight: Deviations, driven_until: float) -> LimitC
         if before is None or after is None or after.amplitude < LASTING * before.amplitude:
             continue
         share = after.amplitude / model.signals[name].nominal
-        decays = after.rate > max(_EVEN * before.rate, _NO_DECAY / (middle / 2))
+        # A decay is steady if it goes on in the last quarter, and lowers the amplitude visibly.
+        quarter = middle / 2
+        decays = after.rate > max(_STEADY * before.rate, _LEAST_DECAY / quarter)
         if share >= largest and not decays:
             found = LimitCycle(name, after.amplitude, after.frequency, model.unit(name))
             largest = share

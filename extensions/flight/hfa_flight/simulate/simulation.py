@@ -206,7 +206,7 @@ class RungeKutta:
         return None
 
     def clear(self) -> None:
-        """Forget the steps made so far, and pause after fewer steps again."""
+        """Forget the steps made so far. The next pause is after at most `_PAUSE_LATER` steps."""
         self._count = 0
         self._pause = min(self._pause, _PAUSE_LATER)
 
@@ -316,10 +316,11 @@ class CompiledLoop:
         parts: list[_Rows] = []
         for first in range(0, ticks, window):
             last = min(first + window, ticks)
-            rows, over = flying.rows(first, last)
-            if over.any():
-                last = first + math.ceil(over.argmax() / per_tick)
-            is_last = over.any() or last == ticks
+            rows, stops = flying.rows(first, last)
+            if stops.any():
+                # The end of the tick of the first row at which the flight stops.
+                last = first + math.ceil(stops.argmax() / per_tick)
+            is_last = stops.any() or last == ticks
             # The last row is the first of the next window, if there is one.
             kept = slice((last - first) * per_tick + (1 if is_last else 0))
             parts.append(_Rows(*(part[kept] for part in rows)))
@@ -423,7 +424,8 @@ class _Flying:
             alone
         """
         policy, sizes = self._loop.policy, self._loop.held_sizes
-        # Of several rows of held inputs, each belongs to a tick, or begins at a break.
+        # A policy with several rows of held inputs has one for each tick, or one from each of its
+        # `breaks` on.
         policy_changes = len(policy.held) > 1 and not hasattr(policy, "breaks")
         changes_each_tick = (
             self._sampler is not None or policy_changes or sizes.noise or sizes.gust or sizes.delay
@@ -440,7 +442,8 @@ class _Flying:
         return np.unique(np.concatenate([regular, times[-1:], breaks]))
 
     def rows(self, first: int, last: int) -> tuple[_Rows, np.ndarray]:
-        """Fly from one tick to another and return the rows of `_rows` up to the last tick.
+        """Fly from one tick to another. Return the rows up to the last tick, and a mask of all but
+        the last row: where the flight is over.
 
         The rows end earlier if the flight is over earlier.
         """

@@ -44,6 +44,8 @@ _FIRST = 0.01
 _RATIO, _COARSE = 1.01, 1.05
 #: Largest ratio of the two peaks between which a threshold lies.
 ACCURACY = 1.005
+#: Usual number of flights for a length, for the decision on machine code.
+_FLIGHTS_OF_A_LENGTH = 200
 #: Time after a gust in which a flight must stay inside, s.
 AFTER = 5.0
 
@@ -220,10 +222,11 @@ def smallest_gusts(
     ).on(model)
     flown_policy, own_scenario = policy_and_scenario(policy, point, own_scenario)
     loop = FlightLoop(NonlinearPlant(model, point), flown_policy, own_scenario)
+    # Factor from the unit of the airspeed to that of the peak; 1 if the latter is not known.
     of_peak = conversion_factor(f"{length_unit_of(model)}/s", _unit_of_peak(model)) or 1.0
     # Before the flights, so that no note counts the samples of one of them.
     notes = flown_policy.notes()
-    compiled = CompiledLoop(loop, 200 * len(gust_lengths))
+    compiled = CompiledLoop(loop, flights=_FLIGHTS_OF_A_LENGTH * len(gust_lengths))
     thresholds: list[GustThreshold] = []
     flights = 0
     for length in gust_lengths.tolist():
