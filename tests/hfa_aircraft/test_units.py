@@ -115,6 +115,7 @@ def test_an_aircraft_of_each_reader_is_the_same_in_si(reader):
     linear, of_metric_linear = point.linearize(), of_metric.linearize()
     states, inputs = (factors(model, names) for names in (linear.states, linear.inputs))
     scale = np.abs(linear.A).max()
+    # Back to English units: rows are divided by factors of states, columns multiplied by theirs.
     A = of_metric_linear.A / states[:, None] * states
     B = of_metric_linear.B / states[:, None] * inputs
     np.testing.assert_allclose(A, linear.A, rtol=1e-5, atol=1e-6 * scale)

@@ -67,9 +67,11 @@ def later(aircraft, x, u, t):
     [("load_factor_center", center_height, 0.0), ("load_factor_outer", outer_height, 1.0)],
 )
 def test_panel_load_factors_follow_the_moving_panels(aircraft, name, height, side):
-    """The load factor of a panel is gravity minus acceleration, normal to the panel, divided by g.
+    """The load factor of a panel is gravity minus acceleration, normal to the panel, divided by g. The
+    acceleration is the difference of velocities of the panel 1e-5 s later and earlier.
 
-    The acceleration is computed by differences along the motion.
+    height: function that returns how far the panel is below the center of mass
+    side: 0 for the center panel, 1 for the right outer one
     """
     gravity = np.array([0.0, 0.0, hfa_model.parameters_of(aircraft).gravity])
     for x, u in zip(*random_points(20, seed=11), strict=True):

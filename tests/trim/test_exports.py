@@ -117,11 +117,11 @@ def test_a_sweep_in_netcdf_is_read_back(point, tmp_path):
     swept = hfa.sweep(point.model, dihedral=[0.1, 0.2])
     swept.save(tmp_path / "sweep.nc")
     read = xarray.load_dataset(tmp_path / "sweep.nc", engine="scipy")
-    held = swept.to_xarray()
-    for name, array in held.items():
+    in_memory = swept.to_xarray()
+    for name, array in in_memory.items():
         stored = (
             read[f"{name}_real"] + 1j * read[f"{name}_imag"] if name not in read else read[name]
         )
         assert array.dtype.kind == "O" or np.array_equal(stored, array), name
-    assert read["A"].attrs == held["A"].attrs
-    assert list(read["state"].values) == list(held["state"].values)
+    assert read["A"].attrs == in_memory["A"].attrs
+    assert list(read["state"].values) == list(in_memory["state"].values)

@@ -78,6 +78,7 @@ def test_the_gtm_has_the_published_trim():
 
 def test_rates_of_the_f16_agree_with_the_book():
     """The rates of the F-16 agree with Table 3.5-2 of Stevens and Lewis."""
+    # Speed, alpha, beta; roll, pitch, yaw; their rates; north, east, altitude; power.
     x = [500, 0.5, -0.2, -1, 1, -1, 0.7, -0.8, 0.9, 1000, 900, 10000, 90]
     printed = [
         -75.23724,
@@ -120,7 +121,7 @@ def test_further_initial_points_cross_a_flat_region():
     point = trim(flat, usual_condition(flat))
     assert point.inputs.throttle == pytest.approx(0.59, rel=1e-9)
     assert point.initial_point > 0
-    assert trim(flat, start={"at": 7.0})["at"] == point["at"]  # declared, as no equation has it
+    assert trim(flat, start={"at": 7.0})["at"] == point["at"]  # not 7, but the declared start
     said = " ".join(str(point).split())
     assert "Not from the default initial point" in said
     assert "From the default initial point: no trim: these rates" in said

@@ -77,8 +77,8 @@ AIRCRAFT = (
 
 @pytest.mark.parametrize("name", AIRCRAFT)
 def test_a_search_that_begins_elsewhere_ends_at_the_same_trim(name):
-    """The trim is the same from starts 0.2 nominal values away, with and without an altitude in the
-    declared trim.
+    """The trim does not change if the search begins 0.2 nominal values below or above each start value,
+    with and without an altitude in the trim that the model declares.
     """
     model = aircraft(name)
     for omitted in ("", "altitude"):

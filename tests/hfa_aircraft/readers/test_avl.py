@@ -126,10 +126,11 @@ def of_older_version():
 
 
 @pytest.mark.parametrize("form", ["printed", "machine_readable", "older"])
-def test_forces_agree_with_those_of_avl(form, glider):
-    """Moments about body axes and CL at other states are those of AVL, in each form of the file.
+def test_moments_and_lift_agree_with_those_of_avl(form, glider):
+    """Moments about body axes and CL at other angles and rates than those of the file are AVL's, in each form
+    of the file. At the state of the file, CL and CD are the printed ones.
 
-    At the state of the file, CL and CD are the printed ones.
+    Rows of `AVL_FORCES`: angles and deflections, deg; rates over speed, rad/m; Cl, Cm, Cn; CL.
     """
     text = {"printed": PRINTED, "machine_readable": machine_readable(), "older": of_older_version()}
     Path("glider.st").write_text(text[form])

@@ -1,4 +1,4 @@
-"""Other centers of gravity, compared with own equations in numpy and with AVL at both places."""
+"""Other centers of gravity, compared with equations of the tests in numpy and with AVL at both places."""
 
 import json
 import tomllib
@@ -28,13 +28,13 @@ TABLE = UAV | {
 }
 
 
-def assert_equal_rates(model, own):
-    """Compare the rates of a spinning, banked, slipping aircraft with those of the own equations.
+def assert_equal_rates(model, reference):
+    """Compare the rates of a spinning, banked, slipping aircraft with those of other equations.
 
     Without lift by the rate of alpha, which `SixDof.loads` lacks, lift, drag, moment and load factor
     are compared, too.
 
-    own: `SixDof` of the same table, about the center of gravity of the model
+    reference: `SixDof` of the same table, about the center of gravity of the model
     """
     # speed, alpha, beta, three rates, roll, pitch, yaw, altitude
     x = [38.0, 0.15, -0.6, 0.4, -0.3, 0.5, 0.7, -0.4, 0.3, 900.0]
@@ -42,7 +42,7 @@ def assert_equal_rates(model, own):
     speed, alpha, beta, *spin, roll, pitch, _, altitude = x
     in_plane = speed * np.cos(beta)
     velocity = np.array([in_plane * np.cos(alpha), speed * np.sin(beta), in_plane * np.sin(alpha)])
-    f = own.rates(np.array([*velocity, *spin, roll, pitch]), u, altitude)
+    f = reference.rates(np.array([*velocity, *spin, roll, pitch]), u, altitude)
     along = velocity @ f[:3] / speed
     down = np.array([-np.sin(pitch), np.sin(roll) * np.cos(pitch), np.cos(roll) * np.cos(pitch)])
     turning = (spin[1] * np.sin(roll) + spin[2] * np.cos(roll)) / np.cos(pitch)
@@ -55,12 +55,16 @@ def assert_equal_rates(model, own):
         -velocity @ down,
     ]
     assert list(model.rates_at(x, u).values()) == pytest.approx(expected, rel=1e-4)
-    if own.get("CL_alphadot"):
+    if reference.get("CL_alphadot"):
         return
-    at = air(altitude, own.warmer)
-    force, _, lift, drag, moment = own.loads(np.array([alpha, beta, speed]), np.array(spin), u, at)
-    normal = (force[0] * np.sin(alpha) - force[2] * np.cos(alpha)) / (own.entries["mass"] * GRAVITY)
-    pressed = 0.5 * at.density * speed**2 * own.entries["wing_area"]
+    at = air(altitude, reference.warmer)
+    force, _, lift, drag, moment = reference.loads(
+        np.array([alpha, beta, speed]), np.array(spin), u, at
+    )
+    normal = (force[0] * np.sin(alpha) - force[2] * np.cos(alpha)) / (
+        reference.entries["mass"] * GRAVITY
+    )
+    pressed = 0.5 * at.density * speed**2 * reference.entries["wing_area"]
     names = ("lift", "drag", "pitching_moment", "load_factor", "turn_rate")
     assert model.outputs_at(x, u, names) == pytest.approx(
         dict(zip(names, (pressed * lift, pressed * drag, moment, normal, turning), strict=True)),
@@ -94,10 +98,10 @@ def test_a_tail_arm_scales_the_damping():
     tail = {"CL_q": 5.0, "CL_alphadot": 1.5, "Cm_alphadot": -1.5 * arm / chord, "cg": 0.2}
     table = UAV | tail | {"longitudinal": {**UAV["longitudinal"], "Cm_q": -5.0 * arm / chord}}
     share = 1.0 - moved / arm
-    own = SixDof(table, 0.3)
-    own.entries |= {"CL_q": share * 5.0, "Cm_q": -share * 5.0 * arm / chord}
+    reference = SixDof(table, 0.3)
+    reference.entries |= {"CL_q": share * 5.0, "Cm_q": -share * 5.0 * arm / chord}
     model = from_derivatives(table | {"tail_arm": arm}).with_parameters(cg=0.3)
-    assert_equal_rates(model, own)
+    assert_equal_rates(model, reference)
 
 
 @pytest.mark.slow

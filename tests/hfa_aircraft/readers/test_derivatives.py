@@ -244,11 +244,13 @@ def cherokee_by_hand():
 
 @pytest.mark.parametrize("form", ["not divided", "with respect to angles", "stability axes"])
 def test_dimensional_derivatives_give_the_modes_of_their_matrices(form):
-    """The modes agree with those of the matrices written down from the dimensional derivatives.
+    """A table of dimensional derivatives (the Cherokee's), in three further forms, gives the modes of the
+    matrices written down from the derivatives.
 
     The elevator acts on the pitch rate by M_elevator + Mwdot Z_elevator.
     """
     table = dict(CHEROKEE)
+    # Mass and moments of inertia, by the first letter of a derivative.
     mass = {"X": 1090.0, "Y": 1090.0, "Z": 1090.0, "L": 3100.0, "M": 1700.0, "N": 1400.0}
     if form == "not divided":
         table = {
@@ -260,8 +262,10 @@ def test_dimensional_derivatives_give_the_modes_of_their_matrices(form):
         pairs = {"Xw": "Xalpha", "Zw": "Zalpha", "Mw": "Malpha", "Mwdot": "Malphadot"}
         pairs |= {"Yv": "Ybeta", "Lv": "Lbeta", "Nv": "Nbeta"}
         for name, other in pairs.items():
-            table[other] = 50.0 * table.pop(name)
-    elif form == "stability axes":  # about which the inertia is that of the matrices
+            table[other] = 50.0 * table.pop(name)  # the speed is 50 m/s: w = 50 alpha
+    elif (
+        form == "stability axes"
+    ):  # body axes at 4 deg, with the inertia about stability axes unchanged
         angle = math.radians(4.0)
         cos, sin = math.cos(angle), math.sin(angle)
         table |= {"axes": "stability", "alpha": angle, "thrust_angle": -angle}
@@ -281,9 +285,8 @@ def test_dimensional_derivatives_give_the_modes_of_their_matrices(form):
 
 
 def test_limits_are_those_of_the_table_or_assumed():
-    """The table states the limits of inputs; those of states are assumed.
-
-    Limits of speed and alpha follow from its condition. The nominal thrust is 10 % of the weight.
+    """The table states the limits of inputs; those of states are assumed: the speed is 0.3 to 5 times, and
+    alpha ± 0.3 rad around, that of the condition. The nominal thrust is 10 % of the weight.
     """
     model = from_derivatives({**NAVION, "alpha": 0.05})
     limits = {name: (signal.min, signal.max) for name, signal in model.signals.items()}

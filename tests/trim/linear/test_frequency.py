@@ -50,6 +50,7 @@ def test_a_bode_plot_shows_the_response_of_each_channel():
     linear = LinearModel.of(A, np.eye(3)[:, :2], states=("q", "v", "alone"), inputs=("f", "g"))
     figure = linear.bode()[0].figure
     assert figure.get_supxlabel() == "not drawn: alone"
+    # For each output, a panel of magnitudes above one of phases; in each, a line for each input.
     panels = [axes for axes in figure.axes if axes.lines]
     for row, (above, below) in enumerate(zip(panels[::2], panels[1::2], strict=True)):
         assert above.get_title() == f"{linear.states[row]}, 1"

@@ -151,11 +151,11 @@ def test_panels_add_up_to_the_uniform_wind(aircraft):
 
 
 def test_vertical_wind_has_the_released_columns():
-    """The columns of E of updrafts are those of the released simulation, `PEER`, within 2e-8 of their
-    largest entry.
+    """The columns of E of updrafts at the center and at the outer panels are those of the released
+    simulation SimVFA, `PEER`, within 2e-8 of their largest entry.
     """
-    # Those of headwinds are not: its drag follows the speed over ground, which in level flight a
-    # vertical wind does not change to first order.
+    # Columns of headwinds differ: the drag of the simulation follows the speed over ground, not
+    # the airspeed. A vertical wind changes neither to first order in level flight.
     aircraft, altitude = released_simulation()
     point = point_of(aircraft, altitude=altitude)
     model = linearize(aircraft, point, disturbances=tuple(PEER))

@@ -95,14 +95,13 @@ def test_nonsmooth_points_do_not_depend_on_the_chunks_of_a_sweep(monkeypatch):
 
 
 def test_several_switches_at_one_point_have_their_own_slopes():
-    """Each term of v' = table(x) + max(v - 1/2, 5 (v - 1/2)) + min(u, 2 u) has its mean slope.
-
-    A note names each nonsmooth point.
+    """v' = table(x) + max(v - 1/2, 5 (v - 1/2)) + min(u, 2 u) has three nonsmooth terms at x = 0, v = 1/2,
+    u = 0. A and B have the mean slope of each, and a note names each.
     """
 
     def equations(x, u, p, w):
-        lag = x.v - 0.5
-        force = TABLE(x.x) + ca.fmax(lag, 5.0 * lag) + ca.fmin(u.u, 2.0 * u.u)
+        excess = x.v - 0.5
+        force = TABLE(x.x) + ca.fmax(excess, 5.0 * excess) + ca.fmin(u.u, 2.0 * u.u)
         return {"x": x.v, "v": force}, {}
 
     states = {"x": Signal(nominal=20.0), "v": Signal(nominal=0.3)}

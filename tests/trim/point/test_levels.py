@@ -99,11 +99,13 @@ def test_phugoid_of_level_three_doubles_in_55_seconds():
         (12_501.0 * 4.4482216, "N", 5.9, "II-L"),
         (60_001.0 * 4.4482216, "N", math.inf, "III"),
         (60_001.0, "lbf", 6.1, "IV"),
-        (60_001.0, "loads", math.inf, "I"),  # a unit that no force has
+        (60_001.0, "loads", math.inf, "I"),  # no unit of force: no weight
     ],
 )
 def test_class_follows_from_weight_and_load_factor(weight, unit, largest_load_factor, class_):
-    """The usual class is that of the weight, in any unit of force, or IV if maneuverable."""
+    """Without a class that the user gives, it is that of the weight, in any unit of force: I to 12,500 lbf,
+    II-L to 60,000 lbf, then III; with a largest load factor above 6, IV.
+    """
     signals = {"weight": Signal(unit), "load_factor": Signal(max=largest_load_factor)}
 
     class Loaded(dict[str, float]):

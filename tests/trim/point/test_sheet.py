@@ -451,8 +451,8 @@ def test_published_and_newton_dynamics_differ_by_mode_in_percent():
 def test_the_warning_of_yaw_stability_depends_on_the_sign_of_cn_beta_alone(sign, tmp_path):
     """The warning "out of the wind" is given if Cn_beta < 0, and not if it is positive or 0.
 
-    The yaw acceleration by beta has the other sign than Cn_beta in each case, because the planted Ixz
-    and Cl_beta add a larger one with the sign of -Ixz.
+    The yaw acceleration by beta does not decide: with the planted Ixz and Cl_beta, it has the sign of
+    -Ixz, opposite to that of Cn_beta.
     """
     text = (EXAMPLES / "uav.toml").read_text("utf-8")
     Ixz = 0.3 * (sign or -1.0)
@@ -503,7 +503,7 @@ OWN = Model(
     assert "tilt 2 deg as loaded: 28.6479" in text
     declared = "tilt 2 deg (as loaded: 28.6479 deg)"
     assert declared in text
-    assert Path("sheet.html").read_text("utf-8").count(declared) == 2
+    assert Path("sheet.html").read_text("utf-8").count(declared) == 2  # in provenance and head
 
 
 def test_the_load_factor_is_normal_to_the_path():
@@ -574,7 +574,7 @@ def test_a_trim_without_air_has_a_warning_with_the_options_of_a_flight():
     point = hfa.trim(model, start={"altitude": 39e3, "alpha": -1.5})
     title = " ".join(point.report().title.split())
     assert "Check: alpha -90 deg, density 0 kg/m^3: no flight" in title
-    assert "degrees without a unit" not in title  # of the alpha of -90 deg
+    assert "degrees without a unit" not in title  # which alpha is not taken for
     held = {name: float(value) for name, value in re.findall(r"--hold (\w+)=([-.\d]+)", title)}
     flown = hfa.trim(model, hold=held, free=re.findall(r"--free (\w+)", title))
     assert dict(flown.states) == pytest.approx({"speed": 50.0, "alpha": 0.1, "altitude": 1e3})

@@ -59,7 +59,7 @@ def test_each_point_equals_its_single_trim(published_aircraft, name):
     result = sweep(published_aircraft, grid, condition=condition)
     for i, row in enumerate(result.values):
         held = dict(zip(result.variables, row.tolist(), strict=True))
-        held.pop("panel_mass", None)
+        held.pop("panel_mass", None)  # a parameter of the model, set below
         single = condition.at(held.pop("dihedral")) if "dihedral" in held else condition
         single = release(single, hold=held)
         model = published_aircraft
