@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from controller.game.zero_sum import Game
 from controller.riccati.balls import (
     ATTEMPTS,
     ROUNDOFF,
@@ -241,7 +242,7 @@ class ClosedLoops:
             balanced_loop, one = scaled_balls(loop, -units, units), identity(len(units))
             size = float(np.linalg.norm(midpoints(balanced_loop), 2))
             gain = gain_of(DisturbedLoop(balanced_loop, one, one, game.is_discrete))
-        return 1.0 / (gain.high * size) if size else 0.0
+        return 1.0 / (gain.high * size) if size else math.inf
 
     def disk_margin(self, K: np.ndarray) -> DiskMargin | None:
         """Return the disk margin of u = -K z at all inputs, None if A - B K is not proved stable.
@@ -258,13 +259,21 @@ class ClosedLoops:
 
         None if the loop is not stable as rounded to doubles.
         """
-        closed, game = self.with_gain(K), self.enclosure.game
-        is_stable = (
-            spectral_radius(closed) < 1.0 if game.is_discrete else spectral_abscissa(closed) < 0.0
-        )
-        if not is_stable:
-            return None
-        return loop_of(closed, self.columns(game.B), -self.rows(K), game.dt)
+        game = self.enclosure.game
+        return rounded_loop(self.with_gain(K), self.columns(game.B), self.rows(K), game)
+
+
+def rounded_loop(closed: np.ndarray, B: np.ndarray, K: np.ndarray, game: Game) -> ClosedLoop | None:
+    """Return M = S - I/2 at all inputs of a stable loop, None if it is not stable as rounded.
+
+    closed, B, K: A - B K, (n, n), (n, m), and (m, n), in states in which they are accurate
+    """
+    is_stable = (
+        spectral_radius(closed) < 1.0 if game.is_discrete else spectral_abscissa(closed) < 0.0
+    )
+    with suppress(np.linalg.LinAlgError):  # -1 may be a pole that rounds to a stable one
+        return loop_of(closed, B, -K, game.dt) if is_stable else None
+    return None
 
 
 def _worst_loop(enclosure: Enclosure) -> arb_mat:

@@ -13,7 +13,7 @@ from controller.game.basis import q_function
 from controller.game.linear_game import game
 from controller.game.zero_sum import Game
 from controller.riccati.balls import BITS, ball_matrix, midpoints, precision
-from controller.riccati.closed_loops import ClosedLoops, Poles, poles_of
+from controller.riccati.closed_loops import ClosedLoops, Poles, poles_of, rounded_loop
 from controller.riccati.enclosure import Certificate, Enclosure, data_change, decided
 from controller.riccati.l2_gain import GainBounds
 from controller.riccati.lyapunov import loop_with, stabilizes
@@ -29,7 +29,6 @@ from trim.linear.margins import (
     DiskMargin,
     LoopMargin,
     disk_of,
-    loop_of,
     named_margins,
     single_margin,
 )
@@ -361,7 +360,9 @@ def margins(linear: LinearModel | Game, K: ArrayLike) -> dict[str, LoopMargin]:
         raise NoSolutionError(f"{_unstable(plant, K)} and no margins; give a stabilizing gain")
     with precision(BITS):
         closed = midpoints(loop_with(plant, ball_matrix(K)))
-    loop = loop_of(closed, plant.B, -K, plant.dt)
+    loop = rounded_loop(closed, plant.B, K, plant)
+    if loop is None:
+        raise NoSolutionError("a mode is undamped up to rounding: no margins; change K")
     return {name: single_margin(loop, i) for i, name in enumerate(inputs)}
 
 

@@ -64,12 +64,12 @@ class SignFunction(Generic[Middle]):
     def __init__(self, matrix: Middle) -> None:
         self._steps: list[tuple[float, Middle]] = []
         in_doubles = isinstance(matrix, np.ndarray)
-        accuracy = HALF_THE_DIGITS if in_doubles else float(half_the_bits())
+        accuracy = HALF_THE_DIGITS if in_doubles else half_the_bits()
         size = _size(matrix)
         for step in range(NEWTON_STEPS):
             inverse = _inverse(matrix)
             # This factor brings the eigenvalues near ±1 soon.
-            c = math.sqrt(_size(inverse) / size)
+            c = float((_size(inverse) / size) ** 0.5)
             if not 0.0 < c < math.inf:
                 raise FailedError("the sign is not finite")
             is_near = 0.9 < c < 1.1 or step > NEWTON_STEPS // 2
@@ -108,9 +108,9 @@ def _one(matrix: Any) -> Any:
     return np.eye(len(matrix)) if isinstance(matrix, np.ndarray) else identity(matrix.nrows())
 
 
-def _size(matrix: Any) -> float:
-    """Return the norm of Frobenius."""
-    return float(np.linalg.norm(matrix) if isinstance(matrix, np.ndarray) else norm(matrix))
+def _size(matrix: Any) -> Any:
+    """Return the norm of Frobenius, in doubles or as an exact ball."""
+    return np.linalg.norm(matrix) if isinstance(matrix, np.ndarray) else norm(matrix)
 
 
 def _inverse(matrix: Any) -> Any:

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfa_support.matrices import balanced
+from hfa_support.matrices import LARGEST, balanced
 from trim.linear.frequency_response import System, in_continuous_time, level_crossings
 
 #: Frequencies per decade of the grid where a search begins.
@@ -128,10 +128,13 @@ class ClosedLoop:
         """Modes of A, which is changed by rounding if its eigenvectors are nearly dependent."""
         values, vectors = np.linalg.eig(self.A)
         if not np.linalg.cond(vectors) < 1.0 / CHANGE:
-            # random entries of the size of rounding, which separate equal eigenvectors
-            change = spread(len(self.A)) * CHANGE * np.linalg.norm(self.A)
-            values, vectors = np.linalg.eig(self.A + change)
+            values, vectors = np.linalg.eig(self._changed)
         return Modes(values, vectors, np.linalg.inv(vectors))
+
+    @property
+    def _changed(self) -> np.ndarray:
+        """A with random changes of the size of rounding, which separate equal eigenvectors."""
+        return self.A + spread(len(self.A)) * CHANGE * np.linalg.norm(self.A)
 
     def at(self, frequencies: np.ndarray) -> np.ndarray:
         """Return M(jω), (N, m, m), at finite frequencies ω, (N,).
@@ -149,8 +152,13 @@ class ClosedLoop:
             correction = vectors @ (inverse @ residual / (s - values[:, None]))
             x += correction
         is_inaccurate = ~(np.abs(correction).max(0) <= NEAR * np.abs(x).max(0))
-        matrices = s[is_inaccurate, None, None] * np.eye(len(self.A)) - self.A
-        x[:, is_inaccurate] = np.linalg.solve(matrices, inputs.T[is_inaccurate, :, None])[:, :, 0].T
+        s_one = s[is_inaccurate, None, None] * np.eye(len(self.A))
+        of_inputs = inputs.T[is_inaccurate, :, None]
+        try:
+            solved = np.linalg.solve(s_one - self.A, of_inputs)
+        except np.linalg.LinAlgError:  # a mode is undamped up to rounding
+            solved = np.linalg.solve(s_one - self._changed, of_inputs)
+        x[:, is_inaccurate] = solved[:, :, 0].T
         outputs = (self.C @ x).reshape(len(self.C), len(frequencies), self.B.shape[1])
         return self.D + np.moveaxis(outputs, 1, 0)
 
@@ -218,8 +226,8 @@ def disk_of(loop: ClosedLoop, near: float = 0.0) -> DiskMargin:
     # The distance of the level above the largest bound is multiplied by 10 after so many steps, so
     # that the search ends.
     steps_per_decade = max(MANY // len(loop.D) ** 2, 1)
-    count = 0
-    while pieces:
+    level, count = highest, 0
+    while pieces and level < LARGEST:  # it grows without bound where A rounds to a singular one
         count += 1
         M = loop.at(np.array([point]))[0]
         scaling = best_scaling(M, scaling)

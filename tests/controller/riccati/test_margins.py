@@ -9,6 +9,7 @@ import pytest
 from game_samples import game_models
 
 import hfa
+from controller.riccati.lyapunov import stabilizes
 from hfa import Game, NoSolutionError, solve
 
 
@@ -172,3 +173,44 @@ def test_the_disk_margin_does_not_depend_on_the_units_of_the_inputs():
         game = Game(A, B * units, Q=np.eye(3), R=np.diag(units**2))
         found.append(solve(game).closed_loops.disk_margin([[1.5], [0.8]] * K / units[:, None]))
     assert tuple(found[1]) == pytest.approx(tuple(found[0]), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("A", "B", "K", "dt"),
+    [
+        ([[1.875, 1.203125], [0.984375, 0.015625]], [1, -1], [14.93642865634764, 6.770291312541618],
+         None),
+        ([[0.421875, 0.2109375], [0.4375, -0.171875]], [0.875, -1.0],
+         [0.5457275279839782, -0.3184215520515957], 0.1),
+    ],
+)  # fmt: skip
+def test_a_loop_stable_within_rounding_has_no_margins(A, B, K, dt):
+    """A pole that is proved stable, but not in doubles, is no error of arithmetic."""
+    game = Game(A, np.reshape(B, (2, 1)), Q=np.eye(2), R=[1.0], dt=dt)
+    with pytest.raises(NoSolutionError, match="a mode is undamped up to rounding"):
+        hfa.margins(game, K)
+    assert "margin of all inputs, disk" in str(hfa.verify(game, hfa.from_gain(game, K)))
+
+
+def test_a_singular_matrix_of_a_stable_loop_has_a_margin():
+    """A mode that is undamped up to rounding leaves a disk margin of the size of rounding."""
+    game = Game([[2.0, -2.5], [0.375, -0.625]], [[-0.5], [-0.25]], Q=np.eye(2), R=[1.0])
+    K = np.array([[-17.680555555555554, 18.680555555555557]])
+    assert 0.0 < solve(game).closed_loops.disk_margin(K).disk < 1e-12
+
+
+@pytest.mark.parametrize("rate", [1e-170, 1e-200, 1e-300])
+def test_a_slow_loop_is_proved_stable(rate):
+    """Squares of the entries of a loop may be below the smallest double."""
+    game = Game([[-rate]], [[1.0]], Q=[1.0], R=[1.0])
+    assert stabilizes(game, np.zeros((1, 1)))
+    assert not stabilizes(game, np.array([[-2.0 * rate]]))
+    free = Game(np.diag([1.0, -rate]), [[1.0], [1.0]], Q=[1.0, 0.0], R=[1.0])
+    assert np.allclose(solve(free).P, np.diag([1.0 + math.sqrt(2.0), 0.0]), rtol=1e-15)
+
+
+def test_a_loop_of_zeros_is_far_from_instability():
+    """The distance of a deadbeat loop, relative to its norm 0, is infinite."""
+    game = Game([[1.0, 1.0], [0.0, 1.0]], np.eye(2), Q=np.eye(2), R=np.eye(2), dt=0.1)
+    assert math.isinf(solve(game).closed_loops.distance(game.A))
+    assert "inf" in str(hfa.verify(game, hfa.from_gain(game, game.A)))
