@@ -103,7 +103,9 @@ OSCILLATOR = '{"A": [[0, 1], [-2, -0.3]], "B": [[0], [1]], '
 
 
 def test_E_beside_C_and_D_is_refused(folder):
-    """E beside C and D may be MATLAB's descriptor, which would change A; C and D alone may not."""
+    """E beside C and D may be the descriptor matrix of MATLAB, E x' = A x + B u, or a disturbance matrix: it
+    is refused. C and D without E are read.
+    """
     Path("plant.json").write_text(OSCILLATOR + '"C": [[1, 0]], "D": [[0]], "E": [[2, 0], [0, 1]]}')
     cli.assert_refused(cli.hfa("linearize", "--aircraft", "plant.json"), 2, "MATLAB's descriptor")
     Path("plant.json").write_text(OSCILLATOR + '"C": [[1, 0]], "D": [[0]]}')

@@ -51,7 +51,9 @@ def test_a_growth_beside_a_stiff_state_is_unstable():
 
 @pytest.mark.parametrize("newton", [1.0, 1e-13])
 def test_an_input_of_any_unit_is_named_with_its_value(newton):
-    """The thrust at 10 m/s, 0.2 N, is not taken for a rounding, in the trim and in a sweep."""
+    """The thrust at 10 m/s, 0.2 N, is not left out as a rounding, in the trim and in a sweep, also if the
+    unit of force is 1e13 N (`newton` = 1e-13 units).
+    """
     model = cart(newton)
     assert f"thrust {0.2 * newton:.3g} N" in first_lines(trim(model).report())[-1]
     assert "thrust N" in str(sweep(model, speed=[10.0, 12.0]).report())
@@ -69,7 +71,9 @@ def test_a_value_is_compared_with_the_table_in_any_unit():
 
 
 def test_the_end_of_a_range_is_inside_in_the_sheet_and_in_the_notes():
-    """A speed one rounding beyond the range of validity is inside, one millionth beyond is not."""
+    """A speed one rounding beyond the range of validity, 5 to 10 m/s, is inside; one millionth beyond it is
+    not. The sheet and the notes agree.
+    """
     model = cart(domain=Domain(range={"speed": (5.0, 10.0, "the tests")}))
     for speed, inside in ((np.nextafter(10.0, 11.0), True), (10.00001, False)):
         point = trim(model, speed=float(speed))

@@ -127,7 +127,9 @@ def test_alpha_keeps_its_start_value_if_the_speed_is_set_free():
 
 
 def test_a_trim_with_every_state_set_free_is_one_of_many():
-    """No state that the user set free is kept; the report names an option that makes the trim unique."""
+    """No state that the user set free keeps its start value, so that the trim is one of many. The report
+    names an option --hold that makes it unique.
+    """
     free = {"V", "a", "nose"}
     released = hfa.trim(PLANE, hold={"h": 500.0}, free=[*free])
     first = str(released.report()).partition("\n\n")[0]

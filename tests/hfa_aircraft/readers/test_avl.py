@@ -47,7 +47,9 @@ def glider(folder):
 
 
 def test_modes_agree_with_those_of_avl():
-    """A glide with nearly horizontal body axis has AVL's modes within 2 %, the spiral within 10 %."""
+    """AVL's case has pitch angle and thrust 0. A glide without thrust, whose pitch angle is small, has its
+    modes within 2 %, and the spiral, which is nearly neutral, within 10 %.
+    """
     model = tool.load_model(str(EXAMPLES / "glider.toml"))
     point = trim(model, thrust=0.0, free=("gamma",))
     values = np.linalg.eigvals(linearize(model, point).A)
@@ -149,9 +151,9 @@ def test_moments_and_lift_agree_with_those_of_avl(form, glider):
 
 
 def test_a_fixed_control_keeps_its_deflection(glider):
-    """A control with one value in the table is no input; the deflection changes Cm_0.
+    """An elevator with one value in the table, 1 deg, is no input: Cm_0 has the moment of its deflection.
 
-    The file is at the elevator -0.44993 deg with Cmtot 0.
+    Cmtot is 0 in the file, in which the elevator is at -0.44993 deg.
     """
     Path("glider.toml").write_text(
         TABLE.replace('elevator = ["-25 deg", "25 deg"]', 'elevator = "1 deg"')

@@ -152,7 +152,7 @@ def test_the_center_does_not_depend_on_units():
 
 
 def test_the_sheet_repeats_configuration_words(folder):
-    """--hold cg=0.28, and the words of flap and gear, are in the data of the sheet."""
+    """The sheet has the c.g. of --hold cg=0.28, and the texts of the entries flap and gear of the table."""
     text = (ROOT / "examples/uav.toml").read_text()
     Path("uav.toml").write_text('cg = 0.25\nflap = "20 deg, slotted"\ngear = "down"\n' + text)
     run = hfa("trim", "--aircraft", "uav.toml", "--hold", "cg=0.28", "--json")

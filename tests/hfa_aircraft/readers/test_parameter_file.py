@@ -61,12 +61,14 @@ def test_a_changed_aircraft_is_refused(folders):
     text = f'aircraft = "uav.toml"\nsha256 = "{digest}"\n[parameters]\nCL_alpha = 4.0\n'
     (folders / "found.toml").write_text(text)
     Path("found.toml").write_text(text)
-    alpha(folders / "found.toml")
+    alpha(folders / "found.toml")  # of a trim, without an error
     assert_refused(hfa("trim", "--aircraft", "found.toml"), 2, "found.toml", "SHA-256", "sha256")
 
 
 def test_files_that_name_each_other_are_refused(folders):
-    """A circle or a long chain of files ends in one line; a short chain to a table is read."""
+    """Parameter files that name each other as the aircraft, or a long chain of them, are refused in one line.
+    A short chain that ends at a table is read.
+    """
     (folders / "one.toml").write_text('aircraft = "../here/two.toml"\n')
     (folders / "two.toml").write_text('aircraft = "one.toml"\n')
     (folders / "self.toml").write_text('aircraft = "self.toml"\n')

@@ -62,7 +62,9 @@ def blocks(aircraft, z):
 
 
 def test_derivatives_equal_high_order_differences(aircraft):
-    """Derivatives agree with eighth-order differences to 1e-10 of the largest entry of a row."""
+    """A to F, the derivatives of rates and outputs by states, inputs and winds, agree with eighth-order
+    central differences to 1e-10 of the largest entry of a row.
+    """
     weights = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}  # of f(z + k h) - f(z - k h)
     for z in points(6, seed=12):
         exact = blocks(aircraft, z)

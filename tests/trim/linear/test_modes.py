@@ -82,9 +82,9 @@ def values(point):
 
 
 def test_handling_qualities_follow_from_the_modes():
-    """Frequencies, dampings, time constants and times are those of the eigenvalues.
+    """Frequencies, dampings, time constants and times of the sheet are those of the eigenvalues.
 
-    test_sheet.py computes n/alpha and CAP by hand.
+    n/alpha and CAP are computed by hand in test_sheet.py.
     """
     point = trimmed(NAVION)
     qualities = values(point)
@@ -96,7 +96,7 @@ def test_handling_qualities_follow_from_the_modes():
         )
     damped = qualities["dutch roll damping"] * qualities["dutch roll frequency"]
     assert qualities["dutch roll damping times frequency"] == pytest.approx(damped)
-    assert len(qualities) == 12
+    assert len(qualities) == 12  # with n/alpha, CAP and phi/beta
     assert qualities["roll time constant"] == pytest.approx(-1 / roots["roll"].real, rel=1e-12)
     assert qualities["spiral time to half"] == pytest.approx(
         -math.log(2) / roots["spiral"].real, rel=1e-12

@@ -39,7 +39,9 @@ MODEL = Model(
     ],
 )
 def test_a_held_alternative_frees_the_speed(held, speed):
-    """Held knots (2 x speed), a held Mach number (speed / 100), or both, replace the imposed speed 7."""
+    """The trim of MODEL imposes the speed 7. Knots (2 x speed) or a Mach number (speed / 100) are declared as
+    alternatives: if one or both are held, the speed follows from them. Its thrust equals the speed.
+    """
     point = hfa.trim(MODEL, hold=held)
     assert (point["speed"], point["thrust"]) == pytest.approx((speed, speed))
 

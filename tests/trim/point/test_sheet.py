@@ -268,8 +268,8 @@ def test_a_lift_coefficient_above_the_declared_largest_is_a_stall():
 
 
 def test_the_nearest_limit_is_named_also_if_it_is_assumed():
-    """Alpha, at 0.2 % of its range from an assumed limit, is named after the thrust of 1.4 N, at 14 % of
-    its range of 10 N from a declared limit.
+    """The report names first the thrust, 1.4 N, at 14 % of its range from a declared limit, and then alpha,
+    which is nearer to a limit, at 0.2 % of its range, but to an assumed one.
     """
 
     def equations(x, u, p, w):

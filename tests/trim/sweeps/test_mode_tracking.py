@@ -67,8 +67,8 @@ def test_eigenvalues_that_cross_keep_their_columns(shapes, change_per_s, values_
 @pytest.mark.parametrize("pair", [1j, -1.0 + 0.3j])
 @pytest.mark.parametrize("seed", range(4))
 def test_eigenvalues_far_apart_keep_their_columns_whatever_their_shapes_do(seed, pair):
-    """The eigenvalues 1, -1 and a pair, with other random mode shapes at each point of a grid, keep
-    their columns, also where the path to a point leads back along an axis.
+    """The eigenvalues 1, -1 and a pair are constant, and far apart: they keep their columns at all points of
+    a grid, although their mode shapes, random functions of s and t, tell nothing.
     """
     phase, by_s, by_t = map(ca.DM, np.random.default_rng(seed).normal(size=(3, 4, 4)))
     real, imaginary = pair.real, pair.imag

@@ -51,8 +51,8 @@ def is_in_one_line(ended, said):
 
 
 def test_a_resumed_run_gives_identical_bits(tmp_path):
-    """A run that each signal ends in turn at a random moment, and that is resumed, gives identical
-    bits; so does one process.
+    """A run that is ended by each signal in turn at a random moment, and resumed each time, has the bits of
+    a run that is not ended. So has a run in one process instead of two.
     """
     whole = run(tmp_path / "whole", *THREE_CHUNKS)
     assert whole.code == 0

@@ -287,7 +287,9 @@ def test_a_store_has_names_and_units_and_the_numbers_of_the_sweep(published_airc
 
 @pytest.mark.parametrize("more", ["", "--limit throttle=0:40", "--hold altitude=1e4", "--units si"])
 def test_a_store_is_resumed_with_its_own_sweep_only(more, store):
-    """A sweep with another limit, another held value or other units is refused."""
+    """--resume with the options of the stored sweep is accepted. A sweep with another limit, another held
+    value or other units is refused.
+    """
     words = (*WORDS_OF_STORE, *more.split(), "-o", str(store), "--resume")
     result = hfa("sweep", *words)
     if not more:
@@ -369,7 +371,7 @@ def test_a_sweep_prints_trim_values_and_limits_reached():
 
 
 def test_the_legend_of_two_variables_names_the_lines_that_it_shows():
-    """The line of the width in the legend has the eigenvalues at the speed in the legend; o and s
+    """Lines of the width that the legend gives to a speed are the eigenvalues at this speed; o and s
     mark the first and the last thrust.
     """
     model = load_model(str(ROOT / "examples" / "uav.toml"))
