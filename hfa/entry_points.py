@@ -227,6 +227,7 @@ def found_in(words: list[str]) -> tuple[str, list[str]]:
     first = words[0] if words else ""
     if " " in first:
         raise BadInputError(f"{shortened(first)!r} is one argument; type its words without quotes")
+    # Most commands have one word: the packages of others are not searched for second words.
     if first in own_commands() and first not in _FIRST_WORDS:
         return first, words[1:]
     names = {*own_commands(), *_of_others()}

@@ -207,7 +207,7 @@ def _named_command(words: list[str]) -> tuple[Command, str, list[str]]:
     from hfa.overview import overview
 
     first = words[0] if words else "--help"
-    overview().parse_words([first])
+    overview().parse_words([first])  # ends at --help and --version, raises for another option
     raise BadInputError(unknown(f"command {shortened(first)!r}", first.lower(), commands(), "hfa"))
 
 

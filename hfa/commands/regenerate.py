@@ -27,7 +27,8 @@ def regenerate(request: RegenerateRequest, aircraft: LoadedAircraft) -> Outcome:
     """
     from verification.regeneration import regenerate_all
 
-    variant_named(request.dynamics or "published")  # the unsteady equations have no printed pair
+    # Raises BadInputError for the unsteady equations, which have no printed pair.
+    variant_named(request.dynamics or "published")
     regeneration = regenerate_all(aircraft.model)
     summary = regeneration.summary()
     rest = "Every entry, both spectra and the matrices: -o FILE.html, or --json"

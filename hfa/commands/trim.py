@@ -95,23 +95,23 @@ def trim(request: TrimRequest, given: TrimInput) -> Outcome:
 
 def _single(request: TrimRequest, given: TrimInput) -> Outcome:
     """Return the outcome of a single trim: its sheet, printed in short unless --full or --json."""
-    one = given.single()
-    point = trimmed(one)
+    single = given.single()
+    point = trimmed(single)
     name = given.rows[0].name if given.rows else ""
-    short = None
+    printed = None  # the whole sheet is printed
     if not (request.full or request.json):
-        short = _with_name(brief(point, Airplane(request.class_, request.category)), name)
-    report = short
+        printed = _with_name(brief(point, Airplane(request.class_, request.category)), name)
+    report = printed
     if report is None or request.output is not None:  # files contain the whole sheet
-        # What is stated is a row of --conditions, or the values of --at and --hold.
-        at = {} if one.at is None else {one.model.schedule: one.at}
-        row = given.rows[0] if given.rows else ListedCondition("", {**one.hold, **at}, (), {})
+        # The condition is a row of --conditions, or has the values of --at and --hold.
+        at = {} if single.at is None else {single.model.schedule: single.at}
+        row = given.rows[0] if given.rows else ListedCondition("", {**single.hold, **at}, (), {})
         whole = _with_document(_with_name(_sheet(request, point), name), request)
         report = replace(whole, records=matrix([_stated(given, row)], [whole.sheet]))
     return Outcome(
         report=report,
-        printed=short,
-        source=one.source,
+        printed=printed,
+        source=single.source,
         figure=partial(trim_figure, point),
     )
 
@@ -145,7 +145,7 @@ def _sheet(request: TrimRequest, point: OperatingPoint) -> Report:
     """Return the report of a trim, with its picture."""
     airplane = Airplane(request.class_, request.category)
     report = trim_report(point, full=request.full, airplane=airplane)
-    if not with_range(point):
+    if not with_range(point):  # the picture would show no variable between its limits
         return report
     picture = Picture("trim.png", report.title.partition("\n")[0], partial(trim_figure, point))
     return replace(report, parts=(*report.parts, picture))
@@ -205,7 +205,7 @@ def _with_name(report: Report, name: str) -> Report:
 
 
 def _stated(trims: TrimInput, row: ListedCondition) -> dict[str, Any]:
-    """Return heading -> cell of what states a condition: name, values, free variables, limits."""
+    """Return heading -> cell of the columns that define a condition, with its name, for a file."""
     name = {NAME: row.name} if row.name else {}
     return name | stated_cells(trims.model, trims.stated(row))
 
@@ -237,7 +237,7 @@ def _failed(
 ) -> Report:
     """Return the report of one of several conditions that has no trim: values and reason.
 
-    data: entries of the file, of a failed search those of the nearest point
+    data: entries of the file: the nearest point of a failed search, or else the reason
     """
     values = [f"{name} {model.describe(name, value)}" for name, value in row.values.items()]
     condition = ", ".join(filter(None, (row.name, *values)))

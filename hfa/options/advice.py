@@ -60,7 +60,7 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
     if together := _rates_together(given, failure, names):
         return f"a trim exists with {' '.join(f'--free {name}' for name in together)}"
     model, condition = given.model, given.condition
-    weak = _weak_input(given, failure)
+    saturated = _saturated_input(given, failure)
     options: list[str] = []  # with each of them a trim exists
     for name in names:
         is_rate = name not in condition.imposed
@@ -68,8 +68,9 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
         is_extra = name in given.hold and name not in usual_condition(model).imposed
         if is_extra and options:
             continue
-        # The weak input is held at its limit: the steepest climb is advised, and no glide.
-        freed = release(condition, free=(name,), hold={} if is_rate else weak)
+        # With the saturated input held at its limit, the value that is found is an extreme one: the
+        # steepest climb at full thrust, and not a glide.
+        freed = release(condition, free=(name,), hold={} if is_rate else saturated)
         try:
             point = trim(model, freed, given.start)
         except TrimError as obstacle:
@@ -78,27 +79,27 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
             continue
         except BadInputError:
             continue
-        options += _options(given, name, point, weak)
+        options += _options(given, name, point, saturated)
         if len(options) == _MOST_ADVICE:
             break
     return f"a trim exists with {' or '.join(options)}" if options else ""
 
 
 def _options(
-    given: GivenTrim, name: str, point: OperatingPoint, weak: Mapping[str, float]
+    given: GivenTrim, name: str, point: OperatingPoint, saturated: Mapping[str, float]
 ) -> list[str]:
     """Return the options of a trim in which a rate or an imposed value is free, with the value that
     was found; [] if they are no advice.
 
     name: the rate or value
     point: the trim
-    weak: input -> limit at which it is held, or {}
+    saturated: input -> limit at which it is held, or {}
     """
     model = given.model
     option = f"--free {name}" + " in place of --hold" * (name in given.hold)
     if name not in given.condition.imposed:  # a rate
         return [option]
-    # A free airspeed, kcas, is no variable: the speed is found.
+    # An imposed airspeed, such as kcas, is not a variable of the trim: the speed is reported.
     found = name if name in point else recognized(model.states)["speed"]
     shown = model.describe(found, point[found])
     usual = usual_condition(model).imposed.get(name)
@@ -106,8 +107,8 @@ def _options(
     if point._large_angles or is_usual:  # a strange attitude, or the value that is imposed anyway
         return []
     held = "".join(
-        f"--hold {weak_input}={shown_value(value, model.unit(weak_input))} "
-        for weak_input, value in weak.items()
+        f"--hold {input_name}={shown_value(value, model.unit(input_name))} "
+        for input_name, value in saturated.items()
     )
     return [f"{held}{option} ({found} {shown})"]
 
@@ -121,7 +122,8 @@ def _releasable(given: GivenTrim) -> list[str]:
     if "load_factor" in condition.imposed:
         changing.append(recognized(model.states).get("theta", ""))
     rates = [f"{name}_dot" for name in changing if name in condition.rates]
-    dihedral = model.schedule if model.about.names_schedule else ""  # of the HFA: always given
+    # The dihedral angle of the HFA defines the aircraft: it is always given, and not released.
+    dihedral = model.schedule if model.about.names_schedule else ""
     names = [name for name in (*rates, *condition.imposed) if name != dihedral]
     return sorted(names, key=lambda name: name in given.hold)
 
@@ -146,7 +148,7 @@ def _rates_together(given: GivenTrim, failure: TrimError, names: Sequence[str]) 
 
 def _free_inputs(given: GivenTrim) -> str:
     """Return which inputs to free if the default trim holds all at their start values, or ""."""
-    # So are those of an FMU. Inputs that are not 0 are tried first, then all.
+    # The default trim of an FMU does. Inputs that start at another value than 0 are tried first.
     model = given.model
     usual = usual_condition(model).imposed
     held = [name for name in model.inputs if name in usual and name not in given.hold]
@@ -168,7 +170,7 @@ def _exists(given: GivenTrim, free: Sequence[str]) -> bool:
     return True
 
 
-def _weak_input(given: GivenTrim, failure: TrimError) -> dict[str, float]:
+def _saturated_input(given: GivenTrim, failure: TrimError) -> dict[str, float]:
     """Return the only free input at a limit beyond which the equations balance, name -> limit."""
     # The result is {} if none or several are at a limit.
     at_limits = {

@@ -76,7 +76,7 @@ def quantity(model: Model, name: str, text: str) -> float:
     """
     typed_number, typed_unit = split_unit(text)
     if typed_unit:
-        if name not in model.signals:  # the rate of a state passes
+        if name not in model.signals:  # raises unless a trim imposes it, such as a rate
             model.refuse_unheld("is the unknown variable", name)
         return number(typed_number) * model.factor_of(name, text, typed_unit)
     value = number(text)

@@ -196,7 +196,7 @@ def show(request: Request, outcome: Outcome) -> None:
 
     Raises NoSolutionError with the `failure` of the report if this text is not empty.
     """
-    output = None if outcome.is_written else request.output  # otherwise written by the command
+    output = None if outcome.is_written else request.output  # or the command wrote it
     picture = None if outcome.figure is None else request.picture
     if output is not None and outcome.write is not None:
         outcome.write(output)

@@ -53,11 +53,11 @@ def listed_conditions(path: str | Path, model: Model) -> list[ListedCondition]:
     """
     path = Path(path)
     table = _table_of(path)
-    header, titles = table.header, table.titles
+    header_row, titles = table.header_row, table.titles
     columns = [_Column.of(title, model) for title in titles]
     names = [column.name for column in columns]
     if repeated := [name for name in names if names.count(name) > 1]:
-        raise BadInputError(f"{path}: row {header} has {repeated[0]} twice; remove one column")
+        raise BadInputError(f"{path}: row {header_row} has {repeated[0]} twice; remove one column")
     listed: list[ListedCondition] = []
     number_of: dict[str, int] = {}  # name of a condition -> number of its row
     for number, cells in table.rows:
@@ -68,9 +68,9 @@ def listed_conditions(path: str | Path, model: Model) -> list[ListedCondition]:
                 f"{path}: row {number} has the name of row {number_of[name]}, {shown(name)}; "
                 "rename one"
             )
-        if not listed:  # the first row, whose cells tell labels from numbers
+        if not listed:  # the cells of the first row tell whether an unknown column has labels
             for column in columns:
-                column.refuse_unknown(f"{path}: row {header}", model, row[column.name])
+                column.refuse_unknown(f"{path}: row {header_row}", model, row[column.name])
         if name:
             number_of[name] = number
         in_brackets = f" ({name})" if name else ""
@@ -95,12 +95,12 @@ class _Table(NamedTuple):
     """Table in a file of conditions, without the columns from `results` on, and without those that
     have neither a name nor a cell.
 
-    header: number of the row of headings in the file
+    header_row: number of the row of headings in the file
     titles: the headings
     rows: number of a row in the file, and its cells, without outer blanks
     """
 
-    header: int
+    header_row: int
     titles: list[str]
     rows: list[tuple[int, list[str]]]
 
@@ -123,30 +123,32 @@ def _table_of(path: Path) -> _Table:
         raise BadInputError(
             f"{path} has no conditions; give a row of names, then a row of values for each one"
         )
-    (header, titles), *rows = numbered  # header: number of the row of headings
+    (header_row, titles), *rows = numbered
     for separator, word in ((";", "semicolon"), ("\t", "tab")):
         if any(separator in title for title in titles):
             raise BadInputError(
-                f"{path}: row {header} contains a {word}; separate the columns by commas, and "
+                f"{path}: row {header_row} contains a {word}; separate the columns by commas, and "
                 "write numbers with a decimal point"
             )
     headings = [title.strip() for title in titles]
-    end = headings.index(RESULTS) if RESULTS in headings else len(headings)  # of what is read
+    end = (
+        headings.index(RESULTS) if RESULTS in headings else len(headings)
+    )  # columns behind are results
     named = [place for place in range(end) if headings[place]]
     for number, row in rows:
         if len(row) < end:
             raise BadInputError(
-                f"{path}: row {number} has {len(row)} cells, but row {header} has {len(headings)}; "
-                "correct the row"
+                f"{path}: row {number} has {len(row)} cells, but row {header_row} has "
+                f"{len(headings)}; correct the row"
             )
         for place, cell in enumerate(row):
             if cell.strip() and not (headings[place] if place < len(headings) else ""):
                 raise BadInputError(
                     f"{path}: row {number}, column {place + 1} has {shown(cell.strip())}, but row "
-                    f"{header} has no name there; name the column, or clear the cell"
+                    f"{header_row} has no name there; name the column, or clear the cell"
                 )
     kept = [(number, [row[place].strip() for place in named]) for number, row in rows]
-    return _Table(header, [headings[place] for place in named], kept)
+    return _Table(header_row, [headings[place] for place in named], kept)
 
 
 class _Column(NamedTuple):
@@ -248,6 +250,7 @@ def _condition(
             raise BadInputError(f"{where}: {name} is both free and held; clear one of its cells")
         with option_errors(f"{where}, column {FREE} has"):
             model.refuse_unheld("the unknown variable", name, tuple(model.parameters))
+    # Reports name the values in this order: the flight condition, then the parameters.
     parameters_last = dict(sorted(values.items(), key=lambda entry: entry[0] in model.parameters))
     limits = _limits(where, model, row.get(LIMIT, ""))
     return ListedCondition(row.get(NAME, ""), parameters_last, free, limits, where)

@@ -210,14 +210,14 @@ def given_weights(request: WeightOptions, model: Model | None) -> dict[str, Any]
         raise BadInputError(f"--sizes and --{replaced[0]} both define weights; remove one of them")
     if model is None:
         return given | {"sizes": partial(_sizes_of_file, request.sizes)}
-    names = (*model.linear, *model.inputs)
+    names = (*model.linear, *model.inputs)  # of deviations; Q and R are 1/size²
     sizes = each_of(
         "--sizes",
         model,
         request.sizes,
         lambda model, name, text: _positive(among(names, model, name, text), text),
     )
-    return given | {"sizes": sizes}  # deviations, of which Q and R are 1/size²
+    return given | {"sizes": sizes}
 
 
 def _positive(size: float, text: str) -> float:
@@ -298,7 +298,8 @@ def weighted_game(
     used |= weights
     not_moved = [name for name in linear.inputs if inputs and name not in inputs]
     for name in ("R", "sizes"):
-        if isinstance(used.get(name), Mapping):  # complete, with any weight of inputs not moved
+        # A mapping must name every input. One that does not move gets any weight, here 1.
+        if isinstance(used.get(name), Mapping):
             used[name] = dict.fromkeys(not_moved, 1.0) | used[name]
     game = replace(game_of(linear, **used), names=plant_names(linear))
     about = linear.model.about

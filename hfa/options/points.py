@@ -35,8 +35,8 @@ class GivenPoints(NamedTuple):
     """The points of a request, in the units of the model.
 
     trims: what the options say about the trims
-    constants: variable or parameter -> value of --hold, and of a mixed list also of --at, if it is
-        the same at all points; one that is an axis, too, has its values there
+    constants: variable or parameter -> its single value of --hold, for a list without axes also of
+        --at; the values of an axis take precedence
     axes: variable or parameter -> its values; parameters, the variable of --at, and alternatives to
         an axis, such as a speed to a Mach number, are axes even if they are constant
     listed: whether the axes are the columns of a list, otherwise the points are all combinations. A
@@ -102,15 +102,17 @@ def given_points(request: PointOptions, given: TrimInput) -> GivenPoints:
     if rows:
         names = [*rows[0].values]
         is_mixed = any(row.free or row.limits or {*row.values} != {*names} for row in rows)
-        if is_mixed or not names:  # the points are no table of numbers
+        if is_mixed or not names:  # the rows have no common columns of numbers, and so no axes
             if given.at is not None:  # it has one value, as several are refused above
                 constants[model.schedule] = given.at[0]
             return GivenPoints(given, constants, {}, listed=True)
         columns = {name: tuple(row.values[name] for row in rows) for name in names}
+
+    # A constant is an axis, too, if the condition common to all points cannot state it: an
+    # alternative to a swept variable, such as a speed to a Mach number, would be replaced by this
+    # variable, and a parameter is no part of a condition.
     swept = {*of_options, *columns} - {*constants}
-    # A speed in the condition of all points would silently give way to a swept Mach number.
     alternatives = {name for group in model.alternatives if swept & {*group} for name in group}
-    # A condition of all points does not contain parameters.
     axis_names = {*swept, *alternatives, *model.parameters}
     axes = {name: values for name, values in of_options.items() if name in axis_names}
     if rows:

@@ -299,7 +299,7 @@ class TrimInput(NamedTuple):
             if value != loaded.start:
                 changed[name] = Change(value, loaded.start, loaded.unit)
         source = {**self.aircraft, "changed": changed}
-        # The file of a user's aircraft, whose digest is stated, has the unchanged condition.
+        # The default condition of a user's aircraft is in its file, whose digest is an entry.
         if model.source.text:
             return source | {"condition": {**common.changes, "parameters": parameters}}
         condition: Mapping[str, Any] = common.changes
@@ -458,11 +458,13 @@ def at_name(model: Model) -> str:
 def _scheduled(
     request: TrimOptions,
     model: Model,
-    kind: Callable[[Model, str, str], Range],
+    values_of: Callable[[Model, str, str], Range],
     free: Sequence[str],
     hold: Mapping[str, Range],
 ) -> Range | None:
     """Return the values of --at or --dihedral, or None.
+
+    values_of: function (model, name of the scheduling variable, text) -> values
 
     Raises BadInputError also if --hold or --free gives the scheduling variable, too.
     """
@@ -484,7 +486,7 @@ def _scheduled(
             f"--at must be removed, because {model.name} declares no scheduling variable"
         )
     with option_errors(option):
-        values = kind(model, by, texts.pop())
+        values = values_of(model, by, texts.pop())
     is_guess = len(values) == 1  # at which the search begins, if the variable is free
     other = "--hold" if by in hold else "--free"
     if by in hold or (by in free and not is_guess):
