@@ -165,7 +165,7 @@ def nearest(name: str, known: Iterable[str]) -> list[str]:
             spelling for spelling in name_of if typed in spelling
         ]
         if longer:
-            return [name_of[spelling] for spelling in longer[:_MOST_MEANT]]
+            return [name_of[spelling] for spelling in longer[:_MOST_SUGGESTIONS]]
     from difflib import SequenceMatcher  # an error is rare
 
     # Leading dashes, which all options have, make no two of them alike.
@@ -177,12 +177,12 @@ def nearest(name: str, known: Iterable[str]) -> list[str]:
             likeness[spelling] = matcher.ratio()
     best = max([_LEAST_LIKENESS, *likeness.values()])
     similar = [name_of[spelling] for spelling, ratio in likeness.items() if ratio == best]
-    return similar[:_MOST_MEANT]
+    return similar[:_MOST_SUGGESTIONS]
 
 
 #: Least number of letters that are completed to a longer name, and largest number of suggestions.
 _SHORTEST_BEGINNING = 3
-_MOST_MEANT = 4
+_MOST_SUGGESTIONS = 4
 #: Largest number of known names that a message lists.
 _MOST_LISTED = 12
 #: Least share of equal letters of two similar names.

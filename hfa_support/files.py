@@ -28,7 +28,7 @@ _LONGEST_REASON = 200
 #: Largest depth of elements, folders and keys: readers are recursive.
 _DEEPEST = 150
 #: Largest number of elements and attributes of an XML file. Each needs up to 1 kB.
-_MOST_ELEMENTS = 2**20
+_MOST_XML_ENTRIES = 2**20
 #: Largest length of an XML entity, which is a short name of a number.
 _LONGEST_ENTITY = 100
 #: A key of TOML with too many parts. The time of `tomllib` is quadratic in their number.
@@ -37,29 +37,29 @@ _DEEP_KEY = re.compile(
     f"{{{_DEEPEST}}}"
 )
 #: Inside `inputs_kept`: real paths of the files that were read.
-_INPUTS: set[str] | None = None
+_FILES_READ: set[str] | None = None
 
 
 @contextmanager
 def inputs_kept() -> Iterator[None]:
     """Protect the files that are read in the `with` block from being overwritten in it."""
-    global _INPUTS
-    _INPUTS = set()
+    global _FILES_READ
+    _FILES_READ = set()
     try:
         yield
     finally:
-        _INPUTS = None
+        _FILES_READ = None
 
 
 def note_read(path: str | Path) -> None:
     """Record a file as an input of the run (`inputs_kept`)."""
-    if _INPUTS is not None:
-        _INPUTS.add(os.path.realpath(path))
+    if _FILES_READ is not None:
+        _FILES_READ.add(os.path.realpath(path))
 
 
 def refuse_read(path: Path) -> None:
     """Raise BadInputError if a file to write is an input of the run."""
-    if _INPUTS is not None and os.path.realpath(path) in _INPUTS:
+    if _FILES_READ is not None and os.path.realpath(path) in _FILES_READ:
         raise BadInputError(f"{path} is an input of this run; name another file")
 
 
@@ -257,8 +257,10 @@ def read_xml(
         depth, count = depth + 1, count + 1 + len(attributes)
         if depth > _DEEPEST:
             raise fault(f"more than {_DEEPEST} levels of nested elements; nest fewer")
-        if count > _MOST_ELEMENTS:
-            raise fault(f"more than {_MOST_ELEMENTS} elements and attributes; give a smaller file")
+        if count > _MOST_XML_ENTRIES:
+            raise fault(
+                f"more than {_MOST_XML_ENTRIES} elements and attributes; give a smaller file"
+            )
         start(name, attributes, parser.CurrentLineNumber)
 
     def closed(name: str) -> None:

@@ -15,9 +15,9 @@ from hfa_support.reporting.text import with_unit
 from hfa_support.version import VERSION, identity
 
 #: Hexadecimal digits of a parameter hash.
-_DIGITS = 12
+_HASH_DIGITS = 12
 #: Largest number of changed parameters in the text. Files contain all.
-_MOST_TOLD = 3
+_MOST_CHANGES_SHOWN = 3
 
 
 @dataclass(frozen=True)
@@ -74,17 +74,17 @@ class Provenance(Result):
     date: str = field(default_factory=lambda: now())
 
     def _largest_changes(self) -> list[str]:
-        """Return texts on the `_MOST_TOLD` parameters with the largest relative changes; if more
-        differ, the first text is their number.
+        """Return texts on the parameters with the largest relative changes, at most
+        `_MOST_CHANGES_SHOWN`; if more differ, the first text is their number.
         """
         sizes = {
             name: abs(change.value - change.usual) / (abs(change.usual) or 1.0)
             for name, change in self.changed.items()
         }
         origin = "as loaded" if self.model else "identified"
-        largest = sorted(sizes, key=sizes.__getitem__, reverse=True)[:_MOST_TOLD]
+        largest = sorted(sizes, key=sizes.__getitem__, reverse=True)[:_MOST_CHANGES_SHOWN]
         descriptions = [f"{name} {self.changed[name].words(origin)}" for name in largest]
-        if len(sizes) > _MOST_TOLD:
+        if len(sizes) > _MOST_CHANGES_SHOWN:
             descriptions.insert(0, f"{len(sizes)} parameters differ, most")
         return descriptions
 
@@ -117,12 +117,12 @@ class Provenance(Result):
 
 
 def parameter_hash(values: Any) -> str:
-    """Return the first `_DIGITS` hexadecimal digits of a SHA-256 hash of names and values.
+    """Return the first `_HASH_DIGITS` hexadecimal digits of a SHA-256 hash of names and values.
 
     values: named tuple of numbers, hashed in their order with 17 significant digits
     """
     text = "\n".join(f"{name}={float(value):.17g}" for name, value in values._asdict().items())
-    return hashlib.sha256(text.encode()).hexdigest()[:_DIGITS]
+    return hashlib.sha256(text.encode()).hexdigest()[:_HASH_DIGITS]
 
 
 def now() -> str:

@@ -19,10 +19,10 @@ from scipy.io.matlab import loadmat
 from scipy.sparse import issparse
 
 #: Type of a compressed element of a .mat file, and bytes of the header before the first element.
-_COMPRESSED, _HEADER = 15, 128
+_COMPRESSED, _HEADER_SIZE = 15, 128
 #: Byte order in the header -> that of Python.
-_ORDERS: dict[bytes, Literal["little", "big"]] = {b"IM": "little", b"MI": "big"}
-_PIECE = 2**20
+_BYTE_ORDERS: dict[bytes, Literal["little", "big"]] = {b"IM": "little", b"MI": "big"}
+_PIECE_SIZE = 2**20
 
 
 def content(value: Any) -> Any:
@@ -76,15 +76,15 @@ def _unpacked_size(file: bytes, largest: int) -> int:
     above the largest permitted size. A file of MATLAB 4, which has no byte order, has no such
     elements.
     """
-    order = _ORDERS.get(file[_HEADER - 2 : _HEADER])
-    size, place = 0, _HEADER
+    order = _BYTE_ORDERS.get(file[_HEADER_SIZE - 2 : _HEADER_SIZE])
+    size, place = 0, _HEADER_SIZE
     while order and place + 8 <= len(file) and size <= largest:
         kind, length = (int.from_bytes(file[at : at + 4], order) for at in (place, place + 4))
         place += 8
         if kind == _COMPRESSED:
             unpacker, rest = zlib.decompressobj(), file[place : place + length]
             while rest and not unpacker.eof and size <= largest:
-                size += len(unpacker.decompress(rest, _PIECE))
+                size += len(unpacker.decompress(rest, _PIECE_SIZE))
                 rest = unpacker.unconsumed_tail
         place += length
     return size

@@ -288,8 +288,8 @@ def _matrix_files(path: Path) -> dict[str, Path]:
 
 
 #: Time limit of a child process, s; reading the largest .mat file takes a few seconds.
-_LONGEST = 60.0
-_CHILD = Path(__file__).with_name("_loadmat.py")
+_TIME_LIMIT = 60.0
+_CHILD_PROGRAM = Path(__file__).with_name("_loadmat.py")
 
 
 def structures(path: Path) -> dict[str, Any]:
@@ -297,14 +297,20 @@ def structures(path: Path) -> dict[str, Any]:
 
     A damaged file may crash or hang SciPy. The file is therefore read in a child process.
 
-    Raises ValueError if the file cannot be read, or not within `_LONGEST` seconds.
+    Raises ValueError if the file cannot be read, or not within `_TIME_LIMIT` seconds.
     """
-    command = [sys.executable, "-P", str(_CHILD), str(regular_file(path).absolute()), str(LARGEST)]
+    command = [
+        sys.executable,
+        "-P",
+        str(_CHILD_PROGRAM),
+        str(regular_file(path).absolute()),
+        str(LARGEST),
+    ]
     try:
-        child = subprocess.run(command, capture_output=True, timeout=_LONGEST)
+        child = subprocess.run(command, capture_output=True, timeout=_TIME_LIMIT)
     except subprocess.TimeoutExpired as error:
         raise ValueError(
-            f"reading takes longer than {_LONGEST:g} s; save the file as .npz"
+            f"reading takes longer than {_TIME_LIMIT:g} s; save the file as .npz"
         ) from error
     if child.returncode:
         message = ""

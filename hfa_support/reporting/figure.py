@@ -19,8 +19,12 @@ if TYPE_CHECKING:
 logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 #: Suffix -> metadata of matplotlib that vary from run to run, and the key of a description.
-_VARYING = {"png": ["Software"], "svg": ["Date"], "pdf": ["CreationDate", "Producer", "Creator"]}
-_ABOUT = {"png": "Description", "svg": "Description", "pdf": "Subject"}
+_VARYING_METADATA = {
+    "png": ["Software"],
+    "svg": ["Date"],
+    "pdf": ["CreationDate", "Producer", "Creator"],
+}
+_DESCRIPTION_KEY = {"png": "Description", "svg": "Description", "pdf": "Subject"}
 _DPI = 130
 
 
@@ -44,9 +48,9 @@ def save(figure: Figure, path: Path, source: str = "") -> None:
 
     kind = path.suffix[1:].lower()
     # Equal results must give equal files: no date and no random identifiers.
-    metadata: dict[str, Any] = dict.fromkeys(_VARYING[kind])
+    metadata: dict[str, Any] = dict.fromkeys(_VARYING_METADATA[kind])
     if source:
-        metadata[_ABOUT[kind]] = source
+        metadata[_DESCRIPTION_KEY[kind]] = source
         _caption(figure, source)
     with rc_context({"svg.hashsalt": "hfa"}), written_whole(path) as stream:
         _write(figure, stream, kind, metadata)

@@ -43,31 +43,31 @@ from hfa_support.reporting.text import Table, are_words, blocks_that_fit, flowin
 
 #: Names of the font, and its files.
 SANS, BOLD = "Sans", "Sans-Bold"
-_FILES = {SANS: "DejaVuSans.ttf", BOLD: "DejaVuSans-Bold.ttf"}
+_FONT_FILES = {SANS: "DejaVuSans.ttf", BOLD: "DejaVuSans-Bold.ttf"}
 #: Sizes of text and of cells, points, and spacing of lines.
 TEXT, CELL = 8.0, 6.8
-_SPACING = 1.2
+_LEADING = 1.2
 #: Colors of rules, frames and notes, and of tones.
-_RULE, FRAME, NOTE = "#cccccc", "#999999", "#555555"
+_RULE_COLOR, FRAME, NOTE = "#cccccc", "#999999", "#555555"
 BAD = "#c00000"
-_COLORS = {"good": "#1a7f37", "near": "#9a6700", "far": "#8250df", "bad": BAD}
+_COLOR_OF_TONE = {"good": "#1a7f37", "near": "#9a6700", "far": "#8250df", "bad": BAD}
 #: Space beside a cell, and above and below a table, points.
-_BESIDE, _AROUND = 3.0, 6.0
+_CELL_PADDING, _TABLE_MARGIN = 3.0, 6.0
 #: Least number of rows of a table on a page, unless a row is taller, points.
-_LEAST_ROWS, _TALL_ROW = 4, 100.0
+_LEAST_ROWS, _TALL_ROW_HEIGHT = 4, 100.0
 #: Longest text of a value that is not wrapped, characters.
 _LONGEST_VALUE = 24
 #: Width of a word from which on it may be cut, points.
 _LONGEST_WORD = 130.0
 #: Share of its height below which a picture is not drawn on what remains of a page.
-_LEAST_PICTURE = 0.5
+_LEAST_PICTURE_SHARE = 0.5
 
 
 @cache
 def register_fonts() -> None:
     """Make the font known to ReportLab."""
     folder = Path(matplotlib.get_data_path(), "fonts", "ttf")
-    for name, file in _FILES.items():
+    for name, file in _FONT_FILES.items():
         pdfmetrics.registerFont(TTFont(name, str(folder / file)))
     pdfmetrics.registerFontFamily(SANS, normal=SANS, bold=BOLD, italic=SANS, boldItalic=BOLD)
 
@@ -93,7 +93,7 @@ def paragraph(
     marked = escape(printable(text))
     if link:
         marked = f'<a href="#{link}">{marked}</a>'
-    look = {"fontName": font, "fontSize": size, "leading": _SPACING * size, "splitLongWords": 1}
+    look = {"fontName": font, "fontSize": size, "leading": _LEADING * size, "splitLongWords": 1}
     return _Text(marked, ParagraphStyle("", **look | style))
 
 
@@ -107,7 +107,7 @@ class Rows(Grid):
         pages.
         """
         size = super().wrap(width - 0.01, height)
-        if max(self._rowHeights) > _TALL_ROW:
+        if max(self._rowHeights) > _TALL_ROW_HEIGHT:
             self._rowSplitRange = None
         return size
 
@@ -142,11 +142,10 @@ def tables(table: Table, notes: Sequence[str], room: float) -> Iterator[Rows]:
     for places in blocks:
         block = [columns[place] for place in places]
         rows = [*map(list, zip(*(column.cells for column in block), strict=True))]
-        widths = _widths(block, room)
         below = notes if places is blocks[-1] else ()
         spans = [("SPAN", (0, -1 - place), (-1, -1 - place)) for place in range(len(below))]
         rows += [[paragraph(note, CELL), *[""] * (len(block) - 1)] for note in below]
-        yield _grid(rows, widths, *spans)
+        yield _grid(rows, _widths(block, room), *spans)
 
 
 def _column(heading: str, cells: Sequence[Any], is_label: bool) -> _Column:
@@ -159,7 +158,7 @@ def _column(heading: str, cells: Sequence[Any], is_label: bool) -> _Column:
     shown = [paragraph(heading, CELL, BOLD, alignment=side)]
     for cell in cells:
         tone, link = getattr(cell, "tone", ""), getattr(cell, "link", "")
-        color = _COLORS.get(tone, "black")
+        color = _COLOR_OF_TONE.get(tone, "black")
         shown.append(paragraph(str(cell), CELL, link=link, alignment=side, textColor=color))
     longest_cell = max(pdfmetrics.stringWidth(str(cell), SANS, CELL) for cell in ("", *cells))
     longest_cell += 0.01  # above its rounding
@@ -167,7 +166,7 @@ def _column(heading: str, cells: Sequence[Any], is_label: bool) -> _Column:
     if not is_words:
         least = max(longest_cell, least)
     natural = max(longest_cell, least)
-    return _Column(shown, natural + 2.0 * _BESIDE, least + 2.0 * _BESIDE)
+    return _Column(shown, natural + 2.0 * _CELL_PADDING, least + 2.0 * _CELL_PADDING)
 
 
 def _widths(columns: Sequence[_Column], room: float) -> list[float]:
@@ -186,12 +185,12 @@ def _grid(rows: list[list[Any]], widths: Sequence[Any], *rules: Any) -> Rows:
     rules: further styles of its cells
     """
     look = [
-        ("FONT", (0, 0), (-1, -1), SANS, CELL, _SPACING * CELL),
+        ("FONT", (0, 0), (-1, -1), SANS, CELL, _LEADING * CELL),
         ("TOPPADDING", (0, 0), (-1, -1), 0.7),
         ("BOTTOMPADDING", (0, 0), (-1, -1), 1.3),
-        ("LEFTPADDING", (0, 0), (-1, -1), _BESIDE),
-        ("RIGHTPADDING", (0, 0), (-1, -1), _BESIDE),
-        ("LINEBELOW", (0, 1), (-1, -1), 0.4, _RULE),
+        ("LEFTPADDING", (0, 0), (-1, -1), _CELL_PADDING),
+        ("RIGHTPADDING", (0, 0), (-1, -1), _CELL_PADDING),
+        ("LINEBELOW", (0, 1), (-1, -1), 0.4, _RULE_COLOR),
         ("LINEBELOW", (0, 0), (-1, 0), 1.0, "black"),
         ("VALIGN", (0, 0), (-1, -1), "MIDDLE"),
         *rules,
@@ -205,8 +204,8 @@ def _grid(rows: list[list[Any]], widths: Sequence[Any], *rules: Any) -> Rows:
         repeatRows=1,
         rowSplitRange=cut,
         hAlign="LEFT",
-        spaceBefore=_AROUND,
-        spaceAfter=_AROUND,
+        spaceBefore=_TABLE_MARGIN,
+        spaceAfter=_TABLE_MARGIN,
     )
 
 
@@ -217,7 +216,7 @@ def rows_of_group(group: Group) -> Iterator[Flowable]:
         for row in group.rows:
             name, value, unit, note = (printable(cell) for cell in row.cells())
             shown = value if len(value) <= _LONGEST_VALUE else paragraph(value, CELL)
-            color = _COLORS.get(row.tone, NOTE)
+            color = _COLOR_OF_TONE.get(row.tone, NOTE)
             rows.append(
                 [paragraph(name, CELL), shown, unit, paragraph(note, CELL, textColor=color)]
             )
@@ -238,19 +237,19 @@ def drawing(picture: Picture, width: float, height: float) -> Iterator[Flowable]
     natural_width, natural_height = 72.0 * picture.figure.get_size_inches()
     room = min(natural_width, width), min(natural_height, height)
     image = Image(io.BytesIO(picture.png), *room, kind="proportional")
-    yield CondPageBreak(_LEAST_PICTURE * image.drawHeight)
+    yield CondPageBreak(_LEAST_PICTURE_SHARE * image.drawHeight)
     yield KeepInFrame(width, 0, [image])  # height 0: all that is left on the page
 
 
 #: Margin of a page, and distance of its footer from the edge, points.
-_MARGIN, _FOOT = 34.0, 18.0
+_MARGIN, _FOOTER_HEIGHT = 34.0, 18.0
 #: Name of a page -> width and height, points.
 _PAGES = {"portrait": A4, "landscape": landscape(A4)}
 #: Sizes of headings by level, points.
-_HEADINGS = (13.0, 11.0, 10.0)
+_HEADING_SIZES = (13.0, 11.0, 10.0)
 #: Width of a label of a cover, height of a line to sign, and gap between columns, points.
-_LABEL, _LINE, _GAP = 90.0, 26.0, 16.0
-_IN_FRAMES = [("GRID", (0, 0), (-1, -1), 0.5, FRAME), ("VALIGN", (0, 0), (-1, -1), "TOP")]
+_LABEL_WIDTH, _SIGNATURE_HEIGHT, _COLUMN_GAP = 90.0, 26.0, 16.0
+_FRAME_STYLE = [("GRID", (0, 0), (-1, -1), 0.5, FRAME), ("VALIGN", (0, 0), (-1, -1), "TOP")]
 
 
 def write_pdf(report: Contents, path: Path) -> None:
@@ -328,9 +327,9 @@ class _NumberedPages(Canvas):
             right = self._pagesize[0] - _MARGIN
             self.setFont(SANS, CELL)
             self.setFillColor(NOTE)
-            self.drawRightString(right, _FOOT, f"{number} of {len(self.pages)}")
+            self.drawRightString(right, _FOOTER_HEIGHT, f"{number} of {len(self.pages)}")
             first, *_ = simpleSplit(self.footer, SANS, CELL, 0.8 * right) or [""]
-            self.drawString(_MARGIN, _FOOT, first)
+            self.drawString(_MARGIN, _FOOTER_HEIGHT, first)
             super().showPage()
         super().save()
 
@@ -350,7 +349,7 @@ def _story(report: Contents, level: int) -> Iterator[Flowable]:
     if report.head:
         yield _framed(report.head)
         if level == 0:  # a sheet alone is signed, in a book the cover
-            yield _framed(dict.fromkeys(BLANKS, ""), _LINE)
+            yield _framed(dict.fromkeys(BLANKS, ""), _SIGNATURE_HEIGHT)
         yield Spacer(0.0, 6.0)
     if any(isinstance(part, Group) for part in others):
         yield from _sheet(others, notes, with_pictures=level == 0)
@@ -365,7 +364,7 @@ def _heading(report: Contents, level: int) -> Iterator[Flowable]:
     first, _, others = flowing(report.title).partition("\n")
     if first:
         yield _Entry(printable(first), report.anchor, level)
-        size = _HEADINGS[min(level, len(_HEADINGS) - 1)]
+        size = _HEADING_SIZES[min(level, len(_HEADING_SIZES) - 1)]
         yield paragraph(first, size, BOLD, spaceAfter=0.3 * size, keepWithNext=1)
     yield from _lines(others)
 
@@ -404,7 +403,7 @@ def _framed(entries: Mapping[str, str], height: float | None = None) -> Grid:
     cells = [
         [paragraph(label, CELL, BOLD), paragraph(text, CELL)] for label, text in entries.items()
     ]
-    return Grid([cells], ["*"] * len(cells), height, style=_IN_FRAMES)
+    return Grid([cells], ["*"] * len(cells), height, style=_FRAME_STYLE)
 
 
 def _book(
@@ -415,13 +414,13 @@ def _book(
         yield Spacer(0.0, 12.0)
         width = _area("portrait")[0]
         entries = [[paragraph(k, font=BOLD), paragraph(text)] for k, text in head.items()]
-        yield Grid(entries, [_LABEL, width - _LABEL], style=_IN_FRAMES)
+        yield Grid(entries, [_LABEL_WIDTH, width - _LABEL_WIDTH], style=_FRAME_STYLE)
         yield Spacer(0.0, 18.0)
-        columns = (width - _LABEL) / len(BLANKS)
+        columns = (width - _LABEL_WIDTH) / len(BLANKS)
         signed = [["", *BLANKS], *([signer, "", "", ""] for signer in SIGNERS)]
-        heights = [None, *[_LINE] * len(SIGNERS)]
-        bold = [*_IN_FRAMES, ("FONT", (0, 0), (-1, -1), BOLD, 8.0)]
-        yield Grid(signed, [_LABEL, *[columns] * len(BLANKS)], heights, style=bold)
+        heights = [None, *[_SIGNATURE_HEIGHT] * len(SIGNERS)]
+        bold = [*_FRAME_STYLE, ("FONT", (0, 0), (-1, -1), BOLD, 8.0)]
+        yield Grid(signed, [_LABEL_WIDTH, *[columns] * len(BLANKS)], heights, style=bold)
         yield Spacer(0.0, 12.0)
     yield from _small(notes)
     if head:
@@ -468,6 +467,6 @@ def _sheet(parts: Sequence[Any], notes: Sequence[str], with_pictures: bool) -> I
             below.append(part)
     columns += _small(notes)
     none = dict.fromkeys(("leftPadding", "rightPadding", "topPadding", "bottomPadding"), 0.0)
-    yield BalancedColumns(columns, innerPadding=_GAP, spaceAfter=6.0, **none)
+    yield BalancedColumns(columns, innerPadding=_COLUMN_GAP, spaceAfter=6.0, **none)
     for part in below:
         yield from _part(part, "portrait")

@@ -145,8 +145,8 @@ def verdict_text(ok: bool) -> str:
 
 #: Largest size of matrices and arrays of which `_of_fields` shows the entries, and longest text of
 #: a field.
-_MOST = 12
-_LONGEST = 110
+_MOST_ENTRIES = 12
+_LONGEST_LINE = 110
 #: Suffixes of the files that `Report.save` writes, besides .pdf.
 SUFFIXES = (".json", ".npz", ".mat", ".csv", ".md", ".html", ".tex")
 
@@ -332,7 +332,7 @@ def _of_fields(result: Any) -> Report:
             rows, columns = (numbered("", count) for count in value.shape)
             if value.dtype.kind == "f":
                 recorded[name] = (rows, columns, value)
-        if is_matrix and max(value.shape) <= _MOST:
+        if is_matrix and max(value.shape) <= _MOST_ENTRIES:
             matrices.append(matrix_table(name, rows, columns, value))
         elif isinstance(value, tuple) and value and isinstance(value[0], Check):
             checks.append(checks_block(value))
@@ -352,7 +352,7 @@ def _on_one_line(value: Any) -> str:
     by_name = value._asdict() if hasattr(value, "_asdict") else value
     if value is None:
         text = ""
-    elif isinstance(value, np.ndarray) and (value.ndim != 1 or value.size > _MOST):
+    elif isinstance(value, np.ndarray) and (value.ndim != 1 or value.size > _MOST_ENTRIES):
         text = f"an array of shape {value.shape}"
     elif isinstance(by_name, Mapping):
         text = ", ".join(f"{name} {_on_one_line(entry)}" for name, entry in by_name.items())
@@ -366,4 +366,4 @@ def _on_one_line(value: Any) -> str:
         text = str(value)
     if "array(" in text or " object at 0x" in text:  # a repr that says nothing to a reader
         text = type(value).__name__
-    return shortened(" ".join(text.split()) or "-", _LONGEST)
+    return shortened(" ".join(text.split()) or "-", _LONGEST_LINE)

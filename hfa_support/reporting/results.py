@@ -47,7 +47,7 @@ def json_text(value: Any) -> str:
     return on_lines + "\n"
 
 
-_MAT_TEXT = 116  # bytes of free text at the beginning of a .mat file
+_TEXT_END = 116  # bytes of free text at the beginning of a .mat file
 
 
 def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
@@ -108,7 +108,7 @@ def _mat(data: Mapping[str, Any]) -> bytes:
     savemat(stream, _for_matlab(data), long_field_names=True)
     # SciPy would write the time into the free text at the beginning. Equal results must give equal
     # files.
-    return b"MATLAB 5.0 MAT-file, written by hfa".ljust(_MAT_TEXT) + stream.getvalue()[_MAT_TEXT:]
+    return b"MATLAB 5.0 MAT-file, written by hfa".ljust(_TEXT_END) + stream.getvalue()[_TEXT_END:]
 
 
 def _for_matlab(data: Any) -> Any:

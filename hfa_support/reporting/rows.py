@@ -148,10 +148,10 @@ class ByName(tuple[Named, ...]):
 #: Text for a quality below level 3, the last one.
 BELOW_LEVEL_3 = "> 3"
 #: Longest text that is printed as a value, characters.
-_LONGEST = 24
+_LONGEST_VALUE = 24
 #: Gap between two columns, and least width of the column of notes.
 _GAP = "  "
-_LEAST_NOTE = 24
+_LEAST_NOTE_WIDTH = 24
 
 
 class RowText(NamedTuple):
@@ -203,7 +203,7 @@ class Row(Result):
     def cells(self) -> RowText:
         """Return the row as it is printed; a sentence as a value is printed as its note."""
         value = self.value
-        if isinstance(value, str) and len(value) > _LONGEST and not self.note:
+        if isinstance(value, str) and len(value) > _LONGEST_VALUE and not self.note:
             return RowText(self.name, "", "", value)
         if isinstance(value, (str, int)):
             text = str(value)
@@ -269,7 +269,7 @@ def _with_note(line: str, note: str, color: str, width: int | None) -> Iterator[
     color: code of the color of the note on a terminal, or ""
     """
     begin = len(line) + len(_GAP)
-    is_beside = width is None or width - begin >= min(len(note), _LEAST_NOTE)
+    is_beside = width is None or width - begin >= min(len(note), _LEAST_NOTE_WIDTH)
     indent = begin if is_beside else len(_GAP)
     note_lines = [note] if width is None else textwrap.wrap(note, width - indent)
     if color:

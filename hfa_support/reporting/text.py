@@ -16,8 +16,8 @@ from hfa_support.errors import printable
 #: computed 0 is the sum of terms up to 1e4 times that size, with roundings of 1e4 eps = 2e-12.
 SHOWN_AS_ZERO = 1e-12
 #: Range of the largest magnitude in a matrix that is shown with four decimals.
-_LEAST = 0.1
-_MOST = 1e7
+_LEAST_AS_DECIMALS = 0.1
+_MOST_AS_DECIMALS = 1e7
 #: Tone, from the best to the worst -> color code of a terminal.
 TONES = {"good": "32", "near": "33", "far": "35", "bad": "31"}
 #: Largest number of characters in a line of a report.
@@ -79,7 +79,7 @@ def matrix_table(
     form: Callable[[float], str]
     if digits is not None:
         form = f"{{:.{digits - 1}e}}".format
-    elif _LEAST <= largest < _MOST or largest == 0.0:
+    elif _LEAST_AS_DECIMALS <= largest < _MOST_AS_DECIMALS or largest == 0.0:
         form = _entry_text
     else:
         form = "{:.4e}".format

@@ -26,10 +26,10 @@ from hfa_support.rows.workers import open_workers
 from hfa_support.version import identity
 
 #: Attributes of a store that belong to the run that created it, not to the job.
-_OF_ONE_RUN = ("toolchain", "provenance")
-_METADATA = "zarr.json"
+_ATTRIBUTES_OF_RUN = ("toolchain", "provenance")
+_METADATA_FILE = "zarr.json"
 #: Folder of an array with its values.
-_CHUNKS = "c"
+_CHUNK_FOLDER = "c"
 
 
 class RowJob(NamedTuple):
@@ -256,11 +256,11 @@ def _refuse_another(path: Path, job: RowJob) -> None:
     expected = {
         name: _without_run(json.loads(content.to_bytes()))
         for name, content in files.items()
-        if name.endswith(_METADATA)
+        if name.endswith(_METADATA_FILE)
     }
-    attributes_of_job = expected[_METADATA]["attributes"]
+    attributes_of_job = expected[_METADATA_FILE]["attributes"]
     try:
-        metadata = read_json(path / _METADATA)
+        metadata = read_json(path / _METADATA_FILE)
         attributes = metadata["attributes"]
         if attributes["schema"] != attributes_of_job["schema"]:
             raise ValueError("another schema")
@@ -299,7 +299,7 @@ def _without_run(metadata: dict[str, Any]) -> dict[str, Any]:
     determine the results.
     """
     attributes = metadata["attributes"]
-    kept = {key: attributes[key] for key in attributes if key not in _OF_ONE_RUN}
+    kept = {key: attributes[key] for key in attributes if key not in _ATTRIBUTES_OF_RUN}
     return metadata | {"attributes": kept}
 
 
@@ -313,7 +313,9 @@ def _differing_file(path: Path, expected: Mapping[str, Any]) -> str:
     array_names = {Path(name).parent.name for name in expected}
     for name in expected:
         folder = (path / name).parent
-        allowed = {_METADATA, *array_names} if folder == path else {_METADATA, _CHUNKS}
+        allowed = (
+            {_METADATA_FILE, *array_names} if folder == path else {_METADATA_FILE, _CHUNK_FOLDER}
+        )
         for entry in sorted(folder.iterdir()) if folder.is_dir() else []:
             if entry.name not in allowed or entry.is_symlink():
                 return shown(str(entry.relative_to(path)))

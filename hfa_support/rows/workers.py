@@ -25,12 +25,12 @@ from hfa_support.errors import BadInputError, NoSolutionError, missing_package
 from hfa_support.version import identity
 
 #: Submitted tasks per worker of a cluster: one is computed while the next is sent.
-_AHEAD = 2
+_TASKS_PER_THREAD = 2
 #: Number of times Dask repeats a task whose worker was lost.
 _RETRIES = 3
 #: Time within which a scheduler must respond.
-_ANSWER = "10s"
-_ADVICE = "if the results are in a store, continue with --resume"
+_ANSWER_TIME = "10s"
+_RESUME_ADVICE = "if the results are in a store, continue with --resume"
 
 #: (key, arguments of the function) of each task.
 Tasks = Iterable[tuple[int, tuple[Any, ...]]]
@@ -112,7 +112,7 @@ def _processes(count: int) -> Iterator[Run]:
     try:
         yield partial(_run_in, pool, count)
     except BrokenProcessPool as lost:
-        raise NoSolutionError(f"a worker process ended unexpectedly; {_ADVICE}") from lost
+        raise NoSolutionError(f"a worker process ended unexpectedly; {_RESUME_ADVICE}") from lost
     finally:
         for child in multiprocessing.active_children():  # a task may take minutes
             child.kill()
@@ -181,7 +181,7 @@ def _cluster(address: str) -> Iterator[Run]:
     logging.disable()  # Dask logs tracebacks of a lost connection; we report one line
     try:
         try:
-            client = Client(address, timeout=_ANSWER, set_as_default=False)
+            client = Client(address, timeout=_ANSWER_TIME, set_as_default=False)
         except (OSError, ValueError) as error:
             raise BadInputError(
                 f"no Dask scheduler responds at {address} ({error}); start a scheduler, or give a "
@@ -195,7 +195,7 @@ def _cluster(address: str) -> Iterator[Run]:
                 )
             try:
                 pool = client.get_executor(pure=False, retries=_RETRIES)
-                yield partial(_run_in, pool, _AHEAD * threads)
+                yield partial(_run_in, pool, _TASKS_PER_THREAD * threads)
             except (AttributeError, ImportError) as error:  # our function is unknown there
                 raise BadInputError(
                     f"a worker of the Dask scheduler at {address} has another version of hfa "
@@ -204,7 +204,7 @@ def _cluster(address: str) -> Iterator[Run]:
             except (KilledWorker, CancelledError, CommClosedError) as error:
                 raise NoSolutionError(
                     f"the Dask cluster abandoned a chunk of rows ({type(error).__name__}); "
-                    f"{_ADVICE}"
+                    f"{_RESUME_ADVICE}"
                 ) from error
     finally:
         logging.disable(logging.NOTSET)

@@ -22,11 +22,11 @@ LIFT_COLOR = "#0072B2"
 WEIGHT_COLOR = "#D55E00"
 HINGE_COLOR = "#009E73"
 #: Length of the longest arrow, as a fraction of the span of a panel.
-_LONGEST = 0.55
+_LONGEST_ARROW = 0.55
 #: Width of the picture. The height follows from its content.
-_WIDTH = 10.0
+_FIGURE_WIDTH = 10.0
 #: Height of title, legend and label, and width of the axes, inches.
-_TITLE_AND_LEGEND, _AXES_WIDTH = 1.9, 9.2
+_TITLE_AND_LEGEND_HEIGHT, _AXES_WIDTH = 1.9, 9.2
 
 
 class Panel(NamedTuple):
@@ -97,9 +97,9 @@ def front_view(point: OperatingPoint) -> Figure:
     panels = panels_from_the_front(point)
     span = hfa_model.parameters_of(aircraft).panel_span
     forces = [force for panel in panels for force in (panel.lift, panel.weight)]
-    scale = _LONGEST * span / max(float(np.linalg.norm(force)) for force in forces)
+    scale = _LONGEST_ARROW * span / max(float(np.linalg.norm(force)) for force in forces)
     unit = unit_of(aircraft, "lbf")
-    figure = new_figure(_WIDTH, 4.6)
+    figure = new_figure(_FIGURE_WIDTH, 4.6)
     axes = figure.subplots()
     for panel in panels:
         axes.plot(*panel.ends.T, color=PANEL_COLOR, linewidth=4.0, solid_capstyle="butt")
@@ -120,7 +120,7 @@ def front_view(point: OperatingPoint) -> Figure:
     # The width of the axes is fixed, and with equal scales their height follows from the content.
     width, height = axes.dataLim.size
     ratio = (1.0 + 2.0 * upward) * height / ((1.0 + 2.0 * across) * width)
-    figure.set_figheight(_TITLE_AND_LEGEND + _AXES_WIDTH * ratio)
+    figure.set_figheight(_TITLE_AND_LEGEND_HEIGHT + _AXES_WIDTH * ratio)
     length = unit_of(aircraft, "ft")
     axes.set_xlabel(f"{length}, seen from the front")
     axes.set_ylabel(length)

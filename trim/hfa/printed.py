@@ -43,7 +43,7 @@ from trim.point.operating_point import OperatingPoint
 
 #: Relative difference below which parameters count as the packaged ones: another seed or machine
 #: changes them by less.
-_SAME = 1e-7
+_PARAMETER_TOLERANCE = 1e-7
 
 
 @dataclass(frozen=True)
@@ -245,7 +245,7 @@ def has_bands(values: Parameters) -> bool:
     """Return whether parameters equal the identified ones to 1e-7; the covariance of others is
     unknown.
     """
-    return np.allclose(values, default_parameters().values, rtol=_SAME, atol=0.0)
+    return np.allclose(values, default_parameters().values, rtol=_PARAMETER_TOLERANCE, atol=0.0)
 
 
 def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: LinearModel) -> Bands:

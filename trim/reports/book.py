@@ -102,7 +102,7 @@ def _draw_variables(axes: Axes, point: OperatingPoint) -> None:
 
 
 #: Column of the table of conditions -> row of a sheet.
-_KEY_FIGURES = {
+_FIGURE_COLUMNS = {
     "n": "load factor",
     "L/D": "L/D",
     "static margin": "static margin",
@@ -111,12 +111,12 @@ _KEY_FIGURES = {
 #: Rows of a sheet whose sentences stand below the table of conditions.
 _ROWS_BELOW_TABLE = ("failure", "stalled", "warnings", "far out", "not determined")
 #: Entries of the configuration on the cover -> label.
-_LOADED = {"mass": "mass", "center_of_gravity": "c.g."} | {
+_COVER_LABELS = {"mass": "mass", "center_of_gravity": "c.g."} | {
     f"center_of_gravity_{axis}": f"c.g. {axis}" for axis in "xyz"
 }
 #: Width of the figure, inches, and marks of its points.
-_WIDTH = 10.5
-_MARKS = "osD^v<>p*h"
+_FIGURE_WIDTH = 10.5
+_POINT_MARKS = "osD^v<>p*h"
 
 
 class Condition(NamedTuple):
@@ -189,7 +189,7 @@ def _cover(
     loaded: configuration of each condition, {} without a trim
     """
     texts = {}
-    for name, label in _LOADED.items():
+    for name, label in _COVER_LABELS.items():
         points_and_entries = [
             (condition.point, configuration[name])
             for condition, configuration in zip(conditions, loaded, strict=True)
@@ -335,7 +335,7 @@ def _configuration_names(
     points = [condition.point for condition in conditions if condition.point is not None]
     changed = {name for point in points for name in point.model.changed}
     names = []
-    for name in (*_LOADED, "flap", "gear"):
+    for name in (*_COVER_LABELS, "flap", "gear"):
         values = {configuration[name] for configuration in loaded if name in configuration}
         parameter = PARAMETER_OF_ENTRY.get(name, name)
         if values and (len(values) > 1 or parameter in changed):
@@ -357,7 +357,7 @@ def _configuration_cells(
             value, unit = configuration[name]
         else:
             value, unit = point.model.parameters[name].start, point.model.unit(name)
-        heading = with_shown_unit(_LOADED.get(name, name), unit)
+        heading = with_shown_unit(_COVER_LABELS.get(name, name), unit)
         cells[heading] = value if isinstance(value, str) else _Number(value, unit, figures=5)
     return cells
 
@@ -380,7 +380,7 @@ def _figure_cells(condition: Condition, controls: Sequence[str]) -> dict[str, An
             used=100.0 * margin.used,
             tone="bad" if margin.at_limit else "",
         )
-    for heading, name in _KEY_FIGURES.items():
+    for heading, name in _FIGURE_COLUMNS.items():
         if row := condition.rows.get(name):
             if name == "worst level":
                 text = f"{row.value} {row.note}".rstrip()
@@ -406,10 +406,10 @@ def matrix_figure(conditions: Sequence[Condition]) -> Figure:
     if not panels:
         raise BadInputError("no condition has an alpha, a used control or a static margin to draw")
     count = len(conditions)
-    figure = new_figure(max(_WIDTH, 0.2 * count), 1.2 + 1.3 * len(panels))
+    figure = new_figure(max(_FIGURE_WIDTH, 0.2 * count), 1.2 + 1.3 * len(panels))
     all_axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (heading, lines) in zip(all_axes, panels.items(), strict=True):
-        marks = cycle(_MARKS)
+        marks = cycle(_POINT_MARKS)
         for name, values in lines.items():
             axes.plot(range(count), values, next(marks), markersize=4, label=name)
         for place, condition in enumerate(conditions):

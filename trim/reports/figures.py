@@ -22,9 +22,9 @@ from trim.reports.trimmed import Trimmed
 
 #: Outputs of the flight: relative to the ground, which are read first in a steady wind, and to the
 #: air. They are not repeated among the loads.
-_OVER_GROUND = ("ground_speed", "track")
-_OF_AIR = ("mach", "dynamic_pressure", "load_factor")
-OUTPUTS = (*_OVER_GROUND, *_OF_AIR)
+_GROUND_OUTPUTS = ("ground_speed", "track")
+_AIR_OUTPUTS = ("mach", "dynamic_pressure", "load_factor")
+OUTPUTS = (*_GROUND_OUTPUTS, *_AIR_OUTPUTS)
 
 
 def flight_rows(trimmed: Trimmed, brief: bool = False) -> Iterator[Row | Lacking]:
@@ -37,8 +37,8 @@ def flight_rows(trimmed: Trimmed, brief: bool = False) -> Iterator[Row | Lacking
     if "speed" in trimmed.roles:
         parameters = trimmed.model.parameters.items()  # of a steady wind: "wind_north" and others
         in_wind = any(name.startswith("wind_") and signal.start for name, signal in parameters)
-        rows += [airspeed_rows(trimmed), output_rows(trimmed, _OVER_GROUND, rare=not in_wind)]
-        rows += [output_rows(trimmed, _OF_AIR), *([] if brief else [air_rows(trimmed)])]
+        rows += [airspeed_rows(trimmed), output_rows(trimmed, _GROUND_OUTPUTS, rare=not in_wind)]
+        rows += [output_rows(trimmed, _AIR_OUTPUTS), *([] if brief else [air_rows(trimmed)])]
     elif trimmed.model.about.atmosphere:
         rows.append(iter([Row("atmosphere", trimmed.model.about.atmosphere)]))
     rows += [unbalanced_rates(trimmed), domain_rows(trimmed)]
@@ -156,22 +156,22 @@ def domain_rows(trimmed: Trimmed) -> Iterator[Row]:
 
 
 #: Unit of a power in a model -> unit on the sheet, and factor.
-_POWERS = {"lbf ft/s": ("hp", 1.0 / 550.0), "N m/s": ("kW", 1e-3)}
+_SHOWN_POWERS = {"lbf ft/s": ("hp", 1.0 / 550.0), "N m/s": ("kW", 1e-3)}
 #: Unit of a speed in a model -> unit of a rate of climb on the sheet.
-_CLIMBS = {"ft/s": ("ft/min", 60.0), "m/s": ("m/s", 1.0)}
+_SHOWN_CLIMBS = {"ft/s": ("ft/min", 60.0), "m/s": ("m/s", 1.0)}
 #: Outputs that the loads begin with, and all outputs that rows with a name of their own show.
-_LOADS = ("weight", "lift", "drag", "thrust", "thrust_force")
-_SHOWN_ELSEWHERE = (*OUTPUTS, *_LOADS, "largest_lift_coefficient")
+_LOAD_OUTPUTS = ("weight", "lift", "drag", "thrust", "thrust_force")
+_SHOWN_ELSEWHERE = (*OUTPUTS, *_LOAD_OUTPUTS, "largest_lift_coefficient")
 #: Name of the row V/Vs, and why a stalled trim does not have it.
 _SPEED_RATIO = "speed / stall speed"
-_STALLED = "beyond the largest lift"
+_BEYOND_LARGEST_LIFT = "beyond the largest lift"
 #: Difference of the load factor from 1 that four printed digits show.
-_LOAD = 1e-3
+_SHOWN_LOAD_DIFFERENCE = 1e-3
 
 
 def performance_rows(trimmed: Trimmed) -> list[Row | Lacking]:
     """Return the rows of loads; of an aircraft also L/D, thrust, climb, power and stall."""
-    rows: list[Row | Lacking] = [*output_rows(trimmed, _LOADS)]
+    rows: list[Row | Lacking] = [*output_rows(trimmed, _LOAD_OUTPUTS)]
     if {"speed", "alpha"} <= {*trimmed.roles}:
         rows += [*lift_and_drag(trimmed), *thrust(trimmed), *stall(trimmed)]
     return rows
@@ -202,7 +202,7 @@ def lift_and_drag(trimmed: Trimmed) -> Iterator[Row | Lacking]:
             Lacking("L/D", no_ratio) if no_ratio else Row("L/D", trimmed["lift"] / trimmed["drag"])
         )
         unit = f"{trimmed.unit('drag')} {trimmed.unit(speed)}"
-        shown, factor = _POWERS.get(unit, (unit, 1.0))
+        shown, factor = _SHOWN_POWERS.get(unit, (unit, 1.0))
         yield Row("power required", trimmed["drag"] * trimmed[speed] * factor, shown)
     if not trimmed.lacks("lift", nonzero=("dynamic_pressure", "reference_area")):
         force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
@@ -229,7 +229,7 @@ def thrust(trimmed: Trimmed) -> Iterator[Row | Lacking]:
         return
     speed, alpha = (trimmed[trimmed.roles[role]] for role in ("speed", "alpha"))
     unit_of_speed = trimmed.unit(trimmed.roles["speed"])
-    shown, factor = _CLIMBS.get(unit_of_speed, (unit_of_speed, 1.0))
+    shown, factor = _SHOWN_CLIMBS.get(unit_of_speed, (unit_of_speed, 1.0))
     climb = excess * math.cos(alpha) * speed / trimmed["weight"]
     yield Row("rate of climb left", climb * factor, shown, "at constant speed")
 
@@ -252,12 +252,12 @@ def stall(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     outputs = trimmed.model.outputs
     weight = trimmed["weight"] if "weight" in outputs else math.nan
     if largest.trim_is_beyond:
-        yield Lacking(_SPEED_RATIO, _STALLED)
+        yield Lacking(_SPEED_RATIO, _BEYOND_LARGEST_LIFT)
     elif weight > 0.0:
         ratio = math.sqrt(largest.lift / weight)
         yield Row(_SPEED_RATIO, ratio, note="V/Vs, stall at 1 g")
         load = trimmed["load_factor"] if "load_factor" in outputs else 1.0
-        if load > 0.0 and abs(load - 1.0) > _LOAD:
+        if load > 0.0 and abs(load - 1.0) > _SHOWN_LOAD_DIFFERENCE:
             at_load = ratio / math.sqrt(load)
             yield Row(f"{_SPEED_RATIO} at n", at_load, note="V/Vs, stall at this load factor")
     elif trimmed["lift"] > 0.0:
@@ -290,17 +290,17 @@ def stall_lines(trimmed: Trimmed) -> list[str]:
     force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
     CL, CL_max = trimmed["lift"] / force, largest.lift / force
     if largest.trim_is_beyond and largest.lift > 0.0:
-        return [f"STALLED: {_STALLED}, CL {CL_max:.4g} {largest.where}"]
+        return [f"STALLED: {_BEYOND_LARGEST_LIFT}, CL {CL_max:.4g} {largest.where}"]
     if CL_max < CL:
         return [f"STALLED: CL {CL:.4g} is above CL_max {CL_max:.4g} of the table"]
     return []
 
 
 #: Methods of the control gradients.
-_PER_G = "steady pull-up; lags follow"
-_PER_KNOT = "trims 0.5 kt slower and faster"
+_METHOD_PER_G = "steady pull-up; lags follow"
+_METHOD_PER_KNOT = "trims 0.5 kt slower and faster"
 #: Rows that require derivatives.
-_OF_DERIVATIVES = (
+_ROWS_OF_DERIVATIVES = (
     "static margin",
     "neutral point behind c.g.",
     "control per g",
@@ -313,7 +313,7 @@ def stability_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     if not {"speed", "alpha"} <= {*trimmed.roles}:
         return
     if trimmed.fault:
-        for name in _OF_DERIVATIVES:
+        for name in _ROWS_OF_DERIVATIVES:
             yield Lacking(name, "a derivative is not a number")
         return
     yield from static_margin(trimmed)
@@ -357,10 +357,10 @@ def control_gradients(trimmed: Trimmed) -> Iterator[Row | Lacking]:
         yield Lacking("control per g", "no output load_factor")
         yield Lacking("CAP", "no output load_factor")
     elif pull_up.load_factor:
-        yield Row(f"{control} per g", 1.0 / pull_up.load_factor, f"{unit}/g", _PER_G)
+        yield Row(f"{control} per g", 1.0 / pull_up.load_factor, f"{unit}/g", _METHOD_PER_G)
     change = trimmed.change_per_knot(pull_up.name)
     if change is None:
         reason = "no trims 0.5 kt slower and faster that free the control"
         yield Lacking("control per knot", reason)
     else:
-        yield Row(f"{control} per knot", change, f"{unit}/kt", _PER_KNOT)
+        yield Row(f"{control} per knot", change, f"{unit}/kt", _METHOD_PER_KNOT)

@@ -30,7 +30,7 @@ from trim.reports.warnings import warnings_of
 #: Difference of load factors that is stated: that of a bank of 8 deg.
 _STATED_DIFFERENCE = 1e-2
 #: Names of inputs and parameters that belong to one of several engines.
-_ENGINE = re.compile(r"(throttle|thrust|power|engine)_?(?P<number>\d+|left|right)")
+_ENGINE_NAME = re.compile(r"(throttle|thrust|power|engine)_?(?P<number>\d+|left|right)")
 #: Largest numbers of imposed values and of modes in first lines.
 _MOST_VALUES = 4
 _MOST_MODES = 6
@@ -226,7 +226,7 @@ def engines_without_power(trimmed: Trimmed) -> dict[str, str]:
         (model.inputs, inputs, trimmed.imposed),
         (model.parameters, switches, switches),  # the value of each parameter is given
     ):
-        engines = {name: match for name in signals if (match := _ENGINE.fullmatch(name))}
+        engines = {name: match for name in signals if (match := _ENGINE_NAME.fullmatch(name))}
         # The shorter name first: throttle9 before throttle10.
         in_order = sorted(engines, key=lambda name: (len(name), name))
         out = {}

@@ -20,17 +20,17 @@ CLASSES = ("I", "II-C", "II-L", "III", "IV")
 CATEGORIES = ("A", "B", "C")
 STANDARD = "MIL-F-8785C"
 #: Modes with a rule, and the quality of roll and spiral coupled in one oscillation.
-_MODES = ("short period", "phugoid", "dutch roll", "roll", "spiral")
-_COUPLED = "damping times frequency"
+_MODES_WITH_RULE = ("short period", "phugoid", "dutch roll", "roll", "spiral")
+_DAMPING_TIMES_FREQUENCY = "damping times frequency"
 #: Number of a quality that is worse than level 3.
 NO_LEVEL = 4
 #: Classes with the stricter limits; an unknown class is graded as I.
-_AGILE = ("", "I", "II-C", "IV")
+_STRICTER_CLASSES = ("", "I", "II-C", "IV")
 #: Tone of each level.
 TONES = {1: "good", 2: "near", 3: "far", NO_LEVEL: "bad"}
 #: Largest weights of the classes I and II-L, lbf, and least limit load factor of class IV.
-_LIGHT, _MEDIUM = 12_500.0, 60_000.0
-_MANEUVERABLE = 6.0
+_LARGEST_WEIGHT_I, _LARGEST_WEIGHT_II = 12_500.0, 60_000.0
+_LEAST_LOAD_IV = 6.0
 
 
 class Airplane(NamedTuple):
@@ -83,18 +83,18 @@ def chosen_airplane(trimmed: Trimmed, airplane: Airplane) -> Chosen:
         return Chosen(airplane, "")
     outputs = trimmed.model.outputs
     largest_load = outputs["load_factor"].max if "load_factor" in outputs else math.inf
-    if _MANEUVERABLE <= largest_load < math.inf:
+    if _LEAST_LOAD_IV <= largest_load < math.inf:
         return Chosen(airplane._replace(class_="IV"), f"load factor up to {largest_load:.3g}")
     weight = _weight(trimmed)
     unit_per_lbf = None if weight is None else conversion_factor("lbf", weight.unit)
     if weight is None or unit_per_lbf is None:
         return Chosen(airplane._replace(class_="I"), "weight unknown")
-    if weight.value <= _LIGHT * unit_per_lbf:
-        class_, side, limit = "I", "up to", _LIGHT
-    elif weight.value <= _MEDIUM * unit_per_lbf:
-        class_, side, limit = "II-L", "up to", _MEDIUM
+    if weight.value <= _LARGEST_WEIGHT_I * unit_per_lbf:
+        class_, side, limit = "I", "up to", _LARGEST_WEIGHT_I
+    elif weight.value <= _LARGEST_WEIGHT_II * unit_per_lbf:
+        class_, side, limit = "II-L", "up to", _LARGEST_WEIGHT_II
     else:
-        class_, side, limit = "III", "above", _MEDIUM
+        class_, side, limit = "III", "above", _LARGEST_WEIGHT_II
     why = f"weight {side} {limit * unit_per_lbf:,.0f} {weight.unit}"
     return Chosen(airplane._replace(class_=class_), why)
 
@@ -163,8 +163,8 @@ def _rules(airplane: Airplane, qualities: Mapping[str, float]) -> dict[str, _Rul
     """
     # A least value of -inf lets any value have the level, and one of inf none.
     class_, category = airplane
-    is_b, is_agile = category == "B", class_ in _AGILE
-    is_strict = class_ in {"A": ("I", "IV"), "B": (), "C": _AGILE}[category]
+    is_b, is_stricter_class = category == "B", class_ in _STRICTER_CLASSES
+    is_strict_laterally = class_ in {"A": ("I", "IV"), "B": (), "C": _STRICTER_CLASSES}[category]
     cap_1, cap_2 = {"A": (0.28, 0.16), "B": (0.085, 0.038), "C": (0.16, 0.096)}[category]
     damping = [Span(0.3, 2.0) if is_b else Span(0.35, 1.3), Span(0.2 if is_b else 0.25, 2.0)]
     # Level 3 of the phugoid is a time to double of 55 s, ln 2/(-ζω).
@@ -177,20 +177,26 @@ def _rules(airplane: Airplane, qualities: Mapping[str, float]) -> dict[str, _Rul
         "phugoid damping": ("3.2.1.2", _least(0.04, 0.0, phugoid_3)),
         "dutch roll damping": ("3.3.1.1", _least(0.19 if category == "A" else 0.08, 0.02, 0)),
         "dutch roll damping times frequency": ("3.3.1.1", _products(airplane, qualities)),
-        "dutch roll frequency": ("3.3.1.1", _least(1.0 if is_strict else 0.4, 0.4, 0.4)),
+        "dutch roll frequency": ("3.3.1.1", _least(1.0 if is_strict_laterally else 0.4, 0.4, 0.4)),
         "roll time constant": (
             "3.3.1.2",
-            [Span(most=tau) for tau in ((1.0, 1.4, 10.0) if is_strict else (1.4, 3.0, 10.0))],
+            [
+                Span(most=tau)
+                for tau in ((1.0, 1.4, 10.0) if is_strict_laterally else (1.4, 3.0, 10.0))
+            ],
         ),
         "spiral time to double": ("3.3.1.3", _least(20.0 if is_b else 12.0, 8.0, 4.0)),
-        f"roll {_COUPLED}": coupled,
-        f"spiral {_COUPLED}": coupled,
+        f"roll {_DAMPING_TIMES_FREQUENCY}": coupled,
+        f"spiral {_DAMPING_TIMES_FREQUENCY}": coupled,
     }
-    frequencies = {"A": (1.0, 0.6, 0.0), "C": (0.87, 0.6, 0.0) if is_agile else (0.7, 0.4, 0.0)}
+    frequencies = {
+        "A": (1.0, 0.6, 0.0),
+        "C": (0.87, 0.6, 0.0) if is_stricter_class else (0.7, 0.4, 0.0),
+    }
     if category in frequencies:
         rules["short period frequency"] = ("3.2.2.1.1", _least(*frequencies[category]))
     if category == "C":
-        loads = (2.7, 1.8) if is_agile else (2.0, 1.0)
+        loads = (2.7, 1.8) if is_stricter_class else (2.0, 1.0)
         rules["n/alpha"] = ("3.2.2.1.1", _least(*loads, -math.inf))
     return rules
 
@@ -206,7 +212,7 @@ def _products(airplane: Airplane, qualities: Mapping[str, float]) -> Limits:
     """
     # For class III, a damping ratio of 0.7 satisfies each of them.
     class_, category = airplane
-    least_1 = {"A": 0.35, "B": 0.15, "C": 0.15 if class_ in _AGILE else 0.1}[category]
+    least_1 = {"A": 0.35, "B": 0.15, "C": 0.15 if class_ in _STRICTER_CLASSES else 0.1}[category]
     omega = qualities.get("dutch roll frequency", 0.0)
     excess = max(0.0, omega**2 * qualities.get("dutch roll phi/beta", 0.0) - 20.0)
     least_3 = 0.005 * excess if excess else -math.inf  # else the standard states no level 3
@@ -238,16 +244,18 @@ def level_lines(trimmed: Trimmed, airplane: Airplane, rows: Sequence[Row]) -> li
     # A family is the name of a mode without an addition, such as that of "roll (fast)".
     families = dict.fromkeys(mode.name.partition(" (")[0] for mode in trimmed.modes)
     without_rule = [
-        f"{family} (real eigenvalues)" if family in _MODES else family
+        f"{family} (real eigenvalues)" if family in _MODES_WITH_RULE else family
         for family in families
         if not any(name.startswith(f"{family} ") for name in graded_names)
     ]
     if without_rule:
         sentences.append(f"{STANDARD} has no rule for: {', '.join(without_rule)}")
     # Roll and spiral coupled in one oscillation have the name of one of them.
-    is_coupled = any(f"{mode} {_COUPLED}" in graded_names for mode in ("roll", "spiral"))
+    is_coupled = any(
+        f"{mode} {_DAMPING_TIMES_FREQUENCY}" in graded_names for mode in ("roll", "spiral")
+    )
     present = {*families, "roll", "spiral"} if is_coupled else {*families}
-    if absent := [mode for mode in _MODES if mode not in present]:
+    if absent := [mode for mode in _MODES_WITH_RULE if mode not in present]:
         sentences.append(f"{', '.join(absent)}: not in this model")
     return sentences
 
@@ -334,7 +342,9 @@ def handling_qualities(trimmed: Trimmed) -> Iterator[Row]:
         yield Row(f"{name} frequency", frequency, "rad/s", in_degrees=False)
         yield Row(f"{name} damping", damping)
         if name == "dutch roll":
-            yield Row(f"{name} {_COUPLED}", damping * frequency, "rad/s", in_degrees=False)
+            yield Row(
+                f"{name} {_DAMPING_TIMES_FREQUENCY}", damping * frequency, "rad/s", in_degrees=False
+            )
             yield from _bank_per_sideslip(trimmed)
         if name == "short period":
             yield from _anticipation(trimmed, frequency)
@@ -352,7 +362,9 @@ def handling_qualities(trimmed: Trimmed) -> Iterator[Row]:
     for name, found in values.items():
         for value in found:
             if value.imag:
-                yield Row(f"{name} {_COUPLED}", -value.real, "rad/s", in_degrees=False)
+                yield Row(
+                    f"{name} {_DAMPING_TIMES_FREQUENCY}", -value.real, "rad/s", in_degrees=False
+                )
 
 
 def _eigenvalues(trimmed: Trimmed, family: str) -> list[complex]:

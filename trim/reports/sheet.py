@@ -63,7 +63,7 @@ from trim.reports.trimmed import Trimmed, balance_row, equations_of, equations_t
 from trim.reports.warnings import configuration_lines, configuration_rows, warnings_of
 
 #: Number of nearest limits whose margins are named in data, in addition to those that bind.
-_NEAREST = 3
+_NAMED_LIMITS = 3
 #: Verdict on a free variable at its limit.
 _BINDS = "BINDS"
 #: Meaning of the star beside a limit.
@@ -395,7 +395,10 @@ def _data(trimmed: Trimmed, sheet: Sheet) -> dict[str, Any]:
     """Return the entries of the file of a trim, name -> value."""
     point = trimmed.point
     limited = nearest_first(trimmed)
-    nearest = [*limited[:_NEAREST], *(margin for margin in limited[_NEAREST:] if margin.at_limit)]
+    nearest = [
+        *limited[:_NAMED_LIMITS],
+        *(margin for margin in limited[_NAMED_LIMITS:] if margin.at_limit),
+    ]
     return {
         "schema": "hfa.trim/1",
         "dynamics": point.dynamics,

@@ -158,12 +158,12 @@ def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoi
 
 
 #: Outputs whose derivatives are computed, if the model has them.
-_SLOPED = ("lift", "pitching_moment", "load_factor", "thrust_force", "thrust", "gamma")
+_OUTPUTS_WITH_SLOPES = ("lift", "pitching_moment", "load_factor", "thrust_force", "thrust", "gamma")
 #: Names of the output or input with the thrust; the first that a model declares is used.
-_THRUST = ("thrust_force", "thrust")
+_THRUST_NAMES = ("thrust_force", "thrust")
 #: Number of angles of attack at which the largest lift is searched, and its accuracy, rad.
-_ANGLES = 200
-_ACCURACY = 1e-7
+_ANGLE_COUNT = 200
+_ALPHA_ACCURACY = 1e-7
 #: Why a largest lift is unknown: neither is CL_max declared, nor has the lift a maximum over alpha.
 _NO_MAXIMUM = "no CL_max, and lift without a maximum"
 #: Change of the speed between a trim and its neighbors, kt.
@@ -286,7 +286,7 @@ class Trimmed:
         self.imposed: Mapping[str, float] = {} if found is None else found.condition.imposed
         self.known = {*self.model.inputs, *self.model.outputs, *self.model.states}
         self.rates = point.model.rates_at(point.states, point.inputs)
-        self.thrust_name = next((name for name in _THRUST if name in self.known), "")
+        self.thrust_name = next((name for name in _THRUST_NAMES if name in self.known), "")
         self.per_second = conversion_factor(f"1/{self.model.time_unit}", "1/s") or 1.0
 
     def __getitem__(self, name: str) -> float:
@@ -369,7 +369,7 @@ class Trimmed:
 
         Raises NotFiniteError at a point with a `fault`.
         """
-        names = [name for name in _SLOPED if name in self.model.outputs]
+        names = [name for name in _OUTPUTS_WITH_SLOPES if name in self.model.outputs]
         found, _ = linearization_at(self.model, self.coherent.states, self.coherent.inputs, names)
         outputs = zip(names, zip(found.C, found.D, strict=True), strict=True)
         return Slopes(tuple(self.model.states), found.A, found.B, dict(outputs))
@@ -574,7 +574,7 @@ class Trimmed:
         is_limited = math.isfinite(lowest) and math.isfinite(highest)
 
         here = self[alpha]
-        above = np.linspace(here, max(highest, here), _ANGLES) if is_limited else None
+        above = np.linspace(here, max(highest, here), _ANGLE_COUNT) if is_limited else None
         lift = self._lift_over(alpha)
         if "largest_lift_coefficient" in model.outputs:
             force = self["dynamic_pressure"] * self["reference_area"]
@@ -586,7 +586,7 @@ class Trimmed:
             return _NO_MAXIMUM
         slopes = np.diff(lift(above))
         is_stalled = bool(slopes.size and slopes[0] < 0.0)  # lift falls with alpha at the trim
-        below = np.linspace(here, min(lowest, here), _ANGLES)
+        below = np.linspace(here, min(lowest, here), _ANGLE_COUNT)
         peak = _first_peak(lift, below if is_stalled else above)
         if peak is None:
             return _NO_MAXIMUM
@@ -621,7 +621,7 @@ def _first_peak(lift: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) ->
         lambda angle: -float(lift(np.array([angle]))[0]),
         bounds=ends,
         method="bounded",
-        options={"xatol": _ACCURACY},
+        options={"xatol": _ALPHA_ACCURACY},
     )
     return float(found.x)
 

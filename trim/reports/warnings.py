@@ -26,7 +26,7 @@ from trim.reports.trimmed import ENTRIES, Trimmed, named_value_text, value_text
 _ENTRY_OF_PARAMETER = {"cg": "center_of_gravity"}
 PARAMETER_OF_ENTRY = {entry: name for name, entry in _ENTRY_OF_PARAMETER.items()}
 #: Entries that are optional, because 0 or unimportant where they are missing.
-_OPTIONAL = ("center_of_gravity_y", "Ixz")
+_OPTIONAL_ENTRIES = ("center_of_gravity_y", "Ixz")
 
 
 def configuration_rows(trimmed: Trimmed) -> list[Row | Lacking]:
@@ -46,7 +46,7 @@ def configuration_rows(trimmed: Trimmed) -> list[Row | Lacking]:
         if not any(name.startswith("center_of_gravity") for name in known):
             rows.append(Lacking("c.g.", ""))
         for name, label in ENTRIES.items():
-            if name not in (*known, *_OPTIONAL) and not label.startswith("c.g."):
+            if name not in (*known, *_OPTIONAL_ENTRIES) and not label.startswith("c.g."):
                 rows.append(Lacking(label, ""))
     return rows
 
@@ -95,15 +95,15 @@ def _lever_angle(model: Model, name: str, value: Any) -> str:
 
 
 #: Wings begin to stall at lift coefficients above this.
-_STALLING = 0.7
+_STALLING_CL = 0.7
 #: Largest usual angle of attack, deg.
-_STEEPEST = 60.0
+_LARGEST_ALPHA = 60.0
 #: Outputs that are 0 without air.
 _ZERO_WITHOUT_AIR = ("density", "dynamic_pressure", "keas", "kcas")
 #: An aircraft with a smaller speed, as a share of the nominal speed, stands.
-_STANDING = 1e-2
+_STANDING_SHARE = 1e-2
 #: Largest change of the speed, as a share, for which derivatives by the speed are valid.
-_NEAR_SPEED = 0.1
+_VALID_SPEED_CHANGE = 0.1
 
 
 def warnings_of(trimmed: Trimmed) -> list[str]:
@@ -122,11 +122,11 @@ def warnings_of(trimmed: Trimmed) -> list[str]:
 def _warnings_at(trimmed: Trimmed) -> Iterator[str]:
     """Yield sentences on values that wrong units or signs of data cause."""
     point, model, roles = trimmed.point, trimmed.point.model, trimmed.roles
-    if "alpha" in roles and abs(math.degrees(trimmed[roles["alpha"]])) > _STEEPEST:
+    if "alpha" in roles and abs(math.degrees(trimmed[roles["alpha"]])) > _LARGEST_ALPHA:
         yield _steep(trimmed)
     speed = roles.get("speed", "")
     is_aircraft = ("alpha" in roles or "lift" in model.outputs) and not is_linear_plant(model)
-    if is_aircraft and speed and abs(point[speed]) < _STANDING * model.states[speed].nominal:
+    if is_aircraft and speed and abs(point[speed]) < _STANDING_SHARE * model.states[speed].nominal:
         yield f"the speed is {value_text(model, speed, point[speed])}, no flight; hold a speed"
     if {"drag", "lift"} <= {*model.outputs}:
         drag, lift = trimmed["drag"], trimmed["lift"]
@@ -135,14 +135,14 @@ def _warnings_at(trimmed: Trimmed) -> Iterator[str]:
     domain = model.domain
     if domain.by_speed and speed in domain.reference:  # derivatives by the speed of a linear table
         stated = domain.reference[speed]
-        if abs(point[speed] - stated) > _NEAR_SPEED * stated:
+        if abs(point[speed] - stated) > _VALID_SPEED_CHANGE * stated:
             yield (
                 f"{', '.join(domain.by_speed)} are for {value_text(model, speed, stated)}, "
                 f"{100.0 * abs(point[speed] / stated - 1.0):.0f} % off: forces and thrust are "
                 "uncertain here"
             )
     if point.ok:
-        for number, (least, most, says) in zip(_compared(trimmed), _IDENTITIES, strict=True):
+        for number, (least, most, says) in zip(_compared(trimmed), _PERMITTED_RANGES, strict=True):
             if number < least or number > most:  # nan, of an unknown figure, is neither
                 yield says.format(number)
         if not trimmed.fault and (warning := _unusual_slope(trimmed)):
@@ -156,8 +156,8 @@ def _warnings_at(trimmed: Trimmed) -> Iterator[str]:
 
 
 def _steep(trimmed: Trimmed) -> str:
-    """Return a sentence on an alpha beyond `_STEEPEST`, with its probable cause: no air, angles of
-    the data in degrees, or a condition without a flight, then with the options of a flight.
+    """Return a sentence on an alpha beyond `_LARGEST_ALPHA` with its probable cause: no air, data
+    in degrees, or a condition that is no flight, then with the options of a flight.
     """
     point, model = trimmed.point, trimmed.point.model
     without_air = [
@@ -192,7 +192,7 @@ def _flight_options(trimmed: Trimmed) -> str:
         flown = trim(model, release(condition, hold=hold, free=free))
     except (BadInputError, NoSolutionError):
         return ""
-    if not hold or abs(math.degrees(flown.in_coherent_units[alpha])) > _STEEPEST:
+    if not hold or abs(math.degrees(flown.in_coherent_units[alpha])) > _LARGEST_ALPHA:
         return ""
     held = [f"--hold {name}={shown_value(hold[name], model.unit(name))}" for name in hold]
     return " ".join([*held, *(f"--free {name}" for name in free)])
@@ -244,7 +244,7 @@ def _unusual_slope(trimmed: Trimmed) -> str:
     force = _value_in(trimmed, "reference_area", "m^2") * pressure or math.nan
     slope = _slope_in(trimmed, "lift", "alpha", "N") / force
     # A stall reduces any CL_alpha to about 0. A plant made from matrices need not be an aircraft.
-    is_stalling = _value_in(trimmed, "lift", "N") / force > _STALLING
+    is_stalling = _value_in(trimmed, "lift", "N") / force > _STALLING_CL
     if (is_stalling and slope < 1.0) or is_linear_plant(trimmed.point.model):
         return ""
     return unusual("CL_alpha", slope)
@@ -252,7 +252,7 @@ def _unusual_slope(trimmed: Trimmed) -> str:
 
 def _compared(trimmed: Trimmed) -> Iterator[float]:
     """Yield ratios and differences of figures that are not independent, in the order of their
-    permitted ranges in `_IDENTITIES`; nan where a figure is unknown.
+    permitted ranges in `_PERMITTED_RANGES`; nan where a figure is unknown.
     """
     value, slope = partial(_value_in, trimmed), partial(_slope_in, trimmed)
     model = trimmed.point.model
@@ -319,7 +319,7 @@ def _difference_of_static_margins(trimmed: Trimmed) -> float:
 #: the weight. Gravity changes by 1 % with latitude and height. Hot and cold air differ from the
 #: standard by less than a factor 1.3, feet and meters by more. Air has 185 to 330 K. Thrust and the
 #: lag of the downwash are in the rates alone.
-_IDENTITIES = (
+_PERMITTED_RANGES = (
     (0.8, 1.2, "lift and thrust do not carry the weight at this load factor (a ratio of {:.3g}); "
         "check the outputs lift, weight and load_factor"),
     (0.97, 1.03, "the weight is {:.3g} times mass and gravity; check them and their units"),

@@ -18,10 +18,10 @@ from hfa_support.reporting.text import Cell, Table, beside_unit
 Models = list[tuple[float, np.ndarray, np.ndarray]]
 #: Relative and absolute tolerance for equal entries of linear models: their trims balance to 1e-10
 #: on every machine.
-_SAME = 1e-9
+_ENTRY_TOLERANCE = 1e-9
 #: Schema of best_flights.json.
 SCHEMA = "hfa.paper-flights/2"
-_STORED = "studies/best_flights/results"
+_STORED_IN = "studies/best_flights/results"
 _TITLE = "Costs of nonlinear flights from the paper's x(0)"
 #: Column of the table -> key in the file.
 _POLICIES = {
@@ -89,7 +89,9 @@ def load_flights(path: str) -> StoredFlights:
             raise ValueError(data["schema"])
         return _flights(data)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise BadInputError(f"{file} is damaged ({error!r}); take the file of {_STORED}") from error
+        raise BadInputError(
+            f"{file} is damaged ({error!r}); take the file of {_STORED_IN}"
+        ) from error
 
 
 def _flights(data: dict[str, Any]) -> StoredFlights:
@@ -110,7 +112,8 @@ def _are_same_models(
     """
     shared = [model for model in models if model[0] in A_and_B]
     return bool(shared) and all(
-        stored.shape == other.shape and np.allclose(stored, other, rtol=_SAME, atol=_SAME)
+        stored.shape == other.shape
+        and np.allclose(stored, other, rtol=_ENTRY_TOLERANCE, atol=_ENTRY_TOLERANCE)
         for degrees, *pair in shared
         for stored, other in zip(pair, A_and_B[degrees], strict=True)
     )

@@ -67,7 +67,7 @@ def _toned(entry: EntryRow) -> str:
     return Cell(shown, next(tone for tone, most in tones if abs(entry.half_units) <= most))
 
 
-_COLORS = (
+_MEANING_OF_COLORS = (
     "Colors of A and B: green entries agree (within 1 half unit of the last printed digit), yellow "
     "entries are one off (2 half units), violet at most 3 half units, red more. The table of "
     "entries lists the half units."
@@ -79,7 +79,7 @@ _PAPER = (
     "Control of Highly Flexible Aircraft</cite></a>, Electronics 2026, 15(17), 3838"
 )
 #: Content security policy: the browser loads nothing from a network.
-_POLICY = (
+_SECURITY_POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 )
 
@@ -299,7 +299,7 @@ def _model_report(model: LinearModel) -> Report:
         return report
     A_and_B: tuple[Part, ...] = printed_comparison_tables(model, printed)
     # They replace the tables of A and B, with which the report begins.
-    return replace(report, parts=(*A_and_B, _COLORS, *report.parts[len(A_and_B) :]))
+    return replace(report, parts=(*A_and_B, _MEANING_OF_COLORS, *report.parts[len(A_and_B) :]))
 
 
 def page(job: MainJob, sections: Sections, whole: Report, origin: Provenance) -> str:
@@ -317,7 +317,7 @@ def page(job: MainJob, sections: Sections, whole: Report, origin: Provenance) ->
     return f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8"><title>{title}</title>
 <meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
+<meta http-equiv="Content-Security-Policy" content="{_SECURITY_POLICY}">
 <meta name="pictures" content="{names}"><style>{_file("page.css")}</style></head><body><main>
 <h1>{title}</h1>
 <article>{_article(job, sections, provenance)}</article>

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 #: Dihedral angles of the sweep, rad, from the paper's range to slightly beyond it.
 SWEEP = np.radians(np.arange(0.0, 20.01, 0.5))
 #: Values of the scheduling variable of another aircraft, relative to that of its first trim.
-_ABOUT = np.linspace(0.75, 1.5, 31)
+_SHARES_OF_TRIM_VALUE = np.linspace(0.75, 1.5, 31)
 #: Angles shown in detail by default: the printed ones.
 ASKED = tuple(sorted(model.dihedral for model in published_models()))
 #: Largest numbers of angles. More would make the file too large (3 MB of data) or take minutes.
@@ -133,7 +133,7 @@ class Slider:
 
 
 #: Array of a sweep -> axes, and attribute of a linear model.
-_OF_SWEEP = {
+_SWEPT_ARRAYS = {
     "states": (("all states",), "point.x"),
     "inputs": (("input",), "point.u"),
     "A": (("state", "state"), "A"),
@@ -170,7 +170,7 @@ def slider_over(
     # Axes of the arrays of a sweep: trims have all states, and linear models the linear ones.
     names = {"all states": model.state_names, "state": model.linear, "input": model.input_names}
     linear = [position.model for position in points]
-    arrays: dict[str, Any] = {**stacked(linear, _OF_SWEEP, names)}
+    arrays: dict[str, Any] = {**stacked(linear, _SWEPT_ARRAYS, names)}
     notes = {
         row: known.nonsmooth_points
         for row, known in enumerate(linear)
@@ -200,7 +200,11 @@ def values_about(point: OperatingPoint) -> np.ndarray:
             f"{model.name}: {model.schedule} is 0 at its trim; declare its min and max, the ends "
             "of the page's slider, or give --sweep"
         )
-    values = np.clip(at_trim * _ABOUT, *limits) if at_trim else np.linspace(*limits, len(_ABOUT))
+    values = (
+        np.clip(at_trim * _SHARES_OF_TRIM_VALUE, *limits)
+        if at_trim
+        else np.linspace(*limits, len(_SHARES_OF_TRIM_VALUE))
+    )
     return np.union1d(values, at_trim)
 
 
@@ -282,7 +286,7 @@ def games_over(
 _TITLE = "A flight in turbulence"
 #: Duration of the flight, s, and level of the turbulence.
 _DURATION = 20.0
-_LEVEL = "moderate"
+_TURBULENCE = "moderate"
 #: Standard deviations of the sensors' noise in a sample: ft/s, deg and deg/s.
 _SPEED_NOISE = 0.3
 _ANGLE_NOISE = {"alpha": 0.17, "pitch": 0.11, "dihedral": 0.11}
@@ -313,11 +317,13 @@ def flight_in_turbulence(angle: Position) -> Report:
     at_limit = max(flight.share_at_limits.values())  # of the input that is at a limit longest
     figures = (
         f"{flight.title().splitlines()[0]}. Exact gain at {angle.label} behind its Kalman filter, "
-        f"with sensor noise, in {_LEVEL} turbulence of MIL-F-8785C that begins in calm: "
+        f"with sensor noise, in {_TURBULENCE} turbulence of MIL-F-8785C that begins in calm: "
         f"{limits.names[nearest]} comes nearest to a limit, {100.0 * used[nearest]:.0f} % of the "
         f"way from the trim; an input is at a limit for {100.0 * at_limit:.2g} % of the time. "
     )
-    text = f"Exact gain behind its filter in {_LEVEL} turbulence: states, their limits and inputs"
+    text = (
+        f"Exact gain behind its filter in {_TURBULENCE} turbulence: states, their limits and inputs"
+    )
     picture = Picture("turbulence.png", text, lambda: flight.figure(text))
     return Report(
         _TITLE,
@@ -341,7 +347,7 @@ def _flown(angle: Position) -> Flight:
     point, model = angle.model.point, angle.model.point.model
     angles = {name: math.radians(noise) for name, noise in (_ANGLE_NOISE | _RATE_NOISE).items()}
     noise = {"speed": _SPEED_NOISE, **angles}
-    air = Turbulence(_LEVEL, float(point["altitude"]))
+    air = Turbulence(_TURBULENCE, float(point["altitude"]))
     policy = filter(angle.model, noise, air).policy(angle.solution)
     # The noise and the gusts are drawn with the seed 0, as for the first of several flights.
     scenario = Scenario(_DURATION, uncertainty=Uncertainty(noise=noise, turbulence=air))

@@ -42,17 +42,17 @@ PlotlyFigure: TypeAlias = Mapping[str, Any]
 COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 NEUTRAL = "#888888"
 #: Length of the longest arrow, as a fraction of the span of a panel.
-_LONGEST = 0.7
-_ARROW = {"symbol": "arrow", "size": 13, "angleref": "previous"}
+_LONGEST_ARROW = 0.7
+_ARROW_HEAD = {"symbol": "arrow", "size": 13, "angleref": "previous"}
 #: Properties of the traces of `_drawing` that do not depend on the trim.
-_FIXED: tuple[dict[str, Any], ...] = (
+_FRONT_VIEW_STYLES: tuple[dict[str, Any], ...] = (
     {"name": "panels", "mode": "lines", "line": {"color": PANEL_COLOR, "width": 7}},
     *(
         {
             "name": name,
             "mode": "lines+markers",
             "line": {"color": color, "width": 3},
-            "marker": _ARROW,
+            "marker": _ARROW_HEAD,
         }
         for name, color in (("lift", LIFT_COLOR), ("weight", WEIGHT_COLOR))
     ),
@@ -63,7 +63,7 @@ _FIXED: tuple[dict[str, Any], ...] = (
     },
     {"name": "sizes", "mode": "text", "showlegend": False},
 )
-_HOVER = (
+_HOVER_TEXT = (
     "frequency %{customdata[1]:.4f} rad/s<br>damping"
     " %{customdata[2]:.4f}<br>eigenvalue %{x:.4f}, %{y:.4f} 1/s"
 )
@@ -203,7 +203,7 @@ def _front_view(name: str, trims: Sequence[OperatingPoint | None]) -> Interactiv
     length = unit_of(aircraft, "ft")
     panels = [panel for point in trimmed for panel in panels_from_the_front(point)]
     largest = max(np.linalg.norm([panel.lift, panel.weight], axis=1).max() for panel in panels)
-    scale = _LONGEST * span / float(largest)
+    scale = _LONGEST_ARROW * span / float(largest)
     drawings = [_drawing(aircraft, point, scale) for point in trims]
     heights = np.concatenate(
         [np.asarray(trace["y"], dtype=float) for traces in drawings for trace in traces]
@@ -223,17 +223,18 @@ def _front_view(name: str, trims: Sequence[OperatingPoint | None]) -> Interactiv
         "(orange), and at the hinges (green) the moment of loads and weight, positive "
         f"where it lifts the tips; {scale_text(aircraft, scale)}"
     )
-    figure = _figure(_FIXED, drawings, x, y, legend=False)
+    figure = _figure(_FRONT_VIEW_STYLES, drawings, x, y, legend=False)
     return InteractivePlot(name, text, lambda: trim_figure(trimmed[0]), (figure,))
 
 
 def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> list[dict[str, Any]]:
-    """Return the traces of a front view at a trim (`_FIXED`), or empty traces without a trim.
+    """Return the traces of a front view at a trim, in the order of `_FRONT_VIEW_STYLES`, or empty
+    traces without a trim.
 
     scale: length of an arrow divided by its force
     """
     if point is None:
-        return [{"x": [], "y": []} for _ in _FIXED]
+        return [{"x": [], "y": []} for _ in _FRONT_VIEW_STYLES]
     panels = panels_from_the_front(point)
     half = hfa_model.parameters_of(aircraft).panel_span / 2
     hinges = np.array([[-half, 0.0], [half, 0.0]])
@@ -292,7 +293,7 @@ def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
     """
     unit = swept.plan.units[-1]  # of the scheduling variable, the only one that is swept
     values = shown_values(swept.values[:, -1], unit)
-    words = f"{swept.variables[-1]} %{{customdata[0]:.4g}} {shown_unit(unit)}<br>{_HOVER}"
+    words = f"{swept.variables[-1]} %{{customdata[0]:.4g}} {shown_unit(unit)}<br>{_HOVER_TEXT}"
     roots = swept.eigenvalues[:, shown]
     names = [swept.mode_names[column] for column in np.flatnonzero(shown).tolist()]
     modes = list(dict.fromkeys(swept.mode_names))
