@@ -406,7 +406,7 @@ def _with_one_step_policy(game: Game, critic: Critic) -> Critic:
 
     V, gradient, P = critic.value, critic.gradient, critic.P
     assert gradient is not None  # V or its gradient is known
-    assert P is not None  # as above
+    assert P is not None  # because the gradient is known
     policy = policy_of_next(game, gradient, (P + P.T) / 2.0)
     network = ({} if V is None else {"V": V}) | {"gradient": gradient, "policy": policy}
     return replace(critic, network=network, implies_policy=True)

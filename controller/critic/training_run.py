@@ -151,8 +151,8 @@ class TrainingRun(Result, Reported):
 
         A run has settled if the data have full rank and `settling_residual` is at most `SETTLED`;
         its critic may still be wrong.
-        The misfit of recorded data that are not linear, or noisy, follows "settled". The learned
-        gain is that of their linear fit.
+        For recorded data that are not linear, or noisy, the misfit of their linear fit, from which
+        the gain is learned, follows "settled".
         """
         if self.excitation.rank < self.excitation.size:
             return f"the data have rank {self.excitation.rank} of {self.excitation.size}"

@@ -212,7 +212,7 @@ class Expansion(Result, Reported):
     def policy_weights(self) -> Matrix:
         """Weights of u, (m, M), of all monomials of degree 1 to `order` - 1.
 
-        They are sorted by degree, those of a degree as in `homogeneous` (z1², z1 z2, z2²).
+        The monomials are sorted by degree, and in a degree as by `homogeneous` (z1², z1 z2, z2²).
         """
         terms = enumerate(self.policy_terms, 1)
         return np.hstack([self._in_z(term, degree) for degree, term in terms])

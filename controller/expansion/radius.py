@@ -114,7 +114,7 @@ def flown_until_decayed(
         value = quadratic_forms(z_now, P)
         at_start = initial[flown.flights]
         mask = np.zeros(flown.states.shape[:2], dtype=bool)
-        is_far = ~(value <= FAR_OF_EXPANSION * at_start)  # so is a nan
+        is_far = ~(value <= FAR_OF_EXPANSION * at_start)  # true for a nan too
         mask[:, -1] = has_decayed(value, at_start, OF_EXPANSION) | is_far
         return mask
 
@@ -290,8 +290,11 @@ class _Search:
         return _relative_errors(values, costs)
 
     def _agrees_at_random(self, size: float, degree: int) -> bool:
-        """Return whether flights from random states of a size agree, and then from further states
-        near those with the largest errors, at smaller and smaller distances."""
+        """Return whether flights agree from random states of a size, and from states near the worst.
+
+        The worst are the states with the largest errors. Further states are drawn around them in
+        several rounds, at smaller and smaller distances.
+        """
         n = self.expansion.states
         unit_y = directions(n, _CONFIRMING, _SEED + degree)
         errors = self._errors(size * unit_y, degree)

@@ -132,14 +132,15 @@ class PlantFit:
         if self.misfit <= RANK_TOLERANCE:
             return
         # The part of a constant that M cannot fit. The component of independent residuals along it
-        # has the standard deviation of the noise. It exceeds 4 of them in one of 16,000 cases.
+        # has the standard deviation of the noise. It exceeds 4 deviations in one of 16,000 cases.
         constant = _beyond(self.scaled_begins, np.ones(len(self.scaled_begins)))
         components = np.abs(constant @ self.residuals) / np.linalg.norm(constant)
         if np.any(components > 4.0 * self.noise):
             yield "the data have a constant part: give deviations from the trim"
         followers = np.flatnonzero(self.transitions.follows)
         if len(followers):
-            # For independent residuals, an entry has the variance 1. It exceeds 5 in one of 1.7e6.
+            # For independent residuals, an entry has the variance 1, and exceeds 5 in one of 1.7e6
+            # cases.
             unit = self.residuals / np.where(self.noise > 0.0, self.noise, 1.0)
             correlations = unit[followers].T @ unit[followers - 1] / math.sqrt(len(followers))
             if np.abs(correlations).max() > 5.0:

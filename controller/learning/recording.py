@@ -107,8 +107,8 @@ def plant_of(game: Game, columns: int) -> np.ndarray:
 def widths_of(game: Game) -> np.ndarray:
     """Return half-widths of random x and u, and of d for a finite delta, (s,).
 
-    Those of x are the `natural_spread`. No input or disturbance changes a state by more than its
-    spread in one step, or in the time of the fastest mode, and none costs more than all states.
+    The half-widths of x are the `natural_spread`. No input or disturbance changes a state by more
+    than its spread in one step, or in the time of the fastest mode, or costs more than all states.
     """
     columns, weights = game.B, np.diag(game.R)
     if np.isfinite(game.delta):
@@ -522,7 +522,7 @@ class _Source:
     def _scales(self) -> FileScales:
         """Return the factors from the game's units to those of the data.
 
-        Other names, and missing units, are taken as those of the game, with a note.
+        Signals with other names or without units are taken for the game's, with a note.
         """
         for matrix, signal in (("x", "state"), ("u", "input")):
             names = getattr(self.game.names, f"{signal}s")

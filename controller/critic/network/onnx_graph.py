@@ -340,7 +340,7 @@ class _Operator:
     def on_arrays(self, arguments: list[np.ndarray | None]) -> tuple[list[np.ndarray], str]:
         """Return the results for arrays, which the ONNX package computes, and their precision.
 
-        It is that of the weights in an operator Constant, and otherwise "float64".
+        The precision is "float64", except for the weights in an operator Constant.
         """
         from onnx.reference import ReferenceEvaluator
 
