@@ -290,7 +290,7 @@ class _Search:
         return _relative_errors(values, costs)
 
     def _agrees_at_random(self, size: float, degree: int) -> bool:
-        """Return whether flights agree from random states of a size, and from states near the worst.
+        """Return whether flights agree from random states of a size, and from ones near the worst.
 
         The worst are the states with the largest errors. Further states are drawn around them in
         several rounds, at smaller and smaller distances.
