@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from controller.expansion.expansion import Expansion, rates_about_trim
-from controller.expansion.radius import TESTED, flown_until_decayed, scales_of_time
+from controller.expansion.radius import STEPS_PER_TEST, flown_until_decayed, scales_of_time
 from controller.game.zero_sum import Game
 from controller.riccati.balls import ROUNDOFF
 from hfa_aircraft.batch_simulation import (
@@ -312,7 +312,9 @@ class _Flights:
 
         starts: (N, n)
         """
-        ticks = 1 + int(self.seconds / (step * TESTED))  # decay is tested every `TESTED` steps
+        ticks = 1 + int(
+            self.seconds / (step * STEPS_PER_TEST)
+        )  # decay is tested every `STEPS_PER_TEST` steps
         final, has_ended = flown_until_decayed(self._rates, starts, self._P, step, ticks)
         cost_to_go = quadratic_forms(final[:, :-1], self._P)  # final has states, then costs
         is_far = ~(cost_to_go <= FAR_OF_EXPANSION * quadratic_forms(starts, self._P))  # so is a nan

@@ -47,14 +47,14 @@ if TYPE_CHECKING:
 OWN_FILES = (*MATRIX_FILES, *SUFFIXES)
 #: Alias of an entry -> its standard name.
 _ALIASES = {"weights": "W", "gains": "K"}
-_OF_THE_GAME = (*MODEL_KEYS, "discount")
+_GAME_ENTRIES = (*MODEL_KEYS, "discount")
 #: Entries that are always used or compared.
-_USED = (
+_ALWAYS_READ = (
     *_ALIASES,
     *NAME_KEYS,
     *NAME_ALIASES,
     UNKNOWN,
-    *_OF_THE_GAME,
+    *_GAME_ENTRIES,
     *DISCRETE_KEYS,
     "Ts",
     "plant",
@@ -136,7 +136,7 @@ def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
         read += ["S"] if "K" in entries else []  # the P of MATLAB's lqr
         read += ["L"] if game.is_discrete else []
         critic = _critic_of_parts(entries, game, reading, scales)
-    notes += unused(entries, (*_USED, *read), f"read: {', '.join(read)}")
+    notes += unused(entries, (*_ALWAYS_READ, *read), f"read: {', '.join(read)}")
     return replace(critic, declared=NOTHING._replace(notes=tuple(notes))) if notes else critic
 
 
@@ -234,7 +234,7 @@ def _other_matrices(entries: Mapping[str, Any], game: Game, scales: FileScales) 
     s, r = scales  # factors of states and inputs from the plant's units to the file's
     factors = {"A": s / s[:, None], "B": r / s[:, None], "E": 1.0 / s[:, None]}
     factors |= {"Q": np.outer(s, s), "R": np.outer(r, r), "N": np.outer(s, r)}
-    for name in (name for name in _OF_THE_GAME if name in entries):
+    for name in (name for name in _GAME_ENTRIES if name in entries):
         entry, own = entries[name], np.asarray(getattr(game, name))
         if own.ndim == 0:  # delta or discount; JSON has null for an infinite delta
             stored = np.asarray(math.inf if entry is None else one_number(name, entry))

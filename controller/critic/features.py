@@ -34,7 +34,7 @@ _OPERATIONS: Mapping[type, Callable[[Any, Any], Any]] = {
 }
 _SIGNS: Mapping[type, Callable[[Any], Any]] = {ast.USub: operator.neg, ast.UAdd: operator.pos}
 #: Characters of a list of formulas that are read.
-_LONGEST = 20_000
+_MOST_CHARACTERS = 20_000
 
 
 def basis_of(
@@ -93,14 +93,14 @@ def listed_functions(text: str, states: int, names: tuple[str, ...] = ()) -> ca.
 def expressions(text: str, symbols: Mapping[str, ca.SX], known: str) -> list[ca.SX]:
     """Return the CasADi expressions of a list of formulas.
 
-    text: formulas, separated by commas; only the first `_LONGEST` characters are read
+    text: formulas, separated by commas; only the first `_MOST_CHARACTERS` characters are read
     symbols: name -> symbol
     known: text with the permitted names, for an error message
 
     Raises BadInputError for an unknown name or operation, and SyntaxError for text that is not a
     formula.
     """
-    tree = ast.parse(f"({text[:_LONGEST]},)", mode="eval").body
+    tree = ast.parse(f"({text[:_MOST_CHARACTERS]},)", mode="eval").body
     assert isinstance(tree, ast.Tuple)  # because of the comma
     return [_expression(node, symbols, known) for node in tree.elts]
 

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 #: Largest difference between A or B of the game and of the aircraft, relative to the largest entry
 #: of its row and column.
-SAME = 1e-8
+TOLERANCE = 1e-8
 #: Largest rate at a trim, relative to the scale of the rate: the accuracy of saved points.
 STEADY = 1e-6
 
@@ -131,23 +131,23 @@ def _refuse_other_plant(rates: ca.Function, game: Game, title: str) -> None:
 
 
 def _are_same(given: np.ndarray, exact: np.ndarray) -> bool:
-    """Return whether two matrices agree up to `SAME`, whatever the units of states and inputs.
+    """Return whether two matrices agree up to `TOLERANCE`, whatever the units of states and inputs.
 
     The difference of an entry is relative to the largest entry of its row, or of its column if this
     is smaller. Units scale rows and columns.
     """
     sizes = np.abs(exact)
     scales = np.minimum(sizes.max(axis=1)[:, None], sizes.max(axis=0)[None, :])
-    return bool(np.all(np.abs(given - exact) <= SAME * scales))
+    return bool(np.all(np.abs(given - exact) <= TOLERANCE * scales))
 
 
 #: Permitted degrees of a value.
 LOWEST = min(TO_DEGREE)
 HIGHEST = max(TO_DEGREE)
 #: Share of the cost of a flight by which a value may differ from it in `Expansion.radii`.
-SHARE = 0.05
+PERMITTED_ERROR = 0.05
 #: Largest number of coefficients of one degree.
-MOST = 2500
+MOST_COEFFICIENTS = 2500
 #: Largest relative residual of the equation that counts as rounding.
 LARGEST_RESIDUAL = 1e-10
 #: Number and seed of the rays on which the residuals are computed.
@@ -366,8 +366,8 @@ def _check_order(n: int, order: int) -> None:
             f"order is {shown(order)}; give a whole number from {LOWEST} to {HIGHEST}"
         )
     count = comb(n + order - 1, order)
-    if count > MOST:
+    if count > MOST_COEFFICIENTS:
         raise BadInputError(
-            f"order {order} of {n} states has {count} coefficients, more than {MOST}; give a "
-            "lower order, or fewer states"
+            f"order {order} of {n} states has {count} coefficients, more than {MOST_COEFFICIENTS}; "
+            "give a lower order, or fewer states"
         )

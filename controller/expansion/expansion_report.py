@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from controller.expansion.expansion import SHARE, Expansion
+from controller.expansion.expansion import PERMITTED_ERROR, Expansion
 from controller.expansion.radius import Radius, largest_errors
 from controller.expansion.series import name_of
 from hfa_support.reporting.figure import new_figure
@@ -37,7 +37,7 @@ def expansion_report(expansion: Expansion) -> Report:
         ),
         parts=(
             f"Flights of both players, without input limits, cost what V predicts within"
-            f" {100 * SHARE:g} %\nin the set z'Pz <= c, which extends to these"
+            f" {100 * PERMITTED_ERROR:g} %\nin the set z'Pz <= c, which extends to these"
             " deviations from the trim:",
             Table(("largest", "unit", *columns), rows),
         ),
@@ -93,7 +93,7 @@ def expansion_figure(expansion: Expansion) -> Figure:
         is_drawn = (errors >= _LEAST_ERROR) & (errors <= _LARGEST_ERROR)
         percent = np.where(is_drawn, 100.0 * errors, np.nan)
         axes.loglog(sizes**2, percent, label=name_of_value(index + 2), marker=".")
-    axes.axhline(100.0 * SHARE, color="black", linewidth=0.8, linestyle="--")
+    axes.axhline(100.0 * PERMITTED_ERROR, color="black", linewidth=0.8, linestyle="--")
     axes.set_xlabel("z'Pz of the initial condition")
     axes.set_ylabel("largest error of the value, % of the cost of a flight")
     axes.grid(visible=True, which="major", linewidth=0.4)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from controller.expansion.expansion import SHARE, Expansion
+from controller.expansion.expansion import PERMITTED_ERROR, Expansion
 from controller.expansion.series import directions, homogeneous, monomial_scales
 from controller.game.basis import TO_DEGREE
 from hfa_aircraft.batch_simulation import (
@@ -31,7 +31,7 @@ _STEP_OF_FASTEST = 0.2
 #: A flight that has not ended after this many time constants of the slowest mode does not converge.
 _TIME_CONSTANTS = 6.0
 #: Number of steps between two tests of the end.
-TESTED = 10
+STEPS_PER_TEST = 10
 #: Function of rows, with a list of one array of rows.
 RateOfRows = Callable[[np.ndarray], list[np.ndarray]]
 
@@ -70,7 +70,7 @@ class Flights:
 
         z0: (N, n), initial deviations from the trim
         """
-        ticks = (1 + int(self.longest / self.step)) // TESTED
+        ticks = (1 + int(self.longest / self.step)) // STEPS_PER_TEST
         P = self.expansion.solution.P
         final, ended = flown_until_decayed(self._rates, z0, P, self.step, ticks)
         costs = np.full(len(z0), np.inf)
@@ -100,7 +100,7 @@ def flown_until_decayed(
     z0: initial states, (N, n)
     P: (n, n)
     step: step of the integration, s
-    ticks: largest number of intervals of `TESTED` steps
+    ticks: largest number of intervals of `STEPS_PER_TEST` steps
     """
     initial = quadratic_forms(z0, P)
 
@@ -108,7 +108,7 @@ def flown_until_decayed(
         """Return the mask (flights, steps) that is True at the last step of flights that are over.
 
         These are flights whose z'Pz has decayed, or has grown by `FAR_OF_EXPANSION`, at the end of
-        an interval of `TESTED` steps, which are the steps of `flown`.
+        an interval of `STEPS_PER_TEST` steps, which are the steps of `flown`.
         """
         z_now = flown.states[:, -1, :-1]  # without the cost
         value = quadratic_forms(z_now, P)
@@ -119,7 +119,7 @@ def flown_until_decayed(
         return mask
 
     starts = np.column_stack([z0, np.zeros(len(z0))])  # rows (z, cost)
-    loop = Rows(lambda rows: rates(rows[:, :-1])[0], starts, step, TESTED)
+    loop = Rows(lambda rows: rates(rows[:, :-1])[0], starts, step, STEPS_PER_TEST)
     with np.errstate(all="ignore"):
         flown, _ = simulate_batch(loop, ticks, over=over, keep=False)
         final = flown.states[:, 0]  # the only states that are kept
@@ -135,16 +135,16 @@ _DIRECTIONS_OF_TERM = 6
 _RANDOM_DIRECTIONS = 8
 #: Number and seed of the flights that confirm a radius. Further flights begin near the states with
 #: the largest errors, at these distances.
-_CONFIRMING = 200
+_CONFIRMING_FLIGHTS = 200
 _STATES_OF_LARGEST_ERRORS = 5
 _STATES_NEAR_THEM = 55
 _DISTANCES = (0.5, 0.25, 0.12)
 _SEED = 2015
 #: Ratio of two sizes between which the search stops, and the factor if a flight contradicts.
-_FINE = 1.1
-_SMALLER = 0.95
+_RATIO_AT_END = 1.1
+_REDUCTION = 0.95
 #: Largest ratio of the found size to the first one, and its inverse.
-_FARTHEST = 2.0**30
+_LARGEST_RATIO = 2.0**30
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +164,7 @@ class Radius(Result):
 
 
 def radii_of(expansion: Expansion) -> tuple[Radius, ...]:
-    """Return the radius of V2 and that of the whole value, with differences of at most `SHARE`.
+    """Return the radius of V2 and that of the whole value, for errors up to `PERMITTED_ERROR`.
 
     All flights use the policies of the expansion. For each value, the set is found by bisection
     with flights from its boundary in the directions of the largest terms and in random directions,
@@ -211,7 +211,7 @@ class _Search:
     """Search for the radius of values of one expansion.
 
     States are given by y = root'z, so that z'Pz = |y|². Flights agree with a value if its errors
-    are at most `SHARE`.
+    are at most `PERMITTED_ERROR`.
 
     flights: simulated costs of both players
     directions: unit vectors y, along which flights begin, (N, n)
@@ -240,10 +240,10 @@ class _Search:
         """
         size = self._largest_agreeing(degree)
         while 0.0 < size < math.inf and not self._agrees_at_random(size, degree):
-            size *= _SMALLER
+            size *= _REDUCTION
         z_of_y = np.linalg.inv(self.expansion.root.T)  # z'Pz = |y|²
         extents = size * np.linalg.norm(z_of_y, axis=1)  # largest |z_i| for |y| <= size
-        return Radius(degree, share=SHARE, c=size**2, extents=extents)
+        return Radius(degree, share=PERMITTED_ERROR, c=size**2, extents=extents)
 
     def _largest_agreeing(self, degree: int) -> float:
         """Return the largest size s = √(z'Pz) whose flights agree, 0 if none do, inf if all do.
@@ -255,10 +255,10 @@ class _Search:
         factor = 2.0 if first_agrees else 0.5
         while self._agrees(size * factor, degree) == first_agrees:
             size *= factor
-            if not first / _FARTHEST < size < first * _FARTHEST:
+            if not first / _LARGEST_RATIO < size < first * _LARGEST_RATIO:
                 return math.inf if first_agrees else 0.0
         agreeing, disagreeing = sorted((size, size * factor))
-        while disagreeing > agreeing * _FINE:
+        while disagreeing > agreeing * _RATIO_AT_END:
             middle = math.sqrt(agreeing * disagreeing)
             if self._agrees(middle, degree):
                 agreeing = middle
@@ -269,18 +269,18 @@ class _Search:
     def _guess(self, degree: int) -> float:
         """Return the size s = √(z'Pz) at which the next term of V has the permitted share of V2.
 
-        V2 is s², and the term of degree d is at most largest s^d: largest s^(d-2) = SHARE. The
-        error of the whole V, which has no next term, is guessed from its last term.
+        V2 is s², and the term of degree d is at most largest s^d. The error of the whole V, which
+        has no next term, is guessed from its last term.
         """
         nonzero = {d: largest for d, largest in self._largest_terms.items() if largest > 0.0}
         if not nonzero:
             return 1.0
         d = min((d for d in nonzero if d > degree), default=max(nonzero))
-        return (SHARE / nonzero[d]) ** (1.0 / (d - 2))
+        return (PERMITTED_ERROR / nonzero[d]) ** (1.0 / (d - 2))
 
     def _agrees(self, size: float, degree: int) -> bool:
         """Return whether all flights from states of a size, along the directions, agree."""
-        return bool(np.all(self._errors(size * self.directions, degree) <= SHARE))
+        return bool(np.all(self._errors(size * self.directions, degree) <= PERMITTED_ERROR))
 
     def _errors(self, y: np.ndarray, degree: int) -> np.ndarray:
         """Return the error of the value for each flight from y, (N,), inf if it diverges."""
@@ -296,14 +296,14 @@ class _Search:
         several rounds, at smaller and smaller distances.
         """
         n = self.expansion.states
-        unit_y = directions(n, _CONFIRMING, _SEED + degree)
+        unit_y = directions(n, _CONFIRMING_FLIGHTS, _SEED + degree)
         errors = self._errors(size * unit_y, degree)
         for distance in _DISTANCES:
-            if not np.all(errors <= SHARE):
+            if not np.all(errors <= PERMITTED_ERROR):
                 return False
             worst = unit_y[np.argsort(errors)[-_STATES_OF_LARGEST_ERRORS:]]
             random = directions(n, _STATES_NEAR_THEM, _SEED + degree)
             near = np.resize(worst, random.shape) + distance * random  # the worst, repeated
             unit_y = np.vstack([worst, near / np.linalg.norm(near, axis=1, keepdims=True)])
             errors = self._errors(size * unit_y, degree)
-        return bool(np.all(errors <= SHARE))
+        return bool(np.all(errors <= PERMITTED_ERROR))

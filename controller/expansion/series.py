@@ -158,7 +158,7 @@ _LEAST_RAYS = 20
 #: Seed of the directions of the rays. The terms do not depend on it, except for rounding.
 _SEED = 1961
 #: Number of rays whose monomials are differentiated at once.
-_TOGETHER = 256
+_RAYS_PER_BLOCK = 256
 
 
 class Series:
@@ -308,5 +308,5 @@ def _slopes(y: np.ndarray, degree: int, y_rates: np.ndarray) -> np.ndarray:
 
 
 def _blocks(rows: np.ndarray) -> list[np.ndarray]:
-    """Return rows in blocks of `_TOGETHER`, whose gradients fit into memory."""
-    return np.split(rows, range(_TOGETHER, len(rows), _TOGETHER))
+    """Return rows in blocks of `_RAYS_PER_BLOCK`, whose gradients fit into memory."""
+    return np.split(rows, range(_RAYS_PER_BLOCK, len(rows), _RAYS_PER_BLOCK))

@@ -33,7 +33,7 @@ MOST_ITERATIONS = 60
 #: Smallest step of the discount and of the share of 1/δ², relative to the whole way.
 SMALLEST_STEP = 1e-9
 #: Largest negative eigenvalue of P >= 0 that rounding may cause, relative to the largest entry.
-ROUNDED = 1e-10
+NEGATIVE_BY_ROUNDING = 1e-10
 
 
 class Problem(NamedTuple):
@@ -101,7 +101,7 @@ class Iteration(Samples):
         """Return whether P >= 0 up to rounding, and A - S_s P - βI is stable."""
         loop = self.game.A - self.S(problem) @ P
         smallest = float(np.linalg.eigvalsh(P)[0])
-        is_semidefinite = smallest > -ROUNDED * float(np.abs(P).max())
+        is_semidefinite = smallest > -NEGATIVE_BY_ROUNDING * float(np.abs(P).max())
         return is_semidefinite and spectral_abscissa(loop) < problem.discount
 
 

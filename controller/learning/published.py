@@ -94,7 +94,7 @@ T_W, STEP, ETA, GAMMA, FIRST_WEIGHT = 10.0, 1e-4, 0.8, 0.01, 100.0
 #: θ, which the paper does not print.
 THETA = 0.9
 #: Number of recorded rows after the first.
-ROWS = 1000
+RECORDED_ROWS = 1000
 
 
 class TheoremGains(NamedTuple):
@@ -165,7 +165,7 @@ class PublishedLaw(Samples):
 
     # The members that `controller.run` uses.
 
-    ticks = ROWS
+    ticks = RECORDED_ROWS
 
     def start(self) -> np.ndarray:
         """Return W(0), (M,)."""
@@ -176,7 +176,7 @@ class PublishedLaw(Samples):
 
         Raises NoSolutionError, with the step, if the weights overflow.
         """
-        steps = round(T_W / STEP) // ROWS
+        steps = round(T_W / STEP) // RECORDED_ROWS
         weights = memory
         for step in range(tick * steps, (tick + 1) * steps):
             with np.errstate(all="ignore"):
@@ -194,7 +194,7 @@ class PublishedLaw(Samples):
 
     def observe(self, tick: int, memory: np.ndarray) -> Mapping[str, Any]:
         """Return the time after `tick` ticks, s."""
-        return {"time": tick * T_W / ROWS}
+        return {"time": tick * T_W / RECORDED_ROWS}
 
 
 def published_law(samples: Samples, progress: Progress | None) -> Learned:

@@ -30,7 +30,7 @@ from hfa_support.progress import Progress
 #: Number of pauses, after 1, 2, 4, ... value iterations, at which policy iteration is tried.
 PAUSES = 12
 #: Largest number of policy iterations in a trial. They converge quadratically.
-MOST_POLICIES = 12
+MOST_POLICY_ITERATIONS = 12
 
 
 def learn_steps(
@@ -68,7 +68,7 @@ def learn_steps(
             P = q_extremum(game, H)["P"]
         # From an H too far from the optimum, policy iteration may meet an H without extremum.
         with suppress(BadInputError, np.linalg.LinAlgError):
-            for _ in range(MOST_POLICIES):
+            for _ in range(MOST_POLICY_ITERATIONS):
                 before, H = H, learner.policy_iteration(H)
                 if learner.is_settled(before, H):
                     return learner.training_run(H, seed, of_samples)

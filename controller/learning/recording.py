@@ -278,11 +278,11 @@ def refuse_low_rank(recorded: Excitation) -> None:
 
 
 #: Matrix of the ends of transitions -> suffix of their columns.
-_ENDS = {"x_next": "_next", "x_rate": "_rate"}
+_SUFFIX_OF_ENDS = {"x_next": "_next", "x_rate": "_rate"}
 #: Columns that are no signals.
-_OTHERS = ("time", "dt", "episode")
+_NO_SIGNALS = ("time", "dt", "episode")
 #: Entries of the matrices of transitions, all else is not used.
-_KEYS = ("x", "u", "d", *_ENDS, *_OTHERS, "Ts", *NAME_KEYS)
+_READ_ENTRIES = ("x", "u", "d", *_SUFFIX_OF_ENDS, *_NO_SIGNALS, "Ts", *NAME_KEYS)
 
 
 def matrices_in(data: Any, names: PlantNames) -> dict[str, dict[str, Any]]:
@@ -346,7 +346,7 @@ def _of_columns(entries: Mapping[str, Any], names: PlantNames) -> dict[str, Any]
         )
 
     blocks = {"x": states, "u": inputs, "d": disturbances}  # matrix -> names of its columns
-    for key, suffix in _ENDS.items():
+    for key, suffix in _SUFFIX_OF_ENDS.items():
         ends = {f"{state}{suffix}": units[state] for state in states}  # with the unit of the state
         if ends.keys().isdisjoint(columns):
             continue
@@ -376,12 +376,12 @@ def _signals_among(columns: Collection[str], names: PlantNames) -> tuple[list[st
     beside one of their next value or rate, such as alpha beside alpha_next. The inputs are those of
     the plant, if the table has all of them, and otherwise all other columns.
     """
-    suffixes = tuple(_ENDS.values())  # _next, _rate
+    suffixes = tuple(_SUFFIX_OF_ENDS.values())  # _next, _rate
     states = [name for name in columns if any(f"{name}{end}" in columns for end in suffixes)]
     if names.states and set(names.states) <= set(columns):
         states = list(names.states)
     disturbances = [name for name in columns if re.fullmatch(r"d\d*", name)]
-    no_inputs = (*states, *disturbances, *_OTHERS)
+    no_inputs = (*states, *disturbances, *_NO_SIGNALS)
     inputs = [name for name in columns if name not in no_inputs and not name.endswith(suffixes)]
     if names.inputs and set(names.inputs) <= set(columns):
         inputs = list(names.inputs)
@@ -455,12 +455,12 @@ class _Source:
         self.entries = entries
         self.game = game
         self.notes: list[str] = []
-        if unused := [name for name in entries if name not in _KEYS]:
+        if unused := [name for name in entries if name not in _READ_ENTRIES]:
             self.notes.append(f"not used: {shortened(', '.join(unused), 200)}")
 
     def transitions(self) -> Transitions:
         """Return the transitions in the units of the game."""
-        end, *others = [key for key in _ENDS if key in self.entries] or [""]
+        end, *others = [key for key in _SUFFIX_OF_ENDS if key in self.entries] or [""]
         if others:
             raise BadInputError("the data have x_next and x_rate; remove one of them")
         if end == "x_rate" and self.game.is_discrete:

@@ -269,7 +269,7 @@ def _layout(algorithm: str, words: str, activation: str, squash: str) -> Layout:
 _ON_POLICY = _layout("A2C", "shared_net+policy_net+action_net", "tanh", "")
 _SAC = _layout("SAC", "latent_pi+mu", "relu", "tanh")
 _TD3 = _layout("TD3", "actor", "relu", "tanh")
-_CLASSES = {
+_LAYOUT_OF_CLASS = {
     "stable_baselines3.common.policies.ActorCriticPolicy": _ON_POLICY,
     "stable_baselines3.common.policies.MultiInputActorCriticPolicy": _ON_POLICY,
     "stable_baselines3.sac.policies.SACPolicy": _SAC,
@@ -282,14 +282,14 @@ _CLASSES = {
     "sb3_contrib.ars.policies.ARSLinearPolicy": _layout("ARS", "action_net", "relu", ""),
 }
 #: Entry of the file `data` that only this algorithm of the on-policy class has.
-_ALGORITHMS = {"clip_range": "PPO", "cg_max_steps": "TRPO"}
+_ALGORITHM_OF_ENTRY = {"clip_range": "PPO", "cg_max_steps": "TRPO"}
 #: Features extractors without weights.
 _EXTRACTORS = tuple(
     f"stable_baselines3.common.torch_layers.{name}"
     for name in ("FlattenExtractor", "CombinedExtractor")
 )
 #: Settings that are read, or that do not affect the output of a trained actor.
-_SETTINGS = (
+_KNOWN_SETTINGS = (
     *("net_arch", "activation_fn", "use_sde", "squash_output", "clip_mean", "with_bias"),
     *("features_extractor_class", "features_extractor_kwargs", "share_features_extractor"),
     *("log_std_init", "full_std", "use_expln", "ortho_init", "normalize_images", "device"),
@@ -353,7 +353,7 @@ def _settings_of(data: Mapping[str, Any]) -> dict[str, Any]:
     if not isinstance(settings, dict):
         raise BadInputError("policy_kwargs is not a dictionary; save the model again")
     for name in settings:
-        if name not in _SETTINGS:
+        if name not in _KNOWN_SETTINGS:
             raise BadInputError(
                 f"policy_kwargs sets {shown(name)}, which is not supported; {_TO_ONNX}"
             )
@@ -394,16 +394,16 @@ def _class_of(data: Mapping[str, Any], tensors: Tensors) -> Layout:
         raise BadInputError(
             "the policy is recurrent, which is not supported; give a feed-forward policy"
         )
-    policy_class = _class_name("policy_class", data, tuple(_CLASSES))
+    policy_class = _class_name("policy_class", data, tuple(_LAYOUT_OF_CLASS))
     if not policy_class:
         raise BadInputError(f"the zip file does not state its policy_class; {_TO_ONNX}")
-    return _CLASSES[policy_class]
+    return _LAYOUT_OF_CLASS[policy_class]
 
 
 def _algorithm(of_class: Layout, data: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
     """Return the name of the algorithm that trained a policy of a class."""
     if of_class is _ON_POLICY:  # of PPO and TRPO, which store an entry of their own, and of A2C
-        return next((name for key, name in _ALGORITHMS.items() if key in data), "A2C")
+        return next((name for key, name in _ALGORITHM_OF_ENTRY.items() if key in data), "A2C")
     is_ddpg = of_class is _TD3 and settings.get("n_critics") == 1  # set by the class DDPG
     return "DDPG" if is_ddpg else of_class.algorithm
 

@@ -83,7 +83,7 @@ ACTIVATIONS: Mapping[str, Callable[..., Any]] = {
     "mish": lambda x: x * ca.tanh(_softplus(x)),
 }
 #: Activations that only CasADi evaluates.
-OF_CASADI = ("softplus", "gelu", "mish")
+ONLY_IN_CASADI = ("softplus", "gelu", "mish")
 
 
 def activation_named(name: str) -> str:
@@ -100,9 +100,9 @@ def activation_named(name: str) -> str:
 #: Function x (N, n) -> y (N, k).
 RowNetwork = Callable[[np.ndarray], np.ndarray]
 #: A network with a matrix of at least this many entries, those of 128 x 128, is wide.
-_WIDE = 2**14
+_WIDE_MATRIX = 2**14
 #: Number of rows per product. The values between the layers then fit into the cache.
-_TOGETHER = 500
+_ROWS_PER_BLOCK = 500
 
 
 class Layer(NamedTuple):
@@ -131,8 +131,8 @@ class Layer(NamedTuple):
 
 
 def precision_of(matrix: np.ndarray) -> type[np.floating]:
-    """Return the precision for products with a matrix: single for at least `_WIDE` entries."""
-    return np.float32 if matrix.size >= _WIDE else np.float64
+    """Return the precision for products with a matrix: single from `_WIDE_MATRIX` entries on."""
+    return np.float32 if matrix.size >= _WIDE_MATRIX else np.float64
 
 
 def row_network(layers: Sequence[Layer]) -> RowNetwork | None:
@@ -140,7 +140,7 @@ def row_network(layers: Sequence[Layer]) -> RowNetwork | None:
 
     The result is None if only CasADi evaluates an activation.
     """
-    if any(layer.activation in OF_CASADI for layer in layers):
+    if any(layer.activation in ONLY_IN_CASADI for layer in layers):
         return None
     # Single precision, which is faster, if the largest matrix is wide.
     kind = precision_of(max((layer.weight for layer in layers), key=np.size))
@@ -164,7 +164,10 @@ def row_network(layers: Sequence[Layer]) -> RowNetwork | None:
     def on_rows(x: np.ndarray) -> np.ndarray:
         """Return the outputs for all rows, block by block."""
         x = x.astype(kind, copy=False)
-        parts = [on_block(x[first : first + _TOGETHER]) for first in range(0, len(x), _TOGETHER)]
+        parts = [
+            on_block(x[first : first + _ROWS_PER_BLOCK])
+            for first in range(0, len(x), _ROWS_PER_BLOCK)
+        ]
         return np.concatenate(parts).astype(float, copy=False)
 
     return on_rows
@@ -172,12 +175,12 @@ def row_network(layers: Sequence[Layer]) -> RowNetwork | None:
 
 Tensors = Mapping[str, np.ndarray]
 #: Words in the names of critics' tensors, which a policy does not use.
-_OF_CRITICS = frozenset(("critic", "critics", "value", "values", "target", "targets"))
+_WORDS_OF_CRITICS = frozenset(("critic", "critics", "value", "values", "target", "targets"))
 #: Names of critic modules. "q" alone may also be a pitch rate.
-_Q = re.compile(r"(q|qs|qf|vf|qfs)\d*(_?(net|network|function|target)s?)?\d*")
-_OF_POLICIES = re.compile(r"actor|policy|(^|[._])(pi|mu)$")
+_MODULES_OF_CRITICS = re.compile(r"(q|qs|qf|vf|qfs)\d*(_?(net|network|function|target)s?)?\d*")
+_NAMES_OF_POLICIES = re.compile(r"actor|policy|(^|[._])(pi|mu)$")
 #: Names of tensors that only training uses: of optimizers, temperatures, and counts of samples.
-_OF_TRAINING = re.compile(
+_NAMES_OF_TRAINING = re.compile(
     r"optimizers?|scheduler|(^|[._])(log_)?(alpha|ent_coef)$|count$|num_batches_tracked$"
 )
 _ADVICE = "export the network to ONNX with everything that acts on its inputs or outputs"
@@ -188,7 +191,11 @@ def without_training(tensors: Tensors) -> dict[str, np.ndarray]:
 
     Such are the moments of an optimizer, and the number of samples that a normalizer saw.
     """
-    return {name: array for name, array in tensors.items() if not _OF_TRAINING.search(name.lower())}
+    return {
+        name: array
+        for name, array in tensors.items()
+        if not _NAMES_OF_TRAINING.search(name.lower())
+    }
 
 
 def layers_of(
@@ -283,7 +290,7 @@ def _selections(tensors: Tensors, kind: str) -> Iterator[str]:
         is_value = is_of_critic(name)
         if kind == "V":
             return 0 if is_value else 1
-        is_policy = _OF_POLICIES.search(name)
+        is_policy = _NAMES_OF_POLICIES.search(name)
         return 0 if is_policy else 2 if is_value else 1
 
     modules = [name.partition(".")[0] for name in names]
@@ -415,8 +422,10 @@ def _words(name: str) -> set[str]:
 
 def is_of_critic(name: str) -> bool:
     """Return whether a tensor belongs by its name to a value or a Q-function."""
-    is_q = any(_Q.fullmatch(module) for module in name.split("."))  # such as q1, qf0, q_network
-    return is_q or bool(_words(name) & _OF_CRITICS)
+    is_q = any(
+        _MODULES_OF_CRITICS.fullmatch(module) for module in name.split(".")
+    )  # such as q1, qf0, q_network
+    return is_q or bool(_words(name) & _WORDS_OF_CRITICS)
 
 
 def is_deviation(name: str) -> bool:

@@ -38,7 +38,7 @@ from controller.critic.network.layers import (
     without_training,
 )
 from controller.critic.network.onnx_graph import FEW_WEIGHTS, check_width, graph_functions
-from controller.critic.network.tensors import ORDERED, checked_tensors, flattened, stored_in
+from controller.critic.network.tensors import ORDERED_FILES, checked_tensors, flattened, stored_in
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, shortened, shown
 from hfa_support.files import regular_file
 
@@ -234,7 +234,7 @@ def _in_file(path: Path) -> _Contents:
         tensors, declared = read_zip(path)
         return _Contents(tensors, is_ordered=True, declared=declared)
     content = regular_file(path).read_bytes()
-    return _contents(stored_in(content, suffix), is_ordered=suffix in ORDERED)
+    return _contents(stored_in(content, suffix), is_ordered=suffix in ORDERED_FILES)
 
 
 def _in_memory(source: Any) -> _Contents:

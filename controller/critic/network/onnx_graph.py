@@ -28,9 +28,9 @@ FEW_WEIGHTS = 20_000
 #: Oldest supported ONNX operator set.
 OLDEST_OPSET = 9
 #: Type numbers of ONNX: float, float16, double and bfloat16.
-_FLOATS = (1, 10, 11, 16)
+_FLOAT_TYPES = (1, 10, 11, 16)
 #: Kind of output -> names of outputs of this kind.
-_NAMES = {
+_NAMES_OF_OUTPUTS = {
     "policy": ("policy", "action", "actions", "u", "mu", "mean"),
     "V": ("V", "value", "values", "v"),
     "gradient": ("gradient",),
@@ -124,7 +124,7 @@ def _gather(x: Any, places: Any, axis: int = 0) -> Any:
 
 def _cast(x: Any, to: int, saturate: int = 1) -> Any:
     """Return a row unchanged, whatever float it is converted to: arithmetic is in doubles."""
-    if to not in _FLOATS:
+    if to not in _FLOAT_TYPES:
         raise BadInputError(f"converts to the ONNX type number {to}, not to a float")
     return x
 
@@ -509,7 +509,10 @@ def _outputs_of(graph: Any, outputs: Mapping[str, str]) -> dict[str, str]:
     """Return the requested outputs of a graph, key -> name; without a request, by their names."""
     names = [item.name for item in graph.output]
     by_kind = {  # of several names of one kind, the first output
-        kind: name for kind, known in _NAMES.items() for name in names[::-1] if name in known
+        kind: name
+        for kind, known in _NAMES_OF_OUTPUTS.items()
+        for name in names[::-1]
+        if name in known
     }
     chosen = {}
     for kind, output in outputs.items():

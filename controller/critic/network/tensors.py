@@ -22,9 +22,9 @@ from hfa_support.files import unpacked
 #: Packages whose objects are read as attributes (`Inert`). Their code is never imported.
 _INERT_PACKAGES = ("stable_baselines3", "sb3_contrib", "gymnasium", "gym", "torch")
 #: Kinds of numbers in pickled NumPy arrays.
-_KINDS = ("b1", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f2", "f4", "f8")
+_NUMBER_TYPES = ("b1", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f2", "f4", "f8")
 #: Class of a torch storage -> NumPy type. bfloat16 are the upper halves of float32.
-_STORAGES = {
+_STORAGE_TYPES = {
     "HalfStorage": "<f2",
     "BFloat16Storage": "<u2",
     "FloatStorage": "<f4",
@@ -86,7 +86,7 @@ class _Kind:
     """Stand-in for numpy.dtype in a pickle: a kind of number and its byte order."""
 
     def __init__(self, kind: str, *_: Any) -> None:  # *_: align and copy of numpy.dtype
-        if not isinstance(kind, str) or kind not in _KINDS:
+        if not isinstance(kind, str) or kind not in _NUMBER_TYPES:
             named = shortened(kind) if isinstance(kind, str) else type(kind).__name__
             raise BadInputError(
                 f"the data contain an array of {named}, which is not a numeric type; save "
@@ -136,7 +136,7 @@ def _jax_array(make: Callable[..., Any], arguments: Any, state: Any, *_: Any) ->
 
 
 #: What a pickle may call -> what is called instead.
-_CALLS: dict[tuple[str, str], Callable[..., Any]] = {
+_STAND_INS: dict[tuple[str, str], Callable[..., Any]] = {
     ("collections", "OrderedDict"): OrderedDict,
     ("collections", "deque"): deque,
     ("_codecs", "encode"): lambda text, *_: text.encode("latin1"),
@@ -148,11 +148,13 @@ _CALLS: dict[tuple[str, str], Callable[..., Any]] = {
     ("numpy", "dtype"): _Kind,
 }
 for _module in ("builtins", "__builtin__"):
-    _CALLS[_module, "set"] = set
+    _STAND_INS[_module, "set"] = set
 for _core in ("numpy.core", "numpy._core"):
-    _CALLS[f"{_core}.multiarray", "_reconstruct"] = lambda *_: _Array(0)
-    _CALLS[f"{_core}.multiarray", "scalar"] = lambda kind, content: _array_of(content, kind, ())[()]
-    _CALLS[f"{_core}.numeric", "_frombuffer"] = _array_of
+    _STAND_INS[f"{_core}.multiarray", "_reconstruct"] = lambda *_: _Array(0)
+    _STAND_INS[f"{_core}.multiarray", "scalar"] = lambda kind, content: _array_of(
+        content, kind, ()
+    )[()]
+    _STAND_INS[f"{_core}.numeric", "_frombuffer"] = _array_of
 
 
 class _Restricted(pickle.Unpickler):
@@ -164,9 +166,9 @@ class _Restricted(pickle.Unpickler):
 
     def find_class(self, module: str, name: str) -> Any:
         """Return what stands for a class or function of the pickle, or refuse it."""
-        if (module, name) in _CALLS:
-            return _CALLS[module, name]
-        if module == "torch" and name in _STORAGES:
+        if (module, name) in _STAND_INS:
+            return _STAND_INS[module, name]
+        if module == "torch" and name in _STORAGE_TYPES:
             return name  # `persistent_load` receives it as the class of a storage
         if module.split(".")[0] in _INERT_PACKAGES or module.startswith("numpy.random."):
             return type("Inert", (Inert,), {"made_of": f"{module}.{name}"})
@@ -184,12 +186,12 @@ class _Restricted(pickle.Unpickler):
             )
         _, of_class, key, _, count, *_ = pid
         kind = getattr(of_class, "made_of", of_class)  # `find_class` returned an Inert, or a name
-        if not isinstance(kind, str) or kind not in _STORAGES:
+        if not isinstance(kind, str) or kind not in _STORAGE_TYPES:
             raise BadInputError(
                 f"a tensor has the unsupported type {shortened(str(kind))}; save the weights as "
                 "float32 or float64"
             )
-        numbers = self.numbers_of(key, _STORAGES[kind], count)
+        numbers = self.numbers_of(key, _STORAGE_TYPES[kind], count)
         return BFloat16.of(numbers) if kind == "BFloat16Storage" else numbers
 
 
@@ -272,13 +274,13 @@ def _loaded(load: Callable[[], Any]) -> Any:
 #: Largest number of entries in a file, about three layers of 1024 x 1024.
 LARGEST_NETWORK = 2**22
 #: Formats that store the order of the layers.
-ORDERED = (".pt", ".pth", ".pkl", ".zip", ".cleanrl_model")
+ORDERED_FILES = (".pt", ".pth", ".pkl", ".zip", ".cleanrl_model")
 #: Type in a safetensors file -> NumPy type.
 _SAFETENSORS = {"F16": "<f2", "BF16": "<u2", "F32": "<f4", "F64": "<f8", "I64": "<i8", "I32": "<i4"}
 #: First bytes of a file of torch.save before torch 1.6, the number of its format.
 _OLD_TORCH = b"\x80\x02\x8a\nl\xfc\x9cF\xf9 j\xa8P\x19."
 #: Levels of nested mappings and lists whose tensors are read.
-_DEEPEST = 4
+_DEEPEST_LEVEL = 4
 #: Precisions of weights, lowest first.
 _PRECISIONS = ("bfloat16", "float16", "float32", "float64")
 
@@ -354,7 +356,7 @@ def flattened(stored: Any, prefix: str = "", depth: int = 0) -> dict[str, np.nda
     tensors: dict[str, np.ndarray] = {}
     if isinstance(stored, (list, tuple)):
         stored = dict(enumerate(stored))
-    if isinstance(stored, Mapping) and depth < _DEEPEST:
+    if isinstance(stored, Mapping) and depth < _DEEPEST_LEVEL:
         for name, value in stored.items():
             tensors |= flattened(value, f"{prefix}{name}.", depth + 1)
     return tensors
