@@ -13,28 +13,29 @@ from trim import linear_model_report
 
 @pytest.mark.parametrize("aircraft", [hfa.aircraft(), F16.with_parameters(xcg=0.3)])
 def test_residualized_models_equal_python_controls(aircraft):
-    """A residualized model equals python-control's and keeps the static gain.
+    """The states alpha and pitch rate are residualized: their rates are set to 0, which keeps the static
+    gain. The model equals that of python-control, whose method "matchdc" does the same.
 
-    At low frequency, a residualized model is more accurate than a truncated one.
+    At 0.01 rad/s, it is more accurate than a truncated model, whose states are left out.
     """
     model = hfa.trim(aircraft).linearize(outputs=("gamma", "speed", "pitch"))
-    follow = ("alpha", "pitch_rate")
-    keep = tuple(name for name in model.states if name not in follow)
-    reduced = model.select(residualize=follow)
+    omitted = ("alpha", "pitch_rate")
+    kept = tuple(name for name in model.states if name not in omitted)
+    reduced = model.select(residualize=omitted)
     whole = model.to_control()
     peer = control.model_reduction(
-        whole, elim_states=list(follow), method="matchdc", warn_unstable=False
+        whole, elim_states=list(omitted), method="matchdc", warn_unstable=False
     )
     for name in "ABCD":
         np.testing.assert_allclose(
             getattr(reduced, name), getattr(peer, name), rtol=1e-10, atol=1e-12
         )
-    assert reduced.states == keep
+    assert reduced.states == kept
     np.testing.assert_allclose(reduced.to_control()(0), whole(0), rtol=1e-8, atol=1e-10)
-    slow = 1e-2j
+    slow = 1e-2j  # s at 0.01 rad/s
     errors = [
-        np.abs(fewer.to_control()(slow) - whole(slow)).max()
-        for fewer in (reduced, model.select(keep))
+        np.abs(each.to_control()(slow) - whole(slow)).max()
+        for each in (reduced, model.select(kept))
     ]
     assert errors[0] < 0.1 * errors[1]
 

@@ -422,8 +422,9 @@ def test_degrees_taken_as_radians_and_impossible_inertias_have_warnings(folder):
 
 
 def test_published_and_newton_dynamics_differ_by_mode_in_percent():
-    """`trim` and `linearize` compare the modes of both dynamics at 7 deg: the fast dihedral mode, the
-    fastest real eigenvalue, and the short period, the slower pair with the largest imaginary part.
+    """At 7 deg, `trim` and `linearize` compare two modes of "published" with those of "newton" dynamics: the
+    fast dihedral mode, which is the fastest real eigenvalue, and the short period, which is the
+    pair with the largest imaginary part among eigenvalues above -10 1/s.
 
     The short period differs by |λ_newton / λ_published - 1| in percent.
     """
@@ -438,6 +439,7 @@ def test_published_and_newton_dynamics_differ_by_mode_in_percent():
         data = json.loads(command(verb, "--dihedral", "7", "--json").out)
         by_mode = {entry["mode"]: entry for entry in data["mode_differences"]}
         fast, pair = by_mode["dihedral (fast)"], by_mode["short period"]
+        # Complex numbers are pairs; "other" is the eigenvalue of newton dynamics.
         assert (fast["eigenvalue"][1], fast["other"][1]) == (0.0, 0.0)
         assert fast["eigenvalue"][0] == pytest.approx(fastest["published"])
         assert fast["other"][0] == pytest.approx(fastest["newton"])

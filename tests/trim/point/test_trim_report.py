@@ -92,9 +92,9 @@ def test_a_later_limit_replaces_an_earlier_one():
 
 
 def test_imposed_rates_are_balanced_and_freed(published_aircraft):
-    """With V' = 0.5 ft/s² the thrust along the path exceeds that of level flight by m V'.
+    """With the imposed rate V' = 0.5 ft/s², the thrust along the path exceeds that of level flight by m V'.
 
-    Report and condition have the imposed rate, which can be set free again.
+    The report and the words of the condition state the rate. Set free again, it is stated as free.
     """
     level = trim(published_aircraft, BASE)
     point, report = reported(published_aircraft, release(BASE, hold={"speed_dot": 0.5}))
