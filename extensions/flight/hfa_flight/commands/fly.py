@@ -364,6 +364,7 @@ def _steering(
             warn(f"no --policy is given: no policy acts (--policy {NONE})")
         return _Steering(open_loop(command_steps(commands), tuple(model.inputs)))
     linear = noted_linear_model(model, point)
+    # Deployments and tables of gains follow commands themselves; a law follows none.
     if request.kind in (DEPLOYMENT, TABLE):
         steps = command_steps(commands)
         return _Steering(policy_of_options(request, linear, given.common.at, steps))
@@ -377,6 +378,7 @@ def _steering(
             margin=request.margin,
         )
         return _Steering(planned)
+    # A constant gain follows a command as its reference, or a reference with feedforward.
     reference = CommandedStates(command_steps(commands), model.linear) if commands else None
     for name in commands:
         refuse_unknown("a gain cannot follow a command of", name, model.linear)

@@ -168,6 +168,7 @@ class Assessor:
 
     def _linear_point(self, case: TrimCase, delays: Delays | None) -> AssessedPoint:
         """Return the result of the linear loop at a trim, without flights."""
+        # Saturated actions have no effect at the equilibrium: their effects are those at the trim.
         linearized = case.equilibrium
         if linearized is None or linearized.clips:
             linearized = EquilibriumSearch(self.deployed, case.point).at_trim()

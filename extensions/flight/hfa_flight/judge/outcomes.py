@@ -134,14 +134,14 @@ def seeded_starts(case: TrimCase, count: int, seed: int, with_pulse: bool) -> tu
     model = case.point.model
     # A stream of its own: `drawn_starts` with the same seed returns other initial conditions.
     random = np.random.default_rng([seed, 1])
-    # Directions are drawn without pulses too: flights with pulses begin at the same states.
+    # Drawn before the pulses, so that flights with pulses begin at the same states.
     in_half_widths = random.uniform(-1.0, 1.0, (count, len(model.linear)))
-    directions = random.uniform(-1.0, 1.0, in_half_widths.shape)
     rows = model.state_places(model.linear)
     starts = np.tile(case.point.x, (count, 1))
     starts[:, rows] += in_half_widths * case.box
-    pulses = np.zeros_like(directions)
+    pulses = np.zeros_like(in_half_widths)
     if with_pulse:
+        directions = random.uniform(-1.0, 1.0, pulses.shape)
         pulses = directions * case.box * _PULSE_SIZE / _PULSE_DURATION
     return starts, pulses
 

@@ -133,8 +133,9 @@ class HeldModel:
         return ca.Function(f"slopes_{count}", [z, v, seconds], [ca.densify(after)])
 
     def _runs(self) -> list[tuple[int, list[int]]]:
-        """Return the successive holds with equal numbers of Runge-Kutta steps, with that number."""
-        # Numbers of the holds, grouped by their numbers of steps.
+        """Return the runs of successive holds with equal numbers of Runge-Kutta steps: this number,
+        and the indices of the holds.
+        """
         steps = self._steps_of_holds
         return [(same, list(run)) for same, run in groupby(range(len(steps)), steps.__getitem__)]
 

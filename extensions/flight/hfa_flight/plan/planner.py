@@ -23,18 +23,18 @@ from hfa_support.native.bound import BoundFunction
 from hfa_support.native.row_code import machine_code
 
 #: Factors on a step of the quadratic program that are tried until the flight is cheaper.
-_SHARES = (1.0, 0.35, 0.1225, 0.042875)
+_SHARES_OF_STEP = (1.0, 0.35, 0.1225, 0.042875)
 #: Cost above which a flight is taken as infinite.
 _INFINITE = 1e20
 #: A plan is not improved further if its cost falls by less than this fraction.
-_SMALL = 3e-5
+_LEAST_GAIN = 3e-5
 #: Share of its cost that a program must promise for a second program of the same step.
-_WORTH = 1e-3
+_WORTH_A_SECOND = 1e-3
 #: Part of the room of a state beyond which the quadratic program knows its limits.
-_NEAR = 0.5
+_NEAR_LIMIT = 0.5
 #: Penalty of a soft limit, in units of the largest slope of z'Pz over the usual box, per sample.
 #: With a tenth of it, flights leave the limits where this is cheaper.
-_STIFF = 5.0
+_STIFFNESS = 5.0
 #: Least penalty of a soft limit, relative to the largest: z'Pz gives a state such as the altitude
 #: none. It sets those of all states of the flexible aircraft but the speed. With a hundredth of it
 #: and ten times of it, 15 flights about x(0) at 5, 10 and 15 deg stay inside and cost the same
@@ -43,12 +43,12 @@ _LEAST_PENALTY = 0.02
 #: Largest unit of a slack, nominal values.
 _LARGEST_SLACK = 5.0
 #: Factor on the gains of a first plan where those of the linear optimum lead to infinity.
-_HARDER = 2.0
+_HARDER_GAIN = 2.0
 #: Duration of the flight of a gain, in horizons.
 _HORIZONS = 4
 #: Number of standard deviations by which the limits of states are narrowed further, and the share
 #: of the distances from trim to limits that always remains.
-_SPREAD = 4.0
+_STANDARD_DEVIATIONS = 4.0
 _REMAINS = 0.5
 
 
@@ -128,12 +128,12 @@ class Planner:
         return Planner, (self.scaled, self.grid, self.P, self.margin)
 
     def _slack_penalties(self, P: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return slope and curvature of the cost of a slack for a second, (S,) each."""
+        """Return slope and curvature of the penalty of a slack that lasts a second, (S,) each."""
         k = self.scaled.counts.linear
         lowest, highest = self.scaled.state_limits
         slopes = 2.0 * np.abs(P[:, :k]) @ self.scaled.box  # largest ones of z'Pz over the box
         least = _LEAST_PENALTY * slopes.max()
-        penalties = _STIFF * np.maximum(slopes, least)[self.soft] / self.grid.dt
+        penalties = _STIFFNESS * np.maximum(slopes, least)[self.soft] / self.grid.dt
         # A slack of this size costs half as much again as by the slope alone.
         largest_slack = np.minimum(0.5 * (highest - lowest)[self.soft], _LARGEST_SLACK)
         return penalties, penalties / largest_slack
@@ -148,7 +148,10 @@ class Planner:
         They are moved against the shift of the states that the estimated air causes, and narrowed
         by the spread of the states, at most to `_REMAINS` of the distances from trim to limits.
         """
-        shift, spread = following.shift[self.soft], _SPREAD * following.deviations[self.soft]
+        shift, spread = (
+            following.shift[self.soft],
+            _STANDARD_DEVIATIONS * following.deviations[self.soft],
+        )
         lowest, highest = (limit[self.soft] for limit in self.scaled.state_limits)
         return Range(
             np.minimum(self.room.least - shift + spread, _REMAINS * lowest),
@@ -166,6 +169,7 @@ class Planner:
         holds = self.grid.at(age)
         halves = 2 * holds.samples  # number of half samples of each hold
         ends = np.cumsum(halves)
+        # `_flights` has the half samples of the longest plan; those after this plan are not used.
         inputs = np.zeros((len(self._flights.holds), v.shape[1]))
         inputs[: ends[-1]] = np.repeat(v, halves, axis=0)
         states = self._flights.flown(z, inputs)[: ends[-1] + 1]
@@ -245,14 +249,14 @@ class Planner:
                 return Improved(plan, is_refused=True, unsolved=unsolved)
             gained = plan.cost - better.cost
             plan = better
-            if gained < _SMALL * plan.cost:
+            if gained < _LEAST_GAIN * plan.cost:
                 break
         return Improved(plan, is_refused=False, unsolved=unsolved)
 
     def _step(self, plan: Plan, until: float) -> tuple[Plan | None, int]:
         """Return a cheaper plan by a step of the program, or None, and the unsolved programs."""
-        # The plan itself is returned where the program promises less than _SMALL of its cost. If
-        # the full step is not cheaper, a second program has limits that are corrected by the
+        # The plan itself is returned where the program promises less than _LEAST_GAIN of its cost.
+        # If the full step is not cheaper, a second program has limits that are corrected by the
         # difference of the flight from its linear prediction. Shorter steps then follow a parabola
         # that begins along the first step and ends at that of the second program.
         slopes = self._slopes_along(plan)
@@ -264,20 +268,26 @@ class Planner:
         # The program's change of cost contains the penalty after the step, but does not subtract
         # the penalty of the plan before it.
         promised = plan.penalty - first.cost
-        if first.is_solved and promised < _SMALL * plan.cost:
+        if first.is_solved and promised < _LEAST_GAIN * plan.cost:
             return plan, 0
         full = self._changed(plan, first.v)
         if full.cost < plan.cost:
             return full, unsolved
         bend = np.zeros(first.v.shape)
-        if np.isfinite(full.cost) and promised > _WORTH * plan.cost and time.thread_time() < until:
+        if (
+            np.isfinite(full.cost)
+            and promised > _WORTH_A_SECOND * plan.cost
+            and time.thread_time() < until
+        ):
             both = np.hstack([first.z[:-1], first.v])
             ends = full.z[1:] - plan.z[1:] - first.z[1:]
             middles = full.middle - plan.middle - np.einsum("nij,nj->ni", slopes.middles, both)
             second = self._proposed(plan, slopes, AlongHolds(ends, middles))
             unsolved += not second.is_solved
             bend = np.where(np.isfinite(second.v), second.v - first.v, 0.0)
-        for share in _SHARES if bend.any() else _SHARES[1:]:  # the full step has been flown
+        for share in (
+            _SHARES_OF_STEP if bend.any() else _SHARES_OF_STEP[1:]
+        ):  # the full step has been flown
             shorter = self._changed(plan, share * first.v + share**2 * bend)
             if shorter.cost < plan.cost:
                 return shorter, unsolved
@@ -326,7 +336,7 @@ class Planner:
         """Return the smallest program with all limits that are near, and their places in `soft`."""
         lows, highs = plan.room
         states = plan.z[1:, self.soft]
-        near = (states > _NEAR * highs) | (states < _NEAR * lows)
+        near = (states > _NEAR_LIMIT * highs) | (states < _NEAR_LIMIT * lows)
         needed = set(np.flatnonzero(near.any(axis=0)).tolist())
         # The smallest programs come first, and the last one has the limits of all states.
         places, program = next(known for known in self._programs if needed <= known[0])
@@ -338,12 +348,12 @@ class Planner:
         # and those of one other state, and with all.
         fast = set(self._fast.tolist())
         every = set(range(len(self.soft)))
-        known = [set[int](), fast, *(fast | {one} for one in sorted(every - fast)), every]
+        wanted = [set[int](), fast, *(fast | {one} for one in sorted(every - fast)), every]
         _, n, m = self.scaled.counts
         programs = []
-        for number, places in enumerate(known):
-            if places in known[:number]:
-                continue
+        for number, places in enumerate(wanted):
+            if places in wanted[:number]:
+                continue  # as where no state is fast, or one alone is not
             ordered = np.array(sorted(places), dtype=int)
             of_fast = np.flatnonzero(np.isin(ordered, self._fast))
             program = PlanProgram(len(self.model.holds), n, m, self.soft[ordered], of_fast)
@@ -375,7 +385,7 @@ class Planner:
         inputs = [self._inputs_of_gains(z, 1.0), constant]
         plans = [self.flown(z, v, room) for v in inputs]
         if not any(np.isfinite(plan.cost) for plan in plans):
-            plans.append(self.flown(z, self._inputs_of_gains(z, _HARDER), room))
+            plans.append(self.flown(z, self._inputs_of_gains(z, _HARDER_GAIN), room))
         return plans
 
     def _inputs_of_gains(self, z: np.ndarray, factor: float) -> np.ndarray:

@@ -21,18 +21,18 @@ from hfa_flight.policies.policy import NextSample
 #: step: six steps save .1 % in flights from x(0) with noise, and take four times as long. A plan
 #: that exceeds its limits, so that their penalty is over a share of its cost, has further steps:
 #: with a single one, noise and gusts that throw the plan beyond them lose some flights.
-_FIRST = 30
-_FURTHER = 9
-_EXCEEDS = 0.05
+_FIRST_STEPS = 30
+_FURTHER_STEPS = 9
+_LARGE_PENALTY = 0.05
 #: Factor by which a plan may cost more than the plan one sample earlier, with the cost so far.
 #: Beyond it, new first plans are tried: an open-loop flight of an unstable aircraft may diverge.
 _DEARER = 1.05
 #: The linear policy takes over where the costs of the plan and of its own flight are within this
 #: fraction of z'Pz.
-_LINEAR = 0.01
+_AGREEMENT = 0.01
 _cost = attrgetter("cost")
 #: Cost below which a flight is at its target, relative to z'Pz at a corner of the usual box.
-_NOTHING = 1e-12
+_AT_TARGET = 1e-12
 
 
 @dataclass
@@ -86,7 +86,7 @@ class RecedingHorizon:
         self.budget = budget
         #: Cost below which a flight is at its target. The box is that of the states of the linear
         #: model, which are the first of the followed ones.
-        self.cost_at_target = _NOTHING * planner.value(np.pad(planner.scaled.box, (0, n - k)))
+        self.cost_at_target = _AT_TARGET * planner.value(np.pad(planner.scaled.box, (0, n - k)))
         self.reset(delay=0.0)
 
     def reset(self, delay: float) -> None:
@@ -163,7 +163,7 @@ class RecedingHorizon:
         plan = memory.plan = self._planned(z, until)
         memory.samples.planned += 1
         value = self.planner.value(z)
-        within = _LINEAR * value
+        within = _AGREEMENT * value
         memory.linear_agrees = bool(
             inside
             and abs(plan.cost - value) <= within
@@ -206,7 +206,7 @@ class RecedingHorizon:
         if memory.samples.first is None:
             until = np.inf  # the first plan of a flight may take longer than a sample
         guesses = sorted(self.planner.guesses(z, memory.room), key=_cost)
-        results = [self.planner.improved(guess, _FIRST, until) for guess in guesses]
+        results = [self.planner.improved(guess, _FIRST_STEPS, until) for guess in guesses]
         memory.samples.unsolved += sum(result.unsolved for result in results)
         plan = min((result.plan for result in results), key=_cost)
         memory.plan = plan
@@ -220,10 +220,10 @@ class RecedingHorizon:
         """Return a plan improved by a step of the program, or more while it exceeds limits."""
         if time.thread_time() >= until:
             self.samples.late += 1
-        for steps in (1, _FURTHER):
+        for steps in (1, _FURTHER_STEPS):
             plan, is_refused, unsolved = self.planner.improved(plan, steps, until)
             self.samples.unsolved += unsolved
             self.samples.refused += is_refused
-            if is_refused or plan.penalty <= _EXCEEDS * plan.cost:
+            if is_refused or plan.penalty <= _LARGE_PENALTY * plan.cost:
                 break
         return plan

@@ -206,13 +206,13 @@ class ScaledProblem:
         return np.pad(np.isfinite(room) & (moves >= _REACHES * room), (0, n - k))
 
 
-#: Number of holds of a plan. With samples of at least _SLOW seconds, it is twice this number, and
-#: the longest hold is longer by the factor _LONGER.
+#: Number of holds of a plan. With samples of at least _SLOW_SAMPLE seconds, it is twice this
+#: number, and the longest hold is longer by the factor _LONGER_HOLDS.
 HOLDS = 36
-_SLOW = 0.02
-_LONGER = 2.0
+_SLOW_SAMPLE = 0.02
+_LONGER_HOLDS = 2.0
 #: Largest product of the sample time and the fastest pole of the aircraft.
-_FASTEST = 0.7
+_RESOLVED = 0.7
 #: Largest sample time that may be asked, relative to that of the rule.
 _COARSEST = 5.0
 #: Largest relative increase of the least linear cost over the usual box: by holding the inputs for
@@ -223,12 +223,12 @@ _GRID_PRICE = 0.01
 _FINE = (8, 16)
 #: Largest product of a hold of several samples and the fastest pole. In longer holds, states exceed
 #: limits between the nodes. Largest number of samples of a hold.
-_LAST = 0.4
+_LONGEST_HOLD = 0.4
 _MOST_SAMPLES = 64
 #: Largest horizon, in time constants of the slowest pole of the linear loop, and in those of the
 #: fastest growing pole of the aircraft. A plan is an open-loop flight, and errors grow with it.
-_LONG = 4.0
-_GROWING = 10.0
+_HORIZON = 4.0
+_UNSTABLE_HORIZON = 10.0
 #: Sample times, s, the longest first.
 _SAMPLE_TIMES = tuple(a * 10.0**e for e in (0, -1, -2, -3, -4) for a in (5, 2, 1))
 
@@ -346,12 +346,13 @@ def gains_of(holds: Sequence[Hold], P: np.ndarray) -> tuple[np.ndarray, np.ndarr
 def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> Grid:
     """Return the holds of a plan, chosen from the linear model alone.
 
-    - dt is the longest of 1, 2, 5, 10, ... ms for which the product with the aircraft's fastest
-      pole is at most 0.7, and the linear optimum with held inputs costs at most 0.5 % more than
-      the optimum, over the usual box.
-    - The first 8 holds are samples. Later ones last at most 0.4 time constants of the fastest pole,
-      or 0.8 if dt is at least 20 ms. The linear optimum of a plan costs at most 1 % more than the
-      optimum, or all holds are samples. There are 36 holds, or 72 if dt is at least 20 ms.
+    - dt is the longest of 0.1, 0.2, 0.5, 1, ... ms for which the product with the aircraft's
+      fastest pole is at most 0.7, and the linear optimum with held inputs costs at most 0.5 % more
+      than the optimum, over the usual box.
+    - The first 8 holds, or 16, are samples. Later ones last at most 0.4 time constants of the
+      fastest pole, or 0.8 if dt is at least 20 ms. The linear optimum of a plan costs at most 1 %
+      more than the optimum, or all holds are samples. There are 36 holds, or 72 if dt is at least
+      20 ms.
     - The horizon is at most 4 time constants of the slowest pole of the linear loop and 10 of the
       fastest growing pole of the aircraft.
 
@@ -368,10 +369,10 @@ def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> G
             f"the horizon is {shown(horizon)} s; with samples of {dt:g} s, give at least {dt:g} s"
         )
     growing = float(scaled.poles.real.max(initial=0.0))
-    most = _GROWING / growing if growing > 0.0 else math.inf
+    most = _UNSTABLE_HORIZON / growing if growing > 0.0 else math.inf
     slowest = float(np.abs(scaled.loop_poles.real).min())
-    wanted = min(most, _LONG / slowest if horizon is None else horizon)
-    count = HOLDS * (2 if dt >= _SLOW else 1)
+    wanted = min(most, _HORIZON / slowest if horizon is None else horizon)
+    count = HOLDS * (2 if dt >= _SLOW_SAMPLE else 1)
     longest = _longest_hold(scaled, dt)
     # The coarsest grid comes first; all holds of the last one are samples.
     grids = [Grid(scaled, dt, fine, count, longest) for fine in (*_FINE, count)]
@@ -390,14 +391,14 @@ def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> G
 
 def _longest_hold(scaled: ScaledProblem, dt: float) -> int:
     """Return the largest number of samples of a hold, a power of two."""
-    time_constants = _LAST * (_LONGER if dt >= _SLOW else 1.0)
+    time_constants = _LONGEST_HOLD * (_LONGER_HOLDS if dt >= _SLOW_SAMPLE else 1.0)
     # At most _MOST_SAMPLES, also of an aircraft without a fastest pole.
     samples = int(time_constants / max(scaled.fastest * dt, time_constants / _MOST_SAMPLES))
     return 1 << (max(1, samples).bit_length() - 1)  # the largest power of two up to it
 
 
 def sample_time_of_plans(scaled: ScaledProblem, asked: float | None = None) -> float:
-    """Return the sample time of the rule of `grid_of`, or the asked one, s.
+    """Return the sample time of plans, s: that of `_rule_of_samples`, or the asked one.
 
     Raises BadInputError if the asked one is more than _COARSEST times as long as that of the rule.
     """
@@ -407,7 +408,7 @@ def sample_time_of_plans(scaled: ScaledProblem, asked: float | None = None) -> f
         rule = _rule_of_samples(scaled)
     except NoSolutionError:
         # The longest that resolves the fastest pole, whatever it costs.
-        rule = _FASTEST / scaled.fastest if scaled.fastest else math.inf
+        rule = _RESOLVED / scaled.fastest if scaled.fastest else math.inf
     if asked > _COARSEST * rule:
         raise BadInputError(
             f"dt is {shown(asked)} s; give at most {_COARSEST * rule:.3g} s, "
@@ -422,7 +423,7 @@ def _rule_of_samples(scaled: ScaledProblem) -> float:
     The cost is that of inputs held for a sample, above the least linear cost.
     """
     for dt in _SAMPLE_TIMES:
-        if dt * scaled.fastest > _FASTEST:
+        if dt * scaled.fastest > _RESOLVED:
             continue
         try:
             _, P = hold_of(*scaled.linear_states, dt).infinite_horizon()
@@ -439,10 +440,10 @@ def _rule_of_samples(scaled: ScaledProblem) -> float:
 #: Fraction of the limits within which the linear loop stays.
 _WITHIN = 0.9
 #: Numbers of samples of the linear loop that are checked one by one, and of further steps of
-#: _END_HOLD samples each.
-_SAMPLES = 150
-_STEPS = 100
-_END_HOLD = 10
+#: _SAMPLES_OF_STEP samples each.
+_CHECKED_SAMPLES = 150
+_FURTHER_STEPS = 100
+_SAMPLES_OF_STEP = 10
 
 
 class EndPolicy:
@@ -464,12 +465,13 @@ class EndPolicy:
         self._scaled = scaled
         loop = hold.A - hold.B @ K
         self.poles = np.asarray(np.linalg.eigvals(loop))
-        longer = np.linalg.matrix_power(loop, _END_HOLD)
+        of_step = np.linalg.matrix_power(loop, _SAMPLES_OF_STEP)
         transition = np.eye(k)  # from z to the states after some samples
         states_and_inputs = []
-        for number in range(_SAMPLES + _STEPS):
+        # The first samples one by one, then the ends of steps of several samples.
+        for number in range(_CHECKED_SAMPLES + _FURTHER_STEPS):
             states_and_inputs.append(np.vstack([transition, -K @ transition]))
-            transition = (loop if number < _SAMPLES else longer) @ transition
+            transition = (loop if number < _CHECKED_SAMPLES else of_step) @ transition
         #: Matrices from z to the states and inputs after the checked numbers of samples.
         self._states_and_inputs = np.array(states_and_inputs)
 

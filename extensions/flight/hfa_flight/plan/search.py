@@ -115,7 +115,8 @@ class BestFlights:
             cheapest = _cheapest_inside([linear, *error.flights])
             if cheapest is None:
                 raise NoSolutionError(f"no flight found: {error}") from None
-            return Found(cheapest, None, horizon, {}, linear, str(error))
+            reason = str(error)
+            return Found(cheapest, None, horizon, meshes={}, linear=linear, reason=reason)
 
     def converging_linear(self, start: np.ndarray, horizon: float) -> SimulatedFlight:
         """Return the flight of the linear optimum, simulated longer until it converges.
@@ -160,8 +161,7 @@ class BestFlights:
         """Return the candidate on the coarse mesh, from the flight of the linear optimum."""
         guess = self._guess_of_flight(linear) if linear.converges else self._linear_guess(start)
         lengths = self._mesh(seconds, _COARSE)
-        program = self._transcription(_COARSE)
-        rough = program.solve(start, lengths, *sampled(guess, lengths))
+        rough = self._transcription(_COARSE).solve(start, lengths, *sampled(guess, lengths))
         # The second solution has a mesh that is adapted to the first.
         candidate = self._adapted(_COARSE, rough, MARGIN) if rough.feasible else rough
         if not candidate.feasible:

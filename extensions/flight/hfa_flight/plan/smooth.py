@@ -114,7 +114,8 @@ class _Blend:
             return _Blend(0.0)  # infinite somewhere, or constant
         levels = np.unique(finite)
         if len(levels) == 2:  # such as a truth value
-            return _Blend(0.0, levels=(float(levels[0]), float(levels[1])))
+            low, high = levels.tolist()
+            return _Blend(0.0, levels=(low, high))
         width = part * float(finite.std())
         comes_near_0 = finite.min() <= width and finite.max() >= -width
         if len(levels) < max(3, len(values) // 20) or not comes_near_0:

@@ -158,6 +158,7 @@ class RiccatiPolicy:
 
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Return the inputs (m,) from the measured states z (n,)."""
+        # The states of this sample, or their prediction if the sample is wrong.
         now = self.measured.checked(z)
         v = np.zeros(self._scaled.counts.inputs)  # trim, while nothing is known about the states
         if now is not None:
@@ -329,8 +330,8 @@ class KeptInside(Policy):
     def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
         """Return the policy with the ticks and the delay of a scenario, and the scenario.
 
-        A deployment's delay is added to that of the scenario, which acts after the nearest inputs.
-        The policy itself has no delay then: its states are those when its command acts.
+        A deployment's delay is added to that of the scenario, which delays the nearest inputs.
+        The policy itself then has no delay: `_SamplesInside` predicts the states for it.
 
         Raises BadInputError (of the scenario) for a delay of a deployment that is not a whole
         number of samples.
@@ -394,17 +395,20 @@ class _SamplesInside:
         kept, problem = self._kept, self._kept.problem
         if tick % kept.ticks_per_sample:
             return self._held
+        # The states when the command of this sample acts.
         time = tick * (kept.interval / kept.ticks_per_sample)
         z = self._measured.when_acting(problem.followed_of(problem.point.x + measured))
         when_acting = measured.copy()
         if kept.delay:
             when_acting[problem.followed_places] = z * problem.nominal.states
+
         if self._sampler is None:
             of_policy = kept.policy.held_inputs(tick, time)
         else:
             of_policy = self._sampler(tick, when_acting)
         # A policy without samples is evaluated at the states now, as it is without kept limits.
         (u,) = self._command.at(time, measured, of_policy)
+
         v = u[problem.moved] / problem.nominal.inputs
         inside = kept.nearest(z, v)
         is_changed = bool(np.abs(inside - v).max() > _ROUNDING)

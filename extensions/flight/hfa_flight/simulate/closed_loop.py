@@ -267,12 +267,16 @@ class FlightLoop:
         for name, waveform in scenario.air.items():
             winds[name] = winds.get(name, 0.0) + waveform.at(t)
         reference = self._reference(t, inputs)
+
+        # The states with sensor noise, and the command that follows from them.
         states = state.plant[rows]
         sensed = states + inputs.noise if inputs.noise.numel() else states
         measured = ca.SX(state.plant)
         measured[rows] = sensed
         measurements = Measurements(sensed - reference, sensed)
         command = self.policy.control(t, measurements, inputs.policy)
+
+        # The inputs of the plant: the command after the delay and the actuators.
         u = _delayed_command(t, inputs.delay) if inputs.delay.numel() else command
         no_states = ca.SX(0, 1)
         actuators_rate = no_states
@@ -280,6 +284,7 @@ class FlightLoop:
             reachable = scenario.actuators.reachable(u, plant.point.u)
             u = state.actuators
             actuators_rate = scenario.actuators.rates(state.actuators, reachable)
+
         plant_rate, limited = plant.at(state.plant, u, winds, inputs.parameters)
         if scenario.disturbance is not None:
             plant_rate[rows] += scenario.disturbance.at(t)
@@ -299,10 +304,10 @@ class FlightLoop:
     def growing_modes(self) -> np.ndarray:
         """Return the eigenvalues with positive real parts of the loop linearized at the trim, 1/s.
 
-        The result is empty for Python functions and with a delay in the scenario.
+        With samples of the policy or a delay, the modes are those that the policy knows of its
+        sampled loop, or none.
         """
         if self.policy.sampler() is not None or self.scenario.delayed_ticks:
-            # Some sampled policies know the modes of their sampled loop.
             sampled = self.policy.sampled_modes()
             modes = np.zeros(0) if sampled is None else sampled
         else:

@@ -151,7 +151,7 @@ class SampledFlight:
         state, held = ca.MX.sym("state", sum(self.sizes)), ca.MX.sym("held", sum(self.held_sizes))
         X, memory, _ = (state[part] for part in self.slices)
         raw, trim, push = (held[part] for part in self.held_slices)
-        before = memory[-m:]
+        before = memory[-m:]  # commands in `memory`, the latest first; the oldest acts now
         commands_of = (
             commands_of_network(self.deployed) if self.commands_of is None else self.commands_of
         )

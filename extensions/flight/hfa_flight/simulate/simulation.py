@@ -72,22 +72,25 @@ def step_function(
 ) -> ca.Function:
     """Return the function of one step of the integration of y' = rate(t, y, held).
 
-      (t, y, held, h, largest before) -> (y at t + h, largest, error / allowed, error, slopes)
+      (t, y, held, h, largest before) -> (y at t + h, largest, error ratio, error, slopes)
 
-    The largest deviation so far and the error are in nominal values, and the allowed error of each
-    state is `TOLERANCE` of its size. y + h slopes [θ θ² θ³ θ⁴]' is the state at t + θ h.
+    largest: largest deviation in the flight so far, in nominal values
+    error ratio: root mean square of error / allowed error, which is `TOLERANCE` of a state's size
+    error: norm of the error in nominal values
+    slopes: y + h slopes [θ θ² θ³ θ⁴]' is the state at t + θ h
 
-    nominal: nominal value of each entry of y, or 0 for one whose error is relative to itself
+    nominal: nominal value of each entry of y, or 0 for a cost, whose error is relative to itself
     is_long: whether machine code saves time
     """
     t, h, before = (ca.SX.sym(name) for name in ("t", "h", "before"))
     y, held = ca.SX.sym("y", rate.numel_in(1)), ca.SX.sym("held", rate.numel_in(2))
     k = rate(t, y, held)  # gets a column for each stage: its slope
     for time, stage in zip(_TIMES, _STAGES, strict=True):
-        inside = y + h * ca.mtimes(k, ca.DM(stage))
-        k = ca.horzcat(k, rate(t + time * h, inside, held))
+        at_stage = y + h * ca.mtimes(k, ca.DM(stage))
+        k = ca.horzcat(k, rate(t + time * h, at_stage, held))
     after = y + h * ca.mtimes(k, ca.DM(_AFTER))
     k = ca.horzcat(k, rate(t + h, after, held))
+
     error = ca.fabs(h * ca.mtimes(k, ca.DM(_ERROR)))
     size = ca.fmax(ca.fabs(y), ca.fabs(after))
     units = ca.DM(nominal)
@@ -451,18 +454,21 @@ class _Flying:
         begin, end = np.searchsorted(self._changes, times[[0, -1]])
         changes = self._changes[begin : end + 1]
         held: list[np.ndarray] = []
+        # From each change to the later one, the held inputs are constant.
         for change, later in pairwise(changes.tolist()):
             self._hold(change)
             held.append(self._held.copy())
             now = change
             while now < later:
                 now, self._y = self.integration.advance(now, later, self._y, self._held)
-                if now < later:  # after many steps: the flight may be over
+                # `advance` pauses after many steps: the flight may be over.
+                if now < later:
                     last_row = int(np.searchsorted(times, now, side="right")) - 1
                     last_of_tick = last_row - last_row % self._per_tick
                     rows, over = self._rows(times[: last_of_tick + 1], changes, held)
                     if over.any():
                         return rows, over
+            # With a delay, the command acts later, interpolated between its two ends.
             if self._delay:
                 (last_command,) = self._compiled.command.at(later, self._y, self._held)
                 self._commands.append(_Commands(change, later, self._first_command, last_command))
@@ -507,7 +513,8 @@ class _Flying:
         due = time - self._delay + SAME_TIME
         while self._commands and self._commands[0].end <= due:
             self._commands.pop(0)
-        if due < 0.0:  # before the first command arrives, the inputs are at trim
+        # Before the first command arrives, the inputs are at trim, between any two times.
+        if due < 0.0:
             return np.concatenate([[0.0, 1.0], np.zeros(2 * self._first_command.size)])
         begin, end, first, last = self._commands[0]
         return np.concatenate([[begin + self._delay, end + self._delay], first, last])
