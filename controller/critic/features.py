@@ -222,7 +222,7 @@ def policy_of_next(problem: Game, gradient: ca.Function, P: np.ndarray) -> ca.Fu
 class _Actions(NamedTuple):
     """Actions a = (u, δ w) of a step x⁺ = A x + columns a, or u alone for δ = inf.
 
-    δ w has the size of an input: its weight is -1, whatever δ.
+    The weight of δ w in the cost is -1, whatever δ.
     """
 
     columns: np.ndarray  # [B E/δ], (n, k)

@@ -387,9 +387,9 @@ def _requested_parts(network: str) -> dict[str, str]:
 
 
 def _with_policy(parts: Mapping[str, str], words_of_policy: str) -> dict[str, str]:
-    """Return the requested parts, kind -> words, with those of the policy where no words are given.
+    """Return the requested parts, kind -> words. A policy without words gets those of its file.
 
-    A request without a kind is one for the policy too, as the file is of a policy.
+    A request without a kind and words is one for the policy, as the file is of a policy.
     """
     filled = {}
     for kind, part in parts.items():

@@ -506,9 +506,12 @@ def check_width(width: int, states: int, inputs: int) -> None:
 
 
 def _outputs_of(graph: Any, outputs: Mapping[str, str]) -> dict[str, str]:
-    """Return the requested outputs of a graph, key -> name; without a request, by their names."""
+    """Return the requested outputs of a graph, kind -> name of the output.
+
+    The kind "", of no request, stands for all outputs whose names tell their kinds, or for all.
+    """
     names = [item.name for item in graph.output]
-    by_kind = {  # of several names of one kind, the first output
+    by_kind = {  # the first output of each kind, as the last item of a dictionary counts
         kind: name
         for kind, known in _NAMES_OF_OUTPUTS.items()
         for name in names[::-1]
