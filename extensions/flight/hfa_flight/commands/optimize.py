@@ -169,12 +169,9 @@ def optimize(request: OptimizeRequest, asked: TrimInput) -> Outcome:
     if np.isfinite(game.delta):
         policies = {_EXACT_NAME: policy_of_word(EXACT, game, point, limits), **judged}
     if request.starts is not None:
+        progress = ProgressLine("optimize")
         table = starts_table.optimize_starts(
-            problem,
-            request.starts,
-            policies,
-            seed=request.seed,
-            progress=ProgressLine("optimize"),
+            problem, request.starts, policies, seed=request.seed, progress=progress
         )
         table = replace(table, judged=[*judged], share=request.need.get(SHARE, ALL))
         return Outcome(report=table.report(), ok=table.ok, source=given.source)
