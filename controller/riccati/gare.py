@@ -165,9 +165,9 @@ class Solution(Result, Reported):
 
     @cached_property
     def is_stable(self) -> bool:
-        """True if A - B K is proved stable. With a discount, it may not be."""
-        if self.game.discount == 1.0:
-            return True  # as the certificate states
+        """True if A - B K is proved stable. With a discount, it may not be, nor where the digits of
+        doubles do not suffice for a slow mode.
+        """
         return stabilizes(self.game, self.K)
 
     @cached_property

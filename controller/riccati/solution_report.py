@@ -77,7 +77,7 @@ def _findings(solution: Solution) -> Iterator[str]:
 def _gain_table(solution: Solution) -> Iterator[Part]:
     """Yield a table of K, with enough digits that the printed K stabilizes.
 
-    If no number of digits is enough, a line refers to the option -o.
+    If no number of digits is enough, a line says so.
     """
     names = solution.names
 
@@ -91,7 +91,7 @@ def _gain_table(solution: Solution) -> Iterator[Part]:
             yield table
             return
     yield usual
-    yield "The printed digits do not stabilize the plant; write all digits with -o FILE"
+    yield "K, rounded to doubles, does not stabilize the plant; give slow modes more weight in Q"
 
 
 def _margins(solution: Solution) -> Iterator[Part]:

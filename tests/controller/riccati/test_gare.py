@@ -14,7 +14,7 @@ from tolerances import SAME_FORMULA
 
 from controller import minimum_delta
 from controller.riccati.enclosure import Enclosure, decided
-from hfa import BadInputError, Game, NoSolutionError, from_value, solve
+from hfa import BadInputError, Game, NoSolutionError, from_value, solve, verify
 from verification import relative_error
 
 I2 = np.eye(2)
@@ -252,6 +252,18 @@ def test_the_printed_gain_stabilizes(slow, is_refined):
     assert np.linalg.eigvals(A - B @ printed).real.max() < 0.0
     assert (np.linalg.eigvals(A - B @ solution.K.round(4)).real.max() > 0.0) == is_refined
     assert np.array_equal(printed, solution.K.round(4)) != is_refined
+
+
+def test_a_gain_that_doubles_do_not_hold_is_said_not_to_stabilize():
+    """The exact K moves the pole 2^-60 to -2^-60, which the digits of doubles do not."""
+    A = np.diag([0.5, 0.875, -2.0, 2.0**-60])
+    A[0, 2:] = 2.5, 0.5
+    game = Game(A, [[3.0], [0.125], [1.0], [-1.0]], Q=np.zeros((4, 4)), R=[1.0])
+    solution = solve(game)
+    assert solution.poles().max() == -(2.0**-60)
+    assert not solution.is_stable
+    assert not verify(game, solution).ok
+    assert "K, rounded to doubles, does not stabilize the plant" in str(solution.report())
 
 
 def test_the_bounds_of_delta_min_of_many_unstable_states_are_proved_anew():
