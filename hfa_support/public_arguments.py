@@ -259,7 +259,7 @@ def _fits(kind: type, annotated: Any) -> bool:
     """
     if isinstance(annotated, UnionType):
         return any(_fits(kind, alternative) for alternative in get_args(annotated))
-    annotated = get_origin(annotated) or annotated
+    annotated = get_origin(annotated) or annotated  # Mapping of Mapping[str, float]
     if getattr(annotated, "__name__", "") in _KINDS:
         return _is_of(kind, annotated.__name__, "")
     if not getattr(annotated, "_is_protocol", False):

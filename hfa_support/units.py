@@ -201,7 +201,7 @@ def _product(words: Iterator[str]) -> Counter[str]:
         if word == ")":
             break
         if word == "/":
-            sign = -1
+            sign = -1  # all later factors divide
         elif word.startswith("^"):
             factor, power = factors.pop()
             factors.append((factor, power * int(word[1:])))

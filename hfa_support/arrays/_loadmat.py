@@ -59,7 +59,9 @@ def _is_text(cell: Any) -> bool:
 
 
 def _full_size(value: Any) -> int:
-    """Return the size of the arrays in a value as SciPy reads it, bytes; of sparse ones as full."""
+    """Return the size of the arrays in a value as SciPy reads it, bytes; sparse matrices count as
+    full ones, which `content` makes of them.
+    """
     if issparse(value):
         return int(np.prod(value.shape, dtype=object)) * int(value.dtype.itemsize)
     if not isinstance(value, np.ndarray):

@@ -22,6 +22,7 @@ def of_rows(
     """
     if rows == 1:
         return function, "C"
+    # `map` makes a column of each row, and CasADi stores columns one after the other: order "C".
     at_once = by_columns(function, rows) if by_operation else None
     return (function.map(rows), "C") if at_once is None else (at_once, "F")
 

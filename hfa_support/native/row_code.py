@@ -45,8 +45,8 @@ Loaded = TypeVar("Loaded")
 def machine_code(function: ca.Function) -> ca.Function:
     """Return the function compiled to machine code.
 
-    Without a working compiler, a note is printed once and the function is returned unchanged; also
-    one without C code (`_has_c`).
+    A function that CasADi cannot write in C (`_has_c`) is returned unchanged. Without a working
+    compiler each function is, and a note is printed once.
     """
     if not all(_has_c(called) for called in (function, *function.find_functions())):
         return function

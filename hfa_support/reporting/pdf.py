@@ -170,8 +170,8 @@ def _column(heading: str, cells: Sequence[Any], is_label: bool) -> _Column:
 
 
 def _widths(columns: Sequence[_Column], room: float) -> list[float]:
-    """Return the widths of columns, points: the least ones, and of the room that is left the same
-    share of what each needs for its natural width.
+    """Return the widths of columns, points: each column has its least width and, as far as the room
+    permits, the same share of its difference from the natural width.
     """
     least = sum(column.least for column in columns)
     more = sum(column.natural for column in columns) - least
@@ -328,6 +328,7 @@ class _NumberedPages(Canvas):
             self.setFont(SANS, CELL)
             self.setFillColor(NOTE)
             self.drawRightString(right, _FOOTER_HEIGHT, f"{number} of {len(self.pages)}")
+            # The first line of the footer that leaves room for the page number.
             first, *_ = simpleSplit(self.footer, SANS, CELL, 0.8 * right) or [""]
             self.drawString(_MARGIN, _FOOTER_HEIGHT, first)
             super().showPage()

@@ -215,8 +215,8 @@ def short_number(value: float, unit: str, count: int = 4) -> str:
 
 
 def digits(value: float, count: int = 3) -> str:
-    """Return a number as text with `count` significant digits; one with more digits before the
-    point, at least four, is rounded to a whole number: "40,000".
+    """Return a number as text with `count` significant digits. A number from 1000 on that has more
+    digits before the point is rounded to a whole number: "40,000".
     """
     return f"{value:,.0f}" if abs(value) >= 10 ** max(count, 3) else f"{value:z,.{count}g}"
 

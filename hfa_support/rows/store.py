@@ -348,8 +348,8 @@ def _same_labels(path: Path, row: str, expected: Mapping[str, list[Any]]) -> boo
 
 
 def _missing_chunks(path: Path, job: RowJob) -> list[int]:
-    """Return the numbers of the chunks that are missing in an array, or damaged; these with a
-    warning.
+    """Return the numbers of the chunks that are missing or damaged in an array, with a warning of
+    how many are damaged.
     """
     group = _opened(path, "r")
     missing = []

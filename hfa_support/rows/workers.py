@@ -194,6 +194,7 @@ def _cluster(address: str) -> Iterator[Run]:
                     f"the Dask scheduler at {address} has no workers; start at least one worker"
                 )
             try:
+                # Unless they are impure, Dask would run two equal tasks once.
                 pool = client.get_executor(pure=False, retries=_RETRIES)
                 yield partial(_run_in, pool, _TASKS_PER_THREAD * threads)
             except (AttributeError, ImportError) as error:  # our function is unknown there

@@ -85,8 +85,10 @@ def differences_group(other: str, differences: Sequence[ModeDifference]) -> Grou
 
 
 def beside(model: LinearModel) -> Beside:
-    """Return what the report of a linear model of the flexible aircraft shows beside the model: of
-    another selection of states and inputs than the printed one, only that nothing is known.
+    """Return what the report of a linear model of the flexible aircraft shows beside the model.
+
+    For states and inputs other than those printed in the paper, and for further dynamics, it only
+    says that no error bands are known.
     """
     aircraft = model.model
     has_printed_signals = model.states == LINEAR_STATES and model.inputs == INPUTS

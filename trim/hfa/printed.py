@@ -327,6 +327,7 @@ def entries_at(
     free: indices of the free variables in v
     balanced: indices of the states whose rates remain 0
     """
+    # Imposed values 0 enter the expressions as constants, which makes these shorter.
     zero = tuple(i for i in np.flatnonzero(v == 0.0).tolist() if i not in free)
     results = _derivatives(layout, tuple(free), zero)(v[None], p[None])
     entries, by_free, by_p, rates_by_free, rates_by_p = (result[0] for result in results)

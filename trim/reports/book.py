@@ -427,8 +427,8 @@ def matrix_figure(conditions: Sequence[Condition]) -> Figure:
 
 
 def _panels(conditions: Sequence[Condition]) -> dict[str, dict[str, list[float]]]:
-    """Return label of an axis -> name of a line -> its value at each condition, or nan; without
-    lines of nan alone, and without axes that have no line.
+    """Return label of an axis -> name of a line -> its value at each condition, nan if it is
+    unknown. Lines without a known value and axes without a line are left out.
     """
     points = [condition.point for condition in conditions]
     first = next((point for point in points if point is not None), None)

@@ -28,7 +28,7 @@ OUTPUTS = (*_GROUND_OUTPUTS, *_AIR_OUTPUTS)
 
 
 def flight_rows(trimmed: Trimmed, brief: bool = False) -> Iterator[Row | Lacking]:
-    """Return the rows of the flight that no variable has: airspeeds, air, load factor, unbalanced
+    """Return the rows of the flight other than variables: airspeeds, air, load factor, unbalanced
     rates, distances from the condition of the derivatives, and ranges in which the model is valid.
 
     brief: whether rows on the air are left out
@@ -279,8 +279,8 @@ def stall(trimmed: Trimmed) -> Iterator[Row | Lacking]:
 
 
 def stall_lines(trimmed: Trimmed) -> list[str]:
-    """Return a sentence on a stalled trim, or none: its lift falls with alpha, or exceeds that of
-    the declared CL_max, which the equations of a linear table do not have.
+    """Return a sentence if the trim is stalled, or none. A trim is stalled if its lift falls with
+    alpha, or if its CL exceeds a declared CL_max, beyond which a linear table continues.
     """
     if not trimmed.point.ok or not {"speed", "alpha"} <= {*trimmed.roles}:
         return []
@@ -356,7 +356,7 @@ def control_gradients(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     if "load_factor" not in trimmed.model.outputs:
         yield Lacking("control per g", "no output load_factor")
         yield Lacking("CAP", "no output load_factor")
-    elif pull_up.load_factor:
+    elif pull_up.load_factor:  # not 0, at which no control would be enough
         yield Row(f"{control} per g", 1.0 / pull_up.load_factor, f"{unit}/g", _METHOD_PER_G)
     change = trimmed.change_per_knot(pull_up.name)
     if change is None:

@@ -242,8 +242,9 @@ def engines_without_power(trimmed: Trimmed) -> dict[str, str]:
 
 
 def title_with_controls(trimmed: Trimmed, rows: Iterable[Row]) -> str:
-    """Return the first lines of a sheet: those of the point, and below them alpha, each input that
-    is not 0 with its limits, and L/D: "alpha 2.8 deg, elevator -1.37 of ±30 deg, L/D 22.4".
+    """Return the first lines of a sheet: those of the point, and below them alpha, the inputs with
+    their limits, and L/D: "alpha 2.8 deg, elevator -1.37 of ±30 deg, L/D 22.4". Inputs that are 0
+    are left out, unless all are.
 
     rows: rows of the sheet
     """

@@ -356,7 +356,7 @@ class Trimmed:
 
     @cached_property
     def fault(self) -> str:
-        """Reason why the trim has no derivatives and no modes, or "": one is not a number."""
+        """Why the trim has no derivatives and no modes, if one is not a number; otherwise ""."""
         try:
             _ = self.slopes
         except NotFiniteError as error:
@@ -495,6 +495,7 @@ class Trimmed:
         places = [steady.states.index(name) for name in (alpha, *others)]
         A = steady.A[np.ix_(places, places)]
         B = steady.B[places]
+        # Rates of the other state, such as the pitch rate, that the nominal inputs cause.
         _, pitching = np.abs(B) * model.nominal(model.inputs)
         strongest = int(np.argmax(pitching))
         if not pitching[strongest] or np.linalg.matrix_rank(balanced(A)[0]) < len(A):
@@ -574,6 +575,7 @@ class Trimmed:
         is_limited = math.isfinite(lowest) and math.isfinite(highest)
 
         here = self[alpha]
+        # Angles from that of the trim, which may itself exceed the limit.
         above = np.linspace(here, max(highest, here), _ANGLE_COUNT) if is_limited else None
         lift = self._lift_over(alpha)
         if "largest_lift_coefficient" in model.outputs:

@@ -293,7 +293,7 @@ def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
     """
     unit = swept.plan.units[-1]  # of the scheduling variable, the only one that is swept
     values = shown_values(swept.values[:, -1], unit)
-    words = f"{swept.variables[-1]} %{{customdata[0]:.4g}} {shown_unit(unit)}<br>{_HOVER_TEXT}"
+    hover_text = f"{swept.variables[-1]} %{{customdata[0]:.4g}} {shown_unit(unit)}<br>{_HOVER_TEXT}"
     roots = swept.eigenvalues[:, shown]
     names = [swept.mode_names[column] for column in np.flatnonzero(shown).tolist()]
     modes = list(dict.fromkeys(swept.mode_names))
@@ -301,7 +301,7 @@ def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
     for column, name in enumerate(names):
         color = COLORS[modes.index(name) % len(COLORS)]
         traces.append(
-            _roots(values, roots[:, column], words)
+            _roots(values, roots[:, column], hover_text)
             | {
                 "name": name,
                 "legendgroup": name,
@@ -311,7 +311,7 @@ def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
                 "marker": {"size": 4},
             }
         )
-    chosen = [[_roots(value, row, words)] for value, row in zip(values, roots, strict=True)]
+    chosen = [[_roots(value, row, hover_text)] for value, row in zip(values, roots, strict=True)]
     traces.append(
         {
             "name": f"chosen {swept.variables[-1]}",
@@ -324,8 +324,12 @@ def _locus(swept: Sweep, shown: np.ndarray) -> PlotlyFigure:
     return _figure(traces, chosen, x, y)
 
 
-def _roots(values: Any, roots: np.ndarray, words: str) -> dict[str, Any]:
-    """Return a Plotly trace of eigenvalues. The hover text shows value, frequency and damping."""
+def _roots(values: Any, roots: np.ndarray, hover_text: str) -> dict[str, Any]:
+    """Return a Plotly trace of eigenvalues, with the numbers of their hover text.
+
+    values: value of the scheduling variable at each eigenvalue, or the same at all
+    hover_text: template of a text with this value, and frequency and damping of the eigenvalue
+    """
     size = np.abs(roots)
     with np.errstate(invalid="ignore", divide="ignore"):
         hover = np.broadcast_arrays(values, size, np.where(size > 0, -roots.real / size, 0.0))
@@ -334,4 +338,4 @@ def _roots(values: Any, roots: np.ndarray, words: str) -> dict[str, Any]:
         "y": np.round(roots.imag, 6),
         "customdata": np.round(np.stack(hover, 1), 6),
     }
-    return {"type": "scatter", **numbers, "hovertemplate": words}
+    return {"type": "scatter", **numbers, "hovertemplate": hover_text}
