@@ -274,7 +274,7 @@ def policy_of_options(
     path, weights = request.flown, given_weights(request, linear.model)
     if not isinstance(path, Path):
         return GainPolicy(EXACT, solve(noted_game(weights, linear)).K)
-    # Only a critic or a network may depend on the cost.
+    # The policy of a critic, of the kind GAIN, or of a network may depend on the cost.
     game = weighted_game(weights, linear).game if request.kind in (GAIN, NETWORK) else None
     return policy_of_file(path, linear.point, game, reading_of(request), condition, commands)
 

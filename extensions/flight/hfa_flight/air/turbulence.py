@@ -223,7 +223,8 @@ class Turbulence:
     def _altitude_of_trim(self, point: OperatingPoint) -> float:
         """Return the altitude of the trim in the unit of the model.
 
-        Raises BadInputError without an altitude, or for the one that the model starts from.
+        Raises BadInputError without an altitude, and for the default altitude of the model: the
+        intensity depends on the altitude, so the user must choose it.
         """
         model = point.model
         give = f"give --turbulence {self.level}:ALTITUDE (in Python altitude=)"
@@ -313,14 +314,14 @@ def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales
         return Scales((high_length,) * 3, (high_intensity,) * 3)
     height = min(altitude, _LOW)
     ratio = 0.177 + 0.000823 * height  # (vertical / horizontal intensity)^2.5
-    vertical = 0.1 * _WIND_AT_20_FT[level]
-    along = height / ratio**1.2
-    across = vertical / ratio**0.4
+    intensity_w = 0.1 * _WIND_AT_20_FT[level]
+    intensity_uv = intensity_w / ratio**0.4
+    length_uv = height / ratio**1.2
     # Rows: lengths and intensities of u, v and w.
-    low = np.array([[along, along, height], [across, across, vertical]])
+    low = np.array([[length_uv, length_uv, height], [intensity_uv, intensity_uv, intensity_w]])
     high = np.array([[high_length], [high_intensity]])
-    part = max(0.0, (altitude - _LOW) / (_HIGH - _LOW))
-    lengths, intensities = (low + part * (high - low)).tolist()
+    share_of_high = max(0.0, (altitude - _LOW) / (_HIGH - _LOW))
+    lengths, intensities = (low + share_of_high * (high - low)).tolist()
     return Scales(tuple(lengths), tuple(intensities))
 
 
@@ -601,15 +602,15 @@ def _cascade(shape: Shape, tau: float, size: float) -> _Filter:
     return _Filter(A, b, size * of_states[None])
 
 
-def _with_gradient(known: _Filter, row: int, lag: float, gain: float) -> _Filter:
+def _with_gradient(given: _Filter, row: int, lag: float, gain: float) -> _Filter:
     """Return a filter with the further output gain (y - x), where lag x' = y - x.
 
-    row: row of the output y of the known filter
+    row: row of the output y of the given filter
     """
-    n, noises = known.B.shape
-    A = np.block([[known.A, np.zeros((n, 1))], [known.C[[row]] / lag, np.array([[-1 / lag]])]])
-    B = np.vstack([known.B, np.zeros((1, noises))])
-    C = np.hstack([known.C, np.zeros((len(known.C), 1))])
+    n, noises = given.B.shape
+    A = np.block([[given.A, np.zeros((n, 1))], [given.C[[row]] / lag, np.array([[-1 / lag]])]])
+    B = np.vstack([given.B, np.zeros((1, noises))])
+    C = np.hstack([given.C, np.zeros((len(given.C), 1))])
     gradient = gain * C[row]
     gradient[-1] = -gain  # of x, the last state
     return _Filter(A, B, np.vstack([C, gradient]))

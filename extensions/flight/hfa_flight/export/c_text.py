@@ -191,10 +191,10 @@ def c_filter_texts(policy: FilteredPolicy, origin: str) -> dict[str, str]:
 
 def filter_sample(policy: FilteredPolicy) -> ca.Function:
     """Return the function (memory, y) -> (U, memory) of a sample, absolute, as `sample_of`."""
-    known, point = policy.filter, policy.point
-    memory = ca.SX.sym("memory", memory_size(known))
-    y = ca.SX.sym("y", len(known.sensors))
-    trim = np.array([getattr(point.states, name) for name in known.sensors])
+    kalman, point = policy.filter, policy.point
+    memory = ca.SX.sym("memory", memory_size(kalman))
+    y = ca.SX.sym("y", len(kalman.sensors))
+    trim = np.array([getattr(point.states, name) for name in kalman.sensors])
     u, later, _ = sample_of(policy, ca.SX(0.0), memory, y - trim)
     return ca.Function("sample", [memory, y], [ca.densify(point.u + u), later], {"cse": True})
 
@@ -202,12 +202,12 @@ def filter_sample(policy: FilteredPolicy) -> ca.Function:
 #: Names of the header, the source and the example.
 AIRCRAFT_FILES = ("hfa_aircraft.h", "hfa_aircraft.c", "loop_100hz.c")
 #: Bodies of the C function hfa_policy, with the deviations z.
-_LINEAR = """    for (int i = 0; i < HFA_INPUTS; i++) {
+_BODY_OF_GAIN = """    for (int i = 0; i < HFA_INPUTS; i++) {
         u[i] = hfa_u0[i];
         for (int j = 0; j < HFA_LINEAR_STATES; j++) u[i] -= hfa_K[i][j] * z[j];
     }"""
 #: With a gain table: K linear between breakpoints of the state at {place}, constant beyond.
-_SCHEDULED = """    const double eta = x[{place}];
+_BODY_OF_TABLE = """    const double eta = x[{place}];
     int cell = 0;
     while (cell < {last} && eta > breakpoint[cell + 1]) cell++;
     double share = (eta - breakpoint[cell]) / (breakpoint[cell + 1] - breakpoint[cell]);
@@ -217,7 +217,7 @@ _SCHEDULED = """    const double eta = x[{place}];
         for (int j = 0; j < HFA_LINEAR_STATES; j++)
             u[i] -= (gain[cell][i][j] + share * (gain[cell + 1][i][j] - gain[cell][i][j])) * z[j];
     }}"""
-_CALLED = """    double v[HFA_INPUTS];
+_BODY_OF_CALL = """    double v[HFA_INPUTS];
     policy(z, v);
     for (int i = 0; i < HFA_INPUTS; i++) u[i] = hfa_u0[i] + v[i];"""
 
@@ -307,23 +307,25 @@ def _policy_in_c(linear: LinearModel, policy: Policy | None) -> _PolicyInC:
     of_gain = "u = u0 - K z: the policy at x. Nothing is limited."
     if isinstance(policy, FunctionPolicy):
         formula = "u = u0 + v(z): the policy at x, within the control limits. K is zero."
-        function = "\n" + _policy_function(policy)
-        return _PolicyInC(no_gain, formula, _CALLED, tables={}, function=function)
+        z = ca.SX.sym("z", policy.function.numel_in(0))
+        v = ca.Function("policy", [z], [policy.expression(z)])
+        function = "\n" + c_function(v, "policy", ("z",), ("v",))
+        return _PolicyInC(no_gain, formula, _BODY_OF_CALL, tables={}, function=function)
     if policy is None or isinstance(policy, GainPolicy):
         K = no_gain if policy is None else policy.K
-        return _PolicyInC(K, of_gain, _LINEAR, tables={}, function="")
+        return _PolicyInC(K, of_gain, _BODY_OF_GAIN, tables={}, function="")
     assert isinstance(policy, ScheduledGainPolicy)  # of a file without a sample time
     model, schedule = linear.point.model, policy.schedule
     K = schedule.table.at(linear.point.values[model.schedule])
     if len(schedule.breakpoints) == 1:
-        return _PolicyInC(K, of_gain, _LINEAR, tables={}, function="")
+        return _PolicyInC(K, of_gain, _BODY_OF_GAIN, tables={}, function="")
     formula = (
         f"u = u0 - K({model.schedule}) z: the policy at x, K linear between breakpoints "
         "and constant\n   beyond; hfa_K is K at x0. Nothing is limited."
     )
     place = model.state_places((model.schedule,))[0]
     # `last` is the number of the last cell between two breakpoints.
-    body = _SCHEDULED.format(place=place, last=len(schedule.breakpoints) - 2)
+    body = _BODY_OF_TABLE.format(place=place, last=len(schedule.breakpoints) - 2)
     tables = {
         "static const double breakpoint": schedule.breakpoints,
         "static const double gain": schedule.gains,
@@ -339,12 +341,6 @@ def _parameters(model: Model) -> str:
     ] or ["    0.0, /* none */"]
     values = "\n".join(lines)
     return f"static const double parameters[{len(lines)}] = {{\n{values}\n}};"
-
-
-def _policy_function(policy: FunctionPolicy) -> str:
-    """Return the source of the C function `static void policy(const double *z, double *v)`."""
-    z = ca.SX.sym("z", policy.function.numel_in(0))
-    return c_function(ca.Function("policy", [z], [policy.expression(z)]), "policy", ("z",), ("v",))
 
 
 def _rates(model: Model) -> ca.Function:

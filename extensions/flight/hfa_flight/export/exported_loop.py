@@ -112,10 +112,11 @@ class Steering(NamedTuple):
 def filtered_steering(model: Model, policy: FilteredPolicy) -> Steering:
     """Return the steering by a policy behind a filter, with the noise of its sensors as inputs."""
     sensors = policy.filter.sensors
-    U = ca.SX.sym("U", len(model.inputs))
+    U = ca.SX.sym("U", len(model.inputs))  # commands of the last sample
+    held = GivenInputs("held", U - ca.DM(policy.point.u))
     arguments = [Channel(f"noise_{name}", model.unit(name)) for name in sensors]
     v = ca.vertcat(ca.SX.sym("noise", len(sensors)), U)
-    return Steering(GivenInputs("held", U - ca.DM(policy.point.u)), arguments, v, filtered=policy)
+    return Steering(held, arguments, v, filtered=policy)
 
 
 def _sampled(policy: FilteredPolicy, y: ca.SX, w: ca.SX, v: ca.SX) -> Sampled:
@@ -125,11 +126,13 @@ def _sampled(policy: FilteredPolicy, y: ca.SX, w: ca.SX, v: ca.SX) -> Sampled:
     w: symbols of the winds
     v: symbols of the noise of the sensors, then of the held commands
     """
-    sensors = policy.filter.sensors
-    memory = ca.SX.sym("memory", memory_size(policy.filter))  # of an FMU zero at first
+    kalman = policy.filter
+    sensors = kalman.sensors
     measured = y[policy.point.model.state_places(sensors)] + v[: len(sensors)]
-    known = policy.filter
-    before = ca.if_else(memory[memory_slices(known).begun] == 0, ca.DM(known_start(known)), memory)
+    # An FMU begins with a memory of zeros, in place of that of known states.
+    memory = ca.SX.sym("memory", memory_size(kalman))
+    is_zero = memory[memory_slices(kalman).begun] == 0
+    before = ca.if_else(is_zero, ca.DM(known_start(kalman)), memory)
     results = filter_sample(policy).call([before, measured])
     function = ca.Function("sample", [y, ca.vertcat(w, v), memory], results)
     return Sampled(function, policy.dt, tuple(policy.point.u.tolist()))
@@ -188,6 +191,8 @@ def exported_loop(
     Raises BadInputError if a trim input is outside its actuator's limits.
     """
     steering = steering or given_inputs(model, point)
+
+    # Rates and inputs of the closed loop, from its states Y in absolute values.
     w = ca.SX.sym("w", len(model.disturbances))
     air: Any = {name: Argument(w[row]) for row, name in enumerate(model.disturbances)}
     reference: Any = steering.reference
@@ -199,19 +204,24 @@ def exported_loop(
     trim_of_Y[: len(point.states)] = point.states
     now = loop.at(t, Y - ca.DM(trim_of_Y), held)
     U = now.inputs + ca.DM(point.u)
+
+    # Outputs h of the loop.
     vectors = Y[: len(point.states)], U, model.p
     _, h = model.layout.expressions(vectors, tuple(model.outputs), w)  # the outputs alone
     outputs = [Channel(name, signal.unit) for name, signal in model.outputs.items()]
     if steering.sets_inputs:
         h = ca.vertcat(U, h)
         outputs = [*_channels(model, model.inputs, point.inputs), *outputs]
+
     arguments = [Y, ca.vertcat(w, steering.v)]
     states = _channels(model, model.states, point.states, rates=True)
-    states += _actuator_channels(model, actuators)
+    if actuators is not None:
+        states += [
+            Channel(f"{name}_actuator", signal.unit, size=signal.nominal)
+            for name, signal in model.inputs.items()
+        ]
     winds = [Channel(name, model.unit(name)) for name in model.disturbances]
-    sampled = None
-    if steering.filtered is not None:
-        sampled = _sampled(steering.filtered, Y, w, steering.v)
+    filtered = steering.filtered
     return ExportedLoop(
         function=ca.Function(
             "loop", arguments, [ca.densify(now.rate), ca.densify(h)], {"cse": True}
@@ -220,18 +230,8 @@ def exported_loop(
         outputs=tuple(outputs),
         inputs=(*winds, *steering.arguments),
         flown=len(model.states),
-        sampled=sampled,
+        sampled=None if filtered is None else _sampled(filtered, Y, w, steering.v),
     )
-
-
-def _actuator_channels(model: Model, actuators: ActuatorBank | None) -> list[Channel]:
-    """Return the channels of the actuator positions."""
-    if actuators is None:
-        return []
-    return [
-        Channel(f"{name}_actuator", signal.unit, size=signal.nominal)
-        for name, signal in model.inputs.items()
-    ]
 
 
 def _channels(

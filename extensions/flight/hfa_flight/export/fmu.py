@@ -89,8 +89,8 @@ def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
 def _source(loop: ExportedLoop, origin: Provenance) -> str:
     """Return the C source of a function `fmu_loop` that evaluates the loop."""
     results = ("dy", "u") if loop.outputs else ("dy",)  # C has no arrays without entries
-    one = ca.SX.sym("y", len(loop.states)), ca.SX.sym("v", loop.function.numel_in(1))
-    function = ca.Function("loop", [*one], loop.function.call([*one])[: len(results)])
+    y_and_v = [ca.SX.sym("y", len(loop.states)), ca.SX.sym("v", loop.function.numel_in(1))]
+    function = ca.Function("loop", y_and_v, loop.function.call(y_and_v)[: len(results)])
     unused = "" if loop.outputs else "\n    (void)u;"
     call = f"    loop({', '.join(('y', 'v', *results))});{unused}"
     return (
@@ -223,7 +223,10 @@ class _Variable(NamedTuple):
 
 
 def _variables(loop: ExportedLoop) -> list[_Variable]:
-    """Return the states of a loop, their rates, its outputs and its inputs."""
+    """Return the states of a loop, their rates, its outputs and its inputs.
+
+    The states of the aircraft are outputs, those of the actuators are not.
+    """
     return [
         *(_Variable(y.name, y.unit, "output", y.start) for y in loop.states[: loop.flown]),
         *(_Variable(y.name, y.unit, "local", y.start) for y in loop.states[loop.flown :]),

@@ -94,10 +94,11 @@ def environment(
                     f"{entry} of the deployment instead"
                 )
         trained = Deployment.of(deployment)
+    # The policy's file is read only for missing boxes: it need not exist before the training.
     if all("box" in entry for entry in trained.action.values()):
-        trained = trained.changed(policy={})  # its file may be what is trained here
+        trained = trained.changed(policy={})
     if turbulence is not None:
-        for sentence in turbulence.air(trims[0], trained.dt, 1, 0).left_out(model):
+        for sentence in turbulence.air(trims[0], trained.dt, count=1, seed=0).left_out(model):
             warn(sentence)
     episode = Episode(Deployed(trained, model), trims, seconds, turbulence, vary)
     return AircraftEnvironment(episode)

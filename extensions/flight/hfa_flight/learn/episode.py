@@ -136,9 +136,9 @@ def _surviving_shares(
 
 
 #: Cost of a sample whose cost is not a finite number.
-_DEAREST = 1e6
-#: Rows of an episode that a sample overwrites.
-_ROWS = ("_state", "_held", "_observed", "_outcome")
+_COST_WITHOUT_NUMBER = 1e6
+#: Rows of an episode that the compiled sample reads and overwrites in place (`_allocate`).
+_BOUND_ROWS = ("_state", "_held", "_observed", "_outcome")
 #: Default duration of an episode, s.
 SECONDS = 20.0
 
@@ -181,6 +181,8 @@ class Episode:
         - A varied parameter is unknown, or its range is outside its limits.
         """
         self._arguments = deployed.deployment, deployed.model, points, seconds, turbulence, vary
+
+        # Checks of the arguments.
         self.varied = _checked_ranges(deployed.model, vary or {})
         deployed = replace(deployed, varies=bool(self.varied))
         if not points:
@@ -199,15 +201,19 @@ class Episode:
         deployed.refuse_undefined_at(points, middle_of_box)
         self.samples = round(seconds / dt)
         self._turbulence = turbulence
+
+        # A flight about each trim, the states from which it begins, and what it costs to leave.
         boxes = np.array([start_box(deployed.model, point) for point in points])
-        # A sample of a flight, with given actions in place of those of the policy.
+        # The commands follow from the actions of the learner in place of those of the policy.
         self._flight = SampledFlight(
             deployed,
             dt,
             deployed.deployment.delay,
             parts_of_a_sample(self.points, dt, [*boxes]),
             commands_of=_commands_of_actions(deployed, self.low, self.high),
-            winds=() if turbulence is None else turbulence.air(self.points[0], dt, 1, 0).names,
+            winds=()
+            if turbulence is None
+            else turbulence.air(self.points[0], dt, count=1, seed=0).names,
         )
         no_action = np.clip(0.0, self.low, self.high)
         self._boxes = surviving_boxes(self._flight, self.points, boxes, no_action)
@@ -218,6 +224,7 @@ class Episode:
             for point, envelope in zip(points, self._envelopes, strict=True)
         ]
         self._linear = deployed.model.state_places(deployed.model.linear)
+
         # What changes from episode to episode, and the code of a sample.
         self.owner = 0
         self._winds_of_samples = np.zeros((self.samples, 0))
@@ -232,7 +239,7 @@ class Episode:
         X = point.x + np.where(-below > above, below, above)
         trim = self.deployed.trim_vector(point)
         rate = float(cost_rate(self.deployed)(X, point.u, trim))
-        return self._flight.dt * rate if math.isfinite(rate) else _DEAREST
+        return self._flight.dt * rate if math.isfinite(rate) else _COST_WITHOUT_NUMBER
 
     def _allocate(self) -> None:
         """Allocate the rows of an episode, name their parts, and bind the compiled code to them."""
@@ -268,13 +275,13 @@ class Episode:
 
     def _present(self) -> dict[str, Any]:
         """Return the values that change from sample to sample, by name."""
-        rows = {name: getattr(self, name).copy() for name in _ROWS}
+        rows = {name: getattr(self, name).copy() for name in _BOUND_ROWS}
         return {**rows, "owner": self.owner, "_winds_of_samples": self._winds_of_samples}
 
     def _continue(self, present: Mapping[str, Any]) -> None:
-        """Set the values that change from sample to sample."""
+        """Set the values that change from sample to sample, those of `_present`."""
         for name, value in present.items():
-            if name in _ROWS:
+            if name in _BOUND_ROWS:  # stays the array to which the compiled code is bound
                 getattr(self, name)[:] = value
             else:
                 setattr(self, name, value)
@@ -362,9 +369,10 @@ class Episode:
             trim[self._places_of_varied] = random.uniform(lowest, highest)
         self.owner = owner
         state = self._flight.start(start[None], trim[None])
-        self._state[:] = np.append(state, self.samples)
+        self._state[:] = np.append(state, self.samples)  # all samples remain
         actions, _, push = self._flight.held_sizes
         limits = (self.envelope.least, self.envelope.most, [self._penalties[owner]])
+        # actions and push are set at each sample
         self._held[:] = np.concatenate([np.zeros(actions), trim, np.zeros(push), *limits])
         self._observed[:] = self._observe(state, trim[None])[0]
 
@@ -423,22 +431,26 @@ class Episode:
         The arguments are the rows of `_allocate`.
         """
         flight = self._flight
-        flown, of_flight = sum(flight.sizes), sum(flight.held_sizes)
         n, m = len(flight.deployed.model.states), len(flight.deployed.model.inputs)
-        state = ca.MX.sym("state", flown + 1)
-        held = ca.MX.sym("held", of_flight + 2 * n + 1)
-        now, remaining = ca.vertsplit(state, [0, flown, flown + 1])
-        ends = np.cumsum([0, of_flight, 2 * n, 1]).tolist()
-        flying, limits, penalty = ca.vertsplit(held, ends)
-        actions, trim, _ = (flying[part] for part in flight.held_slices)
+
+        # Parts of the rows: those of the flight, and those of the episode behind them.
+        size, held_size = sum(flight.sizes), sum(flight.held_sizes)
+        state = ca.MX.sym("state", size + 1)
+        held = ca.MX.sym("held", held_size + 2 * n + 1)
+        now, remaining = ca.vertsplit(state, [0, size, size + 1])
+        ends = np.cumsum([0, held_size, 2 * n, 1]).tolist()
+        held_in_flight, limits, penalty = ca.vertsplit(held, ends)
+        actions, trim, _ = (held_in_flight[part] for part in flight.held_slices)
         memory = flight.slices.memory
-        inputs = slice(memory.stop - m, memory.stop)  # those just before the sample
-        X, before = now[:n], now[inputs]
+        inputs = slice(memory.stop - m, memory.stop)  # the memory ends with the latest inputs
+
+        # Commands and cost at the sample, and the state and outcome after it.
+        X, inputs_before = now[:n], now[inputs]
         assert flight.commands_of is not None  # set by the constructor
-        U = flight.commands_of(actions, X, before, trim)
+        U = flight.commands_of(actions, X, inputs_before, trim)
         cost = flight.dt * cost_rate(self.deployed)(X, U, trim)
-        after = flight.tick()(now, flying)
-        kept, later, outcome = _outcome(flown, n)(now, after, cost, remaining, limits, penalty)
+        after = flight.tick()(now, held_in_flight)
+        kept, later, outcome = _outcome(size, n)(now, after, cost, remaining, limits, penalty)
         o = self.deployed.observe(kept[:n], kept[inputs], trim)
         return ca.Function("episode", [state, held], [ca.vertcat(kept, later), outcome, o])
 
@@ -481,10 +493,11 @@ def _departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
 
 def _outcome(size: int, n: int) -> ca.Function:
     """Return (before, after, cost, remaining, limits, penalty) -> (kept state, later, outcome)."""
-    # `before` and `after` the sample, (size,), end with the lowest and the highest X of the
-    # sample; `kept` is `after` if all its entries are finite. The reward is -cost; outside the
-    # `limits` (2 n,), cost and `penalty` also count for each later sample. The outcome is the
-    # reward, whether the aircraft left the limits, and whether no samples remain.
+    # The states `before` and `after` the sample, (size,), end with the lowest and the highest X of
+    # the sample. The kept state is `after` if all its entries are finite, else `before`; `later`
+    # is the number of samples that then remain. The outcome is the reward, whether the aircraft
+    # left the limits (2 n,), and whether no samples remain. The reward is -cost; outside the limits
+    # both cost and penalty count for each later sample, too.
     before, after = ca.SX.sym("before", size), ca.SX.sym("after", size)
     cost, remaining, penalty = map(ca.SX.sym, ("cost", "remaining", "penalty"))
     limits = ca.SX.sym("limits", 2 * n)
@@ -494,8 +507,8 @@ def _outcome(size: int, n: int) -> ca.Function:
     inside = (is_within(extreme, limits[:n], limits[n:]) for extreme in (lowest, highest))
     left = ca.logic_not(ca.logic_and(is_number, ca.logic_and(*inside)))
     later = ca.fmax(remaining - 1.0, 0.0)
-    paid = ca.if_else(all_finite(cost), cost, _DEAREST)
-    reward = -paid - ca.if_else(left, later * (paid + penalty), 0.0)
+    finite_cost = ca.if_else(all_finite(cost), cost, _COST_WITHOUT_NUMBER)
+    reward = -finite_cost - ca.if_else(left, later * (finite_cost + penalty), 0.0)
     outcome = ca.vertcat(reward, left, later <= 0.0)
     arguments = [before, after, cost, remaining, limits, penalty]
     return ca.Function("outcome", arguments, [kept, later, outcome])

@@ -2,9 +2,9 @@
 
 The filter is extended: the nonlinear aircraft in the estimated winds predicts, with slopes at the
 estimate. Flights, exported C and FMUs evaluate these expressions. Two covariances are carried
-through the samples: that of the errors, for the gate, and one from which the gains follow. The
-latter goes on as if values were used while there are none: a fast policy that learns at once what
-has happened leaves its limits.
+through the samples: P of the errors, for the gate, and one from which the gains follow. In samples
+without any value, the latter changes as if all values were used, so that the gains do not grow: a
+fast policy leaves its limits if the estimate then jumps to the next values.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ IMPOSSIBLE = 8.0
 #: of them are impossible.
 RESTARTS_AFTER = 10
 #: Largest magnitude that counts as finite: CasADi has no `isfinite`.
-_FINITE = 1e300
+_LARGEST_FINITE = 1e300
 #: Ratio of the variance of a predicted state to that of the stationary filter above which the
-#: prediction stands still. It then weighs a millionth in the next estimate, and with larger ones
-#: the rounding errors of P, 1e-16 of them, would exceed 1e-10 of the stationary variance.
-_UNKNOWN = 1e6
+#: prediction is not used. It would then weigh a millionth in the next estimate, and the rounding
+#: errors of a larger P, 1e-16 of its variances, would exceed 1e-10 of the stationary variance.
+_LARGEST_GROWTH = 1e6
 #: Option of a Jacobian in reverse mode, which of these equations has two thirds of the code.
-_BACKWARD = {"helper_options": {"ad_weight": 1.0}}
+_REVERSE_MODE = {"helper_options": {"ad_weight": 1.0}}
 #: Options of a function whose code is exported once, however often it is called.
-_CALLED = {"cse": True, "never_inline": True}
+_EXPORTED_ONCE = {"cse": True, "never_inline": True}
 
 
 class Estimate(NamedTuple):
@@ -40,12 +40,14 @@ class Estimate(NamedTuple):
 
     x: deviations from the trim, (n,)
     missed: number of samples in a row with impossible values, (1,)
-    begun: 0 before the first values, 1 after a sample at whose values it began first, 2 later, (1,)
+    begun: 0 before the first values, 1 after the first sample if the estimate began at its values,
+        else 2, (1,)
     share: share of the policy's command that acts, (1,): an estimate that begins in flight fades
         commands in. Before the first values it is 0 in flight, and 1 if the states are known.
     last: last finite value of each sensor, (p,)
     P: covariance of the errors of x, (n, n), of which the memory has the lower triangle
-    G: covariance from which the gains follow, (n, n): P without the samples that have no value
+    P_of_gain: covariance from which the gains follow, (n, n): P, but in a sample without any value
+        it changes as if all values were used
     """
 
     x: Any
@@ -54,18 +56,19 @@ class Estimate(NamedTuple):
     share: Any
     last: Any
     P: Any
-    G: Any
+    P_of_gain: Any
 
     def packed(self) -> ca.SX:
         """Return the memory of the filter, (memory_size,)."""
-        return ca.vertcat(*self._replace(P=_triangle(self.P), G=_triangle(self.G)))
+        return ca.vertcat(*self._replace(P=_triangle(self.P), P_of_gain=_triangle(self.P_of_gain)))
 
 
-def memory_slices(known: KalmanFilter) -> Estimate:
+def memory_slices(kalman: KalmanFilter) -> Estimate:
     """Return the slice of each part of an estimate in the memory."""
-    n = len(known.Phi)
+    n = len(kalman.Phi)
     triangle = n * (n + 1) // 2
-    return Estimate(*slices_of([n, 1, 1, 1, len(known.sensors), triangle, triangle]))
+    # x, missed, begun, share, last, P and P_of_gain
+    return Estimate(*slices_of([n, 1, 1, 1, len(kalman.sensors), triangle, triangle]))
 
 
 def _triangle(P: ca.SX) -> ca.SX:
@@ -78,75 +81,83 @@ def _symmetric(triangle: ca.SX, n: int) -> ca.SX:
     return ca.tril2symm(ca.SX(ca.Sparsity.lower(n), triangle))
 
 
-def memory_size(known: KalmanFilter) -> int:
+def memory_size(kalman: KalmanFilter) -> int:
     """Return the number of entries of the memory."""
-    return int(memory_slices(known).G.stop)
+    return int(memory_slices(kalman).P_of_gain.stop)
 
 
-def known_start(known: KalmanFilter) -> np.ndarray:
+def known_start(kalman: KalmanFilter) -> np.ndarray:
     """Return the memory before a flight from known states, in which commands act at once.
 
-    A memory of zeros is that of a filter that is switched on in flight.
+    The memory of a filter that is switched on in flight is zero.
     """
-    memory = np.zeros(memory_size(known))
-    memory[memory_slices(known).share] = 1.0
+    memory = np.zeros(memory_size(kalman))
+    memory[memory_slices(kalman).share] = 1.0
     return memory
 
 
-def estimate_in(known: KalmanFilter, memory: ca.SX) -> Estimate:
-    """Return the estimate in a memory. Before the first sample P and G are both the filter's
+def estimate_in(kalman: KalmanFilter, memory: ca.SX) -> Estimate:
+    """Return the estimate in a memory. Before the first sample both covariances are the filter's
     stationary P.
     """
-    parts = Estimate(*(memory[part] for part in memory_slices(known)))
-    at_begin = _triangle(ca.SX(ca.DM(known.P)))
-    P, G = (
-        _symmetric(ca.if_else(parts.begun, triangle, at_begin), len(known.Phi))
-        for triangle in (parts.P, parts.G)
+    parts = Estimate(*(memory[part] for part in memory_slices(kalman)))
+    at_begin = _triangle(ca.SX(ca.DM(kalman.P)))
+    P, P_of_gain = (
+        _symmetric(ca.if_else(parts.begun, triangle, at_begin), len(kalman.Phi))
+        for triangle in (parts.P, parts.P_of_gain)
     )
-    return parts._replace(P=P, G=G)
+    return parts._replace(P=P, P_of_gain=P_of_gain)
 
 
-def updated(known: KalmanFilter, before: Estimate, y: ca.SX, fade: float) -> tuple[Estimate, ca.SX]:
+def updated(
+    kalman: KalmanFilter, before: Estimate, y: ca.SX, fade: float
+) -> tuple[Estimate, ca.SX]:
     """Return the estimate with the measured deviations y, (p,), and 1 if a value was not used.
 
-    A value that is not finite is missing, and so is one that equals the last one to the bit: it is
-    frozen. A missing or impossible value is left out. In flight, the estimate begins at the first
-    values that are given, in air of which only the turbulence is known, and commands are faded in;
-    so it does where most values are impossible at the end of RESTARTS_AFTER such samples. From
-    known states it begins at the values if one is impossible at the first sample, and commands act
-    at once. It begins again at the second sample if a value is impossible then.
+    A missing or impossible value is left out. A value is missing if it is not finite, or if it
+    equals the last one to the bit: it is frozen. The estimate begins anew at the values
+    - of the first sample with values, if the filter is switched on in flight;
+    - of the first sample from known states, if a value is impossible;
+    - of the sample after one of these two, if a value is impossible;
+    - of the last of RESTARTS_AFTER samples in a row with impossible values, if most are impossible.
+    From known states commands act at once; after any other begin they are faded in.
 
     fade: time in which commands are faded in, s
     """
-    gate = _gate(known, before, y)
-    x, P, G = _corrected_by_values(known, before, y, gate.is_used)
+    gate = _gate(kalman, before, y)
+    x, P, P_of_gain = _corrected_by_values(kalman, before, y, gate.is_used)
     impossible, given = sum(gate.is_impossible, ca.SX(0)), sum(gate.is_given, ca.SX(0))
-    # Samples in a row with impossible values. One without any value is not counted.
+
+    # Samples in a row with impossible values. One without any value does not change the number.
     missed = ca.if_else(impossible > 0, before.missed + 1, ca.if_else(given > 0, 0, before.missed))
     is_wrong = ca.logic_and(missed >= RESTARTS_AFTER, 2 * impossible > given)
-    # The first sample with values, and those after the second one.
+
+    # Does the estimate begin at these values, or wait for the first ones?
     is_first, is_settled = before.begun == 0, before.begun == 2
-    in_flight = ca.logic_and(is_first, before.share == 0)  # switched on, and without a value yet
+    is_switched_on = ca.logic_and(is_first, before.share == 0)  # in flight, without a value yet
     begins = ca.logic_or(
-        ca.logic_and(in_flight, given > 0),
+        ca.logic_and(is_switched_on, given > 0),
         ca.logic_and(impossible > 0, ca.logic_or(ca.logic_not(is_settled), is_wrong)),
     )
-    waits = ca.logic_and(in_flight, ca.logic_not(begins))
-    new_x, new_P = _at_values(known, before, y, gate.is_given)
-    # The share at the begin: that of the memory (0 in flight, 1 of known states), or 0 again.
-    fading = ca.if_else(is_settled, 0.0, before.share) if fade else 1.0
-    faded = ca.fmin(before.share + known.dt / fade, 1.0) if fade else 1.0
+    waits = ca.logic_and(is_switched_on, ca.logic_not(begins))
     begun = ca.if_else(waits, 0, ca.if_else(ca.logic_and(is_first, begins), 1, 2))
+    x_at_values, P_at_values = _at_values(kalman, before, y, gate.is_given)
+
+    # Share of the command: at a begin that of the memory (0 in flight, 1 of known states), but 0
+    # if the estimate begins anew later.
+    share_at_begin = ca.if_else(is_settled, 0.0, before.share) if fade else 1.0
+    share_later = ca.fmin(before.share + kalman.dt / fade, 1.0) if fade else 1.0
+
     estimate = Estimate(
-        x=ca.if_else(begins, new_x, x),
-        P=ca.if_else(begins, new_P, P),
-        G=ca.if_else(begins, new_P, G),
+        x=ca.if_else(begins, x_at_values, x),
+        P=ca.if_else(begins, P_at_values, P),
+        P_of_gain=ca.if_else(begins, P_at_values, P_of_gain),
         missed=ca.if_else(begins, 0, missed),
         begun=begun,
-        share=ca.if_else(ca.logic_or(begins, waits), fading, faded),
-        last=ca.if_else(ca.fabs(y) <= _FINITE, y, before.last),
+        share=ca.if_else(ca.logic_or(begins, waits), share_at_begin, share_later),
+        last=ca.if_else(ca.fabs(y) <= _LARGEST_FINITE, y, before.last),
     )
-    return estimate, ca.if_else(begins, 0, sum(gate.is_used) < len(known.sensors))
+    return estimate, ca.if_else(begins, 0, sum(gate.is_used) < len(kalman.sensors))
 
 
 class _Gate(NamedTuple):
@@ -157,14 +168,14 @@ class _Gate(NamedTuple):
     is_impossible: list[ca.SX]
 
 
-def _gate(known: KalmanFilter, before: Estimate, y: ca.SX) -> _Gate:
+def _gate(kalman: KalmanFilter, before: Estimate, y: ca.SX) -> _Gate:
     """Return which of the measured deviations y, (p,), are used."""
     gate = _Gate(is_given=[], is_used=[], is_impossible=[])
-    for place, (row, variance) in enumerate(_rows_and_variances(known)):
+    for place, (row, variance) in enumerate(_rows_and_variances(kalman)):
         deviation = ca.sqrt(before.P[row, row] + variance)
         innovation = ca.fabs(y[place] - before.x[row])
         is_new = ca.logic_or(before.begun == 0, y[place] != before.last[place])  # not frozen
-        is_given = ca.logic_and(is_new, innovation <= _FINITE)  # false for NaN
+        is_given = ca.logic_and(is_new, innovation <= _LARGEST_FINITE)  # false for NaN
         is_used = ca.logic_and(is_given, innovation <= IMPOSSIBLE * deviation)
         gate.is_given.append(is_given)
         gate.is_used.append(is_used)
@@ -172,29 +183,31 @@ def _gate(known: KalmanFilter, before: Estimate, y: ca.SX) -> _Gate:
     return gate
 
 
-def _rows_and_variances(known: KalmanFilter) -> list[tuple[int, float]]:
+def _rows_and_variances(kalman: KalmanFilter) -> list[tuple[int, float]]:
     """Return the row of the state that each sensor measures, and the variance of its noise."""
-    rows = [known.states.index(name) for name in known.sensors]
-    return list(zip(rows, np.diag(known.R).tolist(), strict=True))
+    rows = [kalman.states.index(name) for name in kalman.sensors]
+    return list(zip(rows, np.diag(kalman.R).tolist(), strict=True))
 
 
 def _corrected_by_values(
-    known: KalmanFilter, before: Estimate, y: ca.SX, is_used: list[ca.SX]
+    kalman: KalmanFilter, before: Estimate, y: ca.SX, is_used: list[ca.SX]
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return x, P and G after the measured values that are used, one after the other.
+    """Return x, P and P_of_gain after the measured values that are used, one after the other.
 
-    Without any, G follows as if all were used.
+    Without any value, P_of_gain is corrected as if all were used.
     """
-    x, P, G = before.x, before.P, before.G
+    x, P, P_of_gain = before.x, before.P, before.P_of_gain
     is_blind = sum(is_used, ca.SX(0)) == 0
     correction = _correction(x.numel())
-    for place, (row, variance) in enumerate(_rows_and_variances(known)):
+    for place, (row, variance) in enumerate(_rows_and_variances(kalman)):
         used = is_used[place]
-        gain = G[:, row] / (G[row, row] + variance)
+        gain = P_of_gain[:, row] / (P_of_gain[row, row] + variance)
         x = x + gain * ca.if_else(used, y[place] - x[row], 0.0)
         P = _corrected(correction, P, row, variance, used * gain)
-        G = _corrected(correction, G, row, variance, ca.logic_or(used, is_blind) * gain)
-    return x, P, G
+        P_of_gain = _corrected(
+            correction, P_of_gain, row, variance, ca.logic_or(used, is_blind) * gain
+        )
+    return x, P, P_of_gain
 
 
 def _corrected(correction: ca.Function, P: ca.SX, row: int, variance: float, gain: ca.SX) -> ca.SX:
@@ -217,26 +230,29 @@ def _correction(n: int) -> ca.Function:
     # gain. Then P⁺ = P - gain (P C')' - (this) gain' for any gain.
     with_innovation = of_row - variance * gain
     P = _symmetric(triangle, n) - ca.mtimes(gain, of_row.T) - ca.mtimes(with_innovation, gain.T)
-    return ca.Function("correction", [ca.vertcat(*given)], [_triangle(P)], _CALLED)
+    return ca.Function("correction", [ca.vertcat(*given)], [_triangle(P)], _EXPORTED_ONCE)
 
 
 def _at_values(
-    known: KalmanFilter, before: Estimate, y: ca.SX, is_given: list[ca.SX]
+    kalman: KalmanFilter, before: Estimate, y: ca.SX, is_given: list[ca.SX]
 ) -> tuple[ca.SX, ca.SX]:
     """Return x and P of an estimate that begins at the values that are given. Other states keep
-    theirs. In flight the air is that of the stationary turbulence in which the flow angles are
-    those of the trim: with slopes far from these, the next values would give wrong winds.
+    their estimates.
+
+    In flight the air is the most likely one in which the flow angles are those of the trim: with
+    slopes at other flow angles, the next values would give wrong winds.
     """
-    k = len(known.states)
-    air, flow = slice(k, None), known.sight[:, k:]
-    # The most likely air of given flow angles: their covariance with the air times their inverse.
-    of_flow = known.climate @ flow.T @ np.linalg.pinv(flow @ known.climate @ flow.T)
+    k = len(kalman.states)
+    air, flow = slice(k, None), kalman.sight[:, k:]
+    # The most likely air of flow angles a in stationary turbulence: cov(air, a) cov(a, a)⁻¹ a.
+    of_flow = kalman.climate @ flow.T @ np.linalg.pinv(flow @ kalman.climate @ flow.T)
+    # In flight: the estimate begins anew (2), or the filter is switched on (no command acts yet).
     in_flight = ca.logic_or(before.begun == 2, before.share == 0)
     x, P = ca.SX(before.x), ca.SX(before.P)
     P[:, air] = ca.if_else(in_flight, 0.0, P[:, air])
     P[air, :] = P[:, air].T
-    P[air, air] = ca.if_else(in_flight, known.climate, before.P[air, air])
-    for place, (row, variance) in enumerate(_rows_and_variances(known)):
+    P[air, air] = ca.if_else(in_flight, kalman.climate, before.P[air, air])
+    for place, (row, variance) in enumerate(_rows_and_variances(kalman)):
         given = is_given[place]
         x[row] = ca.if_else(given, y[place], x[row])
         P[row, :] = ca.if_else(given, 0.0, P[row, :])
@@ -246,68 +262,71 @@ def _at_values(
     return x, P
 
 
-def propagated(known: KalmanFilter, now: Estimate, x: ca.SX, Phi: ca.SX) -> Estimate:
-    """Return the estimate that is predicted for the next sample, with Φ P Φ' + Q and Φ G Φ' + Q.
+def propagated(kalman: KalmanFilter, now: Estimate, x: ca.SX, Phi: ca.SX) -> Estimate:
+    """Return the estimate that is predicted for the next sample, with Φ P Φ' + Q.
 
-    If a predicted state is not finite or a variance of P too large, nothing is known: the states
-    and P stay as they are. G stays if one of its own is too large.
+    If a predicted state is not finite or a variance of P too large, the states and P stay as they
+    are. P_of_gain is predicted like P, and stays if one of its own variances is too large.
 
     x: predicted states, (n,)
     Phi: their derivatives by the states of the estimate, (n, n)
     """
-    is_finite = ca.sumsqr(x) <= _FINITE
+    is_finite = ca.sumsqr(x) <= _LARGEST_FINITE
     n = Phi.shape[0]
     triangle, slopes = ca.SX.sym("P", n * (n + 1) // 2), ca.SX.sym("Phi", Phi.sparsity())
-    after = ca.mtimes(ca.mtimes(slopes, _symmetric(triangle, n)), slopes.T) + known.Q
+    after = ca.mtimes(ca.mtimes(slopes, _symmetric(triangle, n)), slopes.T) + kalman.Q
     given = ca.vertcat(triangle, slopes.nz[:])
-    prediction = ca.Function("prediction", [given], [_triangle(after)], _CALLED)
-    P, is_known = _predicted_covariance(known, prediction, now.P, Phi, is_finite)
-    G, _ = _predicted_covariance(known, prediction, now.G, Phi, is_finite)
-    return now._replace(x=ca.if_else(is_known, x, now.x), P=P, G=G)
+    prediction = ca.Function("prediction", [given], [_triangle(after)], _EXPORTED_ONCE)
+    P, is_usable = _predicted_covariance(kalman, prediction, now.P, Phi, is_finite)
+    P_of_gain, _ = _predicted_covariance(kalman, prediction, now.P_of_gain, Phi, is_finite)
+    return now._replace(x=ca.if_else(is_usable, x, now.x), P=P, P_of_gain=P_of_gain)
 
 
 def _predicted_covariance(
-    known: KalmanFilter, prediction: ca.Function, P: ca.SX, Phi: ca.SX, is_finite: ca.SX
+    kalman: KalmanFilter, prediction: ca.Function, P: ca.SX, Phi: ca.SX, is_finite: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
     """Return Φ P Φ' + Q and 1, or P and 0 if a variance is too large, or a state not finite.
 
     prediction: [triangle of P; entries of Φ] -> triangle of Φ P Φ' + Q
     """
     after = prediction(ca.vertcat(_triangle(P), Phi.nz[:]))
-    later, is_known = _symmetric(after, P.shape[0]), is_finite
-    for place in range(len(known.states)):
-        limit = _UNKNOWN * float(known.P[place, place])
-        is_known = ca.logic_and(is_known, later[place, place] <= limit)
-    return ca.if_else(is_known, later, P), is_known
+    later, is_usable = _symmetric(after, P.shape[0]), is_finite
+    for place in range(len(kalman.states)):
+        limit = _LARGEST_GROWTH * float(kalman.P[place, place])
+        is_usable = ca.logic_and(is_usable, later[place, place] <= limit)
+    return ca.if_else(is_usable, later, P), is_usable
 
 
-def extended_step(known: KalmanFilter, seconds: float) -> ca.Function:
+def extended_step(kalman: KalmanFilter, seconds: float) -> ca.Function:
     """Return (x, u) -> (x after some seconds, slopes by x (n, n)) of the nonlinear aircraft in the
     winds of x, with held inputs.
 
-    The slopes are exp(J seconds) to the fourth power in each step, J those of the rates at x.
+    The slopes are those of the linearization at x: exp(J h) in each integration step of h seconds,
+    with the derivatives J of the rates, up to the fourth power of J h.
     """
-    point, model, k = known.point, known.point.model, len(known.states)
-    layout = (in_gusts(model) if known.winds else model).layout
-    rows = model.state_places(known.states)
-    x, u = ca.SX.sym("x", len(known.Phi)), ca.SX.sym("u", len(model.inputs))
+    point, model, k = kalman.point, kalman.point.model, len(kalman.states)
+    layout = (in_gusts(model) if kalman.winds else model).layout
+    rows = model.state_places(kalman.states)
+    x, u = ca.SX.sym("x", len(kalman.Phi)), ca.SX.sym("u", len(model.inputs))
     X = ca.SX(ca.DM(point.x))
     X[rows] += x[:k]
     no_push = ca.SX(k, 1)
-    rest = ca.vertcat(point.u + u, no_push, known.winds_at(x), model.p)
-    rate = rate_in_push(layout, model.linear, known.winds)
-    rates = rate(ca.densify(ca.vertcat(X, rest)))[rows]
-    parts = parts_of_a_sample([point], seconds)
-    derivatives = ca.vertcat(rates, ca.DM(known.A[k:, k:]) @ x[k:])
-    J = ca.jacobian(derivatives, x, _BACKWARD) * (seconds / parts)
-    step = step_of_integration(layout, model.linear, known.winds)
-    identity, square = ca.SX.eye(len(known.Phi)), ca.mtimes(J, J)
-    # exp(J) = I + J + J² (I/2 + J/6 + J²/24) + ...
-    Phi = part = identity + J + ca.mtimes(square, identity / 2 + J / 6 + square / 24)
-    for _ in range(parts - 1):
-        Phi = ca.mtimes(part, Phi)
-    for _ in range(parts):
-        X = step(ca.densify(ca.vertcat(X, rest, seconds / parts)))
-    # The air is linear, and the aircraft has no effect on it.
+    held = ca.vertcat(point.u + u, no_push, kalman.winds_at(x), model.p)
+    steps = parts_of_a_sample([point], seconds)
+
+    # Slopes: Jh = J h, and exp(Jh) = I + Jh + Jh² (I/2 + Jh/6 + Jh²/24) + ...
+    rate = rate_in_push(layout, model.linear, kalman.winds)
+    rates = rate(ca.densify(ca.vertcat(X, held)))[rows]
+    derivatives = ca.vertcat(rates, ca.DM(kalman.A[k:, k:]) @ x[k:])
+    Jh = ca.jacobian(derivatives, x, _REVERSE_MODE) * (seconds / steps)
+    identity, square = ca.SX.eye(len(kalman.Phi)), ca.mtimes(Jh, Jh)
+    Phi = Phi_of_step = identity + Jh + ca.mtimes(square, identity / 2 + Jh / 6 + square / 24)
+    for _ in range(steps - 1):
+        Phi = ca.mtimes(Phi_of_step, Phi)
+
+    # States: the aircraft is integrated; the air is linear, and the aircraft has no effect on it.
+    step = step_of_integration(layout, model.linear, kalman.winds)
+    for _ in range(steps):
+        X = step(ca.densify(ca.vertcat(X, held, seconds / steps)))
     after = ca.vertcat((X - point.x)[rows], ca.mtimes(Phi[k:, k:], x[k:]))
     return ca.Function("extended", [x, u], [after, Phi])

@@ -65,16 +65,16 @@ class FilterMargins(Result):
         )
 
 
-def margins_of(known: KalmanFilter, K: np.ndarray) -> FilterMargins:
+def margins_of(kalman: KalmanFilter, K: np.ndarray) -> FilterMargins:
     """Return the margins of the linear loop of a gain behind a filter.
 
-    Those of an unstable loop are gains of 1, and a phase and delays of 0.
+    The margins of an unstable loop are gains of 1, a phase of 0 and delays of 0.
 
     K: (m, k)
     """
-    gain = K @ known.sight
-    loop = _late_loop(known, gain, 0.0)
-    alone = known.compensator_radius(K)
+    gain = K @ kalman.sight
+    loop = _late_loop(kalman, gain, 0.0)
+    alone = kalman.compensator_radius(K)
     if not loop.radius < 1.0:
         return FilterMargins(
             alone, loop.radius, gain_low=1.0, gain_high=1.0, phase=0.0, delay=0.0, unknown_delay=0.0
@@ -87,11 +87,11 @@ def margins_of(known: KalmanFilter, K: np.ndarray) -> FilterMargins:
         gain_high=min(margin.gain_high for margin in inputs),
         phase=min(margin.phase for margin in inputs),
         delay=min(margin.delay for margin in inputs),
-        unknown_delay=_unknown_delay(known, gain),
+        unknown_delay=_unknown_delay(kalman, gain),
     )
 
 
-def _late_loop(known: KalmanFilter, gain: np.ndarray, delay: float) -> Chain:
+def _late_loop(kalman: KalmanFilter, gain: np.ndarray, delay: float) -> Chain:
     """Return the loop whose commands act after a delay that the filter does not predict.
 
     The states of the loop are those of aircraft and air, the commands under way, the latest first,
@@ -100,16 +100,19 @@ def _late_loop(known: KalmanFilter, gain: np.ndarray, delay: float) -> Chain:
     gain: (m, n), of the command -gain x̂ of the estimate
     delay: s
     """
-    Phi, Gamma, L, C = known.Phi, known.Gamma, known.L, known.C
-    (n, m), (whole, rest) = Gamma.shape, in_samples(delay, known.dt)
-    plant = late_hold(known.A, known.B, known.dt, rest)
+    Phi, Gamma, L, C = kalman.Phi, kalman.Gamma, kalman.L, kalman.C
+    (n, m), (whole, rest) = Gamma.shape, in_samples(delay, kalman.dt)
+    plant = late_hold(kalman.A, kalman.B, kalman.dt, rest)
     count = (whole + (rest > 0.0)) * m  # entries of the commands under way
     size = n + count + n
     F, G, command = np.zeros((size, size)), np.zeros((size, m)), np.zeros((m, size))
     filtered = slice(n + count, size)
-    # x̂ = (I - L C) x⁻ + L C x, of the prediction x⁻
+
+    # Command -gain x̂, with the estimate x̂ = (I - L C) x⁻ + L C x from the prediction x⁻.
     command[:, :n] = -gain @ L @ C
     command[:, filtered] = -gain @ (np.eye(n) - L @ C)
+
+    # Aircraft and air: the oldest command acts for `rest` (`early`), then the next one (`late`).
     F[:n, :n] = Phi
     if whole:
         begin = n + (whole - 1) * m
@@ -118,27 +121,31 @@ def _late_loop(known: KalmanFilter, gain: np.ndarray, delay: float) -> Chain:
         G[:n] = plant.late
     if rest:
         F[:n, n + count - m : n + count] = plant.early
+
+    # Commands under way, a sample older.
     if count:
         G[n : n + m] = np.eye(m)
-        F[n + m : n + count, n : n + count - m] = np.eye(count - m)  # commands are a sample older
-    predicting = Phi - Gamma @ gain  # the filter predicts with its own command, without delay
+        F[n + m : n + count, n : n + count - m] = np.eye(count - m)
+
+    # The filter predicts with its own command, without delay.
+    predicting = Phi - Gamma @ gain
     F[filtered, :n] = predicting @ L @ C
     F[filtered, filtered] = predicting @ (np.eye(n) - L @ C)
-    return Chain(F, G, command, n, known.dt, np.eye(size, n))
+    return Chain(F, G, command, n, kalman.dt, np.eye(size, n))
 
 
-def _unknown_delay(known: KalmanFilter, gain: np.ndarray) -> float | None:
+def _unknown_delay(kalman: KalmanFilter, gain: np.ndarray) -> float | None:
     """Return the smallest delay, s, with which the loop of `_late_loop` is unstable, or None."""
     from scipy.optimize import brentq
 
     def excess(delay: float) -> Any:
         """Return the spectral radius of the loop with a delay, minus 1."""
-        return _late_loop(known, gain, delay).radius - 1.0
+        return _late_loop(kalman, gain, delay).radius - 1.0
 
     before = 0.0
     for part in range(1, _MOST_SAMPLES * _PARTS + 1):
-        delay = part * known.dt / _PARTS
+        delay = part * kalman.dt / _PARTS
         if excess(delay) >= 0.0:
-            return float(brentq(excess, before, delay, xtol=1e-6 * known.dt))
+            return float(brentq(excess, before, delay, xtol=1e-6 * kalman.dt))
         before = delay
     return None

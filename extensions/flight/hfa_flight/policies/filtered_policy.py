@@ -52,7 +52,7 @@ from trim.point.operating_point import OperatingPoint
 #: filter alone, without the aircraft, is unstable. With a shorter time, such a gain leaves its
 #: limits while the estimate still errs.
 _FADE = 1.0
-_FADE_OF_FAST = 3.0
+_FADE_OF_FAST_GAIN = 3.0
 #: Function (number of the sample, deviations of all states, what is known of the next sample by a
 #: law that plans) -> deviations of the inputs.
 _Law = Callable[[int, np.ndarray, NextSample | None], np.ndarray]
@@ -129,16 +129,16 @@ class FilteredPolicy(SampledPolicy):
 
     The filter is extended: the nonlinear model predicts, with slopes at the estimate. A measured
     value that is not finite, that equals the last one to the bit (it is frozen), or with an
-    innovation beyond 8 standard deviations is left out, and the covariance is carried on: gain and
-    gate follow the values that are there. Without any value the gains do not grow, because a fast
-    policy leaves its limits where it learns a large error at once.
+    innovation beyond 8 standard deviations is left out, and the covariance is predicted without
+    it. Without any value the gains do not grow, because a fast policy leaves its limits if the
+    estimate jumps by a large error.
 
-    After `reset`, it is switched on in flight: the estimate begins at the measured values, in air
-    of which the turbulence is known, and commands are faded in; so it is where most values are
-    impossible at the end of ten such samples in a row. After `begin`, and in flights of `hfa.fly`,
-    the states at the first sample are known, and commands act at once. With a delay the law acts on
-    the state predicted over the commands under way; a deployment with a delay of its own acts on
-    the estimate of its sample.
+    After `reset`, the filter is switched on in flight: the estimate begins at the measured values,
+    with the air of stationary turbulence, and commands are faded in. The same happens if most
+    values are impossible at the end of ten samples in a row with impossible values. After `begin`,
+    and in flights of `hfa.fly`, the states at the first sample are known, and commands act at once.
+    With a delay the law acts on the state predicted over the commands under way; a deployment with
+    a delay of its own acts on the estimate of its sample.
 
     The law sees flow angles relative to the air, as a vane measures them, and the component of the
     speed over the ground along the path of the trim: without what an updraft adds. A law that plans
@@ -157,7 +157,7 @@ class FilteredPolicy(SampledPolicy):
     _memory: _Memory = field(init=False)
 
     @classmethod
-    def behind(cls, known: KalmanFilter, law: Policy, fade: float | None = None) -> Self:
+    def behind(cls, kalman: KalmanFilter, law: Policy, fade: float | None = None) -> Self:
         """Return the policy of a filter's estimate. `fade` is that of `hfa.filter(...).policy`.
 
         Raises BadInputError for a policy without feedback, or with another sample time, and for a
@@ -169,23 +169,25 @@ class FilteredPolicy(SampledPolicy):
             )
         if isinstance(law, OpenLoop):
             raise BadInputError("a policy without feedback needs no filter; give a policy")
-        law.refuse_other_sizes(known.point)
+        law.refuse_other_sizes(kalman.point)
         if fade is None:
-            is_fast = law.gain is not None and known.compensator_radius(law.gain) >= 1.0
-            fade = _FADE_OF_FAST if is_fast else _FADE
+            is_fast = law.gain is not None and kalman.compensator_radius(law.gain) >= 1.0
+            fade = _FADE_OF_FAST_GAIN if is_fast else _FADE
         if not (is_finite(fade) and fade >= 0.0):
             raise BadInputError(f"fade is {shown(fade)}; give a time of at least 0 s")
-        own = own_sample_time(law, known.dt)
-        if not math.isclose(own, known.dt, rel_tol=1e-6):
+        own = own_sample_time(law, kalman.dt)
+        if not math.isclose(own, kalman.dt, rel_tol=1e-6):
             raise BadInputError(
-                f"the filter has samples of {known.dt:g} s, the policy {law.name} of {own:g} s; "
+                f"the filter has samples of {kalman.dt:g} s, the policy {law.name} of {own:g} s; "
                 f"give the filter dt={own:g}"
             )
         if isinstance(law, SampledPolicy):
-            law = replace(law, tick=known.dt)  # the filter calls it once a sample
-        identity = {"filter": storable(known), **law.identity}
+            law = replace(law, tick=kalman.dt)  # the filter calls it once a sample
+        identity = {"filter": storable(kalman), **law.identity}
         name = f"{law.name} behind a filter"
-        return cls(name, known.point, known.dt, known, law, fade, identity=identity)
+        return cls(
+            name, kalman.point, kalman.dt, filter=kalman, law=law, fade=fade, identity=identity
+        )
 
     def __post_init__(self) -> None:
         """Begin at the trim."""
@@ -221,9 +223,10 @@ class FilteredPolicy(SampledPolicy):
 
     def _memory_at_trim(self) -> _Memory:
         """Return the memory before a flight: the estimate and the commands under way are trim."""
-        late = in_samples(self.delay, self.dt).whole
-        inputs_at_trim = [np.zeros(len(self.point.u)) for _ in range(late + 1)]
-        return _Memory(np.zeros(memory_size(self.filter)), inputs_at_trim)
+        # as many commands as act before that of the first sample
+        earlier = in_samples(self.delay, self.dt).whole + 1
+        inputs_at_trim = [np.zeros(len(self.point.u)) for _ in range(earlier)]
+        return _Memory(np.zeros(memory_size(self.filter)), waiting=inputs_at_trim)
 
     def __call__(self, t: float, y: Any) -> np.ndarray:
         """Return the inputs U (m,) from the measured values of one sample, absolute.
@@ -373,7 +376,9 @@ class FilteredPolicy(SampledPolicy):
         """
         now = _Prediction(x, np.eye(len(x)))
         for samples_ago, duration in acting_commands(self.delay, self.dt, seconds):
-            step = _model(self.filter, round(duration, 12))  # rounded, as the key of a cache
+            step = _nonlinear_step(
+                self.filter, round(duration, 12)
+            )  # rounded, as the key of a cache
             after, slopes = step.at(now.x, commands[-1 - samples_ago])
             now = _Prediction(after, slopes.reshape(len(x), -1, order="F") @ now.Phi)
         return now
@@ -381,18 +386,18 @@ class FilteredPolicy(SampledPolicy):
     @cached_property
     def _functions(self) -> _Functions:
         """Functions of the filter, made at the first sample."""
-        known = self.filter
-        n, k = len(known.Phi), len(known.states)
-        memory, y = ca.SX.sym("memory", memory_size(known)), ca.SX.sym("y", len(known.sensors))
+        kalman = self.filter
+        n, k = len(kalman.Phi), len(kalman.states)
+        memory, y = ca.SX.sym("memory", memory_size(kalman)), ca.SX.sym("y", len(kalman.sensors))
         x, Phi = ca.SX.sym("x", n), ca.SX.sym("Phi", n, n)
-        estimate = estimate_in(known, memory)  # as expressions of the memory
-        corrected, is_left_out = updated(known, estimate, y, self.fade)
-        predicted = propagated(known, estimate, x, Phi)
+        estimate = estimate_in(kalman, memory)  # as expressions of the memory
+        corrected, is_left_out = updated(kalman, estimate, y, self.fade)
+        predicted = propagated(kalman, estimate, x, Phi)
         results = [corrected.packed(), is_left_out, corrected.share]
         return _Functions(
             updated=_bound("updated", [memory, y], results),
             propagated=_bound("propagated", [memory, x, Phi], [predicted.packed()]),
-            seen=_bound("seen", [x], [known.seen(x)]),
+            seen=_bound("seen", [x], [kalman.seen(x)]),
             deviations=_bound("deviations", [memory], [ca.sqrt(ca.diag(estimate.P)[:k])]),
         )
 
@@ -403,7 +408,8 @@ class FilteredPolicy(SampledPolicy):
         """
         if isinstance(self.law, DeployedPolicy):
             return self._deployed_in_scenario(self.law, scenario)
-        if self.fade > max(scenario.duration, _FADE_OF_FAST):
+        # A default fade is not refused, even in a flight that is shorter.
+        if self.fade > max(scenario.duration, _FADE_OF_FAST_GAIN):
             raise BadInputError(
                 f"commands are faded in over {self.fade:g} s, longer than the flight of "
                 f"{scenario.duration:g} s; give a shorter fade or a longer flight"
@@ -431,7 +437,7 @@ class FilteredPolicy(SampledPolicy):
     def sampled_modes(self) -> np.ndarray | None:
         """Return the eigenvalues of the loop near the trim, 1/s, or None without a linear law.
 
-        A mode that is zero after one sample has no finite eigenvalue, and is left out.
+        A mode that vanishes after one sample, z = 0, has no eigenvalue s, and is left out.
         """
         gain = self.law.gain
         if gain is None:
@@ -476,9 +482,9 @@ class FilteredPolicy(SampledPolicy):
 
 
 @lru_cache(maxsize=16)
-def _model(known: KalmanFilter, seconds: float) -> BoundFunction:
-    """Return the function (x, u) -> (x, slopes) after some seconds, at most a sample."""
-    step = extended_step(known, seconds)
+def _nonlinear_step(kalman: KalmanFilter, seconds: float) -> BoundFunction:
+    """Return the function (x, u) -> (x after some seconds, at most a sample; its slopes by x)."""
+    step = extended_step(kalman, seconds)
     arguments = step.sx_in()
     return _bound("extended", arguments, step.call(arguments))
 
@@ -534,13 +540,13 @@ def sample_of(policy: FilteredPolicy, t: ca.SX, memory: ca.SX, y: ca.SX) -> tupl
     memory: that of `hfa_flight.policies.estimate`, zero before the first sample
     y: measured deviations from the trim, (p,)
     """
-    known, point = policy.filter, policy.point
-    now, is_left_out = updated(known, estimate_in(known, memory), y, policy.fade)
+    kalman, point = policy.filter, policy.point
+    now, is_left_out = updated(kalman, estimate_in(kalman, memory), y, policy.fade)
     limits = Limits.of(point.model, tuple(point.model.inputs))
     held = ca.DM(policy.law.held_inputs(0, 0.0))
-    u = now.share * command_of(policy.law, t, known.seen(now.x), held)
+    u = now.share * command_of(policy.law, t, kalman.seen(now.x), held)
     u = ca.fmin(ca.fmax(u, ca.DM(limits.lowest - point.u)), ca.DM(limits.highest - point.u))
-    later = propagated(known, now, *extended_step(known, known.dt)(now.x, u))
+    later = propagated(kalman, now, *extended_step(kalman, kalman.dt)(now.x, u))
     return u, later.packed(), is_left_out
 
 
@@ -558,7 +564,6 @@ def behind_own_filter(given: Deployment | Path, point: OperatingPoint) -> Policy
         return policy
     with prefix_errors(deployment.origin):
         noise, turbulence = entries["noise"], entries.get("turbulence")
-        known = KalmanFilter.of(
-            point.linearize(), noise, turbulence, policy.deployed.deployment.dt, {}
-        )
-        return FilteredPolicy.behind(known, policy)
+        dt = policy.deployed.deployment.dt
+        kalman = KalmanFilter.of(point.linearize(), noise, turbulence, dt, drift={})
+        return FilteredPolicy.behind(kalman, policy)

@@ -91,8 +91,8 @@ def policy_of_file(
         # Without a game, notes of a critic's file compare it with the arbitrary cost.
         declared = critic.declared if game or kind == NETWORK else NOTHING
         return function_policy(f"critic of {path}", critic.policy, point, declared)
-    kind = "gain" if critic.slope_gain is None else "weights"
-    return GainPolicy(f"{kind} of {path}", critic.K)
+    content = "gain" if critic.slope_gain is None else "weights"
+    return GainPolicy(f"{content} of {path}", critic.K)
 
 
 def _without_cost(linear: LinearModel) -> Game:
@@ -114,7 +114,7 @@ def policy_and_scenario(
     """Return the policy of a flight and the scenario.
 
     If `given` is a deployment, the scenario is changed to the sampling of the deployment, and if it
-    is the result of `hfa.track`, to its reference. Otherwise, it is returned unchanged.
+    is the result of `hfa.track`, to its reference. Otherwise, the scenario is unchanged.
 
     given: policy in any form that `hfa.fly` accepts
     point: the trim

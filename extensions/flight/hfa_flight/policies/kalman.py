@@ -33,9 +33,9 @@ from trim.linear.modes import modes_of
 from trim.linear.nonsmooth import linearization_at
 from trim.point.operating_point import OperatingPoint
 
-#: Default drift of a state in one second: share of its sensor noise, or without a sensor of a
-#: hundredth of its nominal value.
+#: Default drift of a state in one second, as a share of its sensor noise.
 DRIFT = 0.1
+#: Noise from which the drift of a state without a sensor follows, as a share of its nominal value.
 _UNMEASURED = 0.01
 #: Smallest singular value of [A - s I; C] of an observable mode, relative to that of A.
 _OBSERVED = 1e-7
@@ -131,7 +131,8 @@ class KalmanFilter(Result):
         if isinstance(turbulence, str):
             turbulence = turbulence_of(turbulence)
         sensors = {name: float(noise[name]) for name in linear.states if name in noise}
-        # A state without a sensor drifts like one with a noise of a hundredth of its nominal value.
+        # Default: DRIFT times the noise of the sensor, or without one of a hundredth of the nominal
+        # value.
         drifts = {
             name: drift.get(
                 name, DRIFT * sensors.get(name, _UNMEASURED * point.model.states[name].nominal)
@@ -156,18 +157,21 @@ class KalmanFilter(Result):
         It is computed in units of the states, `plant.scale`, and of the noise, `sigma`.
         """
         sigma = np.array(list(noise.values()))
+        units = np.outer(plant.scale, plant.scale)
         A = plant.A * plant.scale / plant.scale[:, None]
         C = plant.C * plant.scale / sigma[:, None]
         unobservable = _unobservable(plant, A, C, tuple(drift), tuple(noise))
-        units = np.outer(plant.scale, plant.scale)
-        balanced_Phi, drifted = noise_of_sample(A, np.diag((plant.drift / plant.scale) ** 2), dt)
-        air = np.zeros_like(A)
-        if turbulence is not None:  # of the states of the air, which follow the linear states
+
+        # Covariance that drift and turbulence add in a sample.
+        Phi_in_units, of_drift = noise_of_sample(A, np.diag((plant.drift / plant.scale) ** 2), dt)
+        of_air = np.zeros_like(A)
+        if turbulence is not None:  # only the states of the air, which follow the linear states
             block = (slice(len(drift), None),) * 2
-            _, air[block] = noise_of_sample(A[block], (plant.noise / units)[block], dt)
-        Q = air + drifted
+            _, of_air[block] = noise_of_sample(A[block], (plant.noise / units)[block], dt)
+        Q = of_air + of_drift
         Q = 0.5 * (Q + Q.T)
-        P, L, residual = _stationary(balanced_Phi, C, Q)
+        P, L, residual = _stationary(Phi_in_units, C, Q)
+
         Phi, Gamma = zero_order_hold(plant.A, plant.B, dt)
         return cls(
             point=point,
@@ -182,7 +186,7 @@ class KalmanFilter(Result):
             C=plant.C,
             Q=Q * units,
             R=np.diag(sigma**2),
-            air=air * units,
+            air=of_air * units,
             P=P * units,
             L=L * plant.scale[:, None] / sigma,
             residual=residual,
@@ -227,7 +231,7 @@ class KalmanFilter(Result):
 
     def seen(self, x: ca.SX) -> ca.SX:
         """Return the deviations of the linear states, (k,), that a policy sees at the states x of
-        the filter, (n,): speed and flow angles are those of `seen_in_air`.
+        the filter, (n,): flow angles relative to the air, and the speed along the path of the trim.
         """
         if not self.winds:
             return x[: len(self.states)]
@@ -241,7 +245,7 @@ class KalmanFilter(Result):
 
     @cached_property
     def sight(self) -> np.ndarray:
-        """Derivatives of `seen` by x at the trim, (k, n): the identity, and those by the air."""
+        """Derivatives of `seen` by x at the trim, (k, n)."""
         x = ca.SX.sym("x", len(self.Phi))
         slopes = ca.Function("sight", [x], [ca.densify(ca.jacobian(self.seen(x), x))])
         return np.asarray(slopes(0.0))
@@ -278,7 +282,7 @@ class KalmanFilter(Result):
             x, row = ca.SX.sym("x", n), self.states.index(speed)
             hessian = ca.hessian((x[:k] - self.seen(x))[row], x)[0]
             H = ca.Function("hessian", [x], [ca.densify(hessian)])(0.0).full()
-        return _Loop(F, N, outputs, feed, row, H)
+        return _Loop(F, N, outputs, feed, speed=row, H=H)
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -394,7 +398,7 @@ def _air(point: OperatingPoint, turbulence: Turbulence | None, dt: float) -> _Ai
     if turbulence is None:
         none = np.zeros((0, 0))
         return _Air(none, none, none, (), none, np.zeros((len(model.linear), 0)))
-    air = turbulence.air(point, dt, 1, 0)
+    air = turbulence.air(point, dt, count=1, seed=0)  # no sample of it is needed
     full = AirFilter.of(air)
     winds_of_states = air.factors.T @ full.C
     reaching = _reaching(full.A, winds_of_states)
@@ -453,6 +457,8 @@ def _unobservable(
     sensors: tuple[str, ...],
 ) -> tuple[str, ...]:
     """Return the names of the aircraft's decaying modes that the sensors do not observe.
+
+    A, C: matrices of the plant in the units in which the filter is computed
 
     Raises BadInputError for such a mode that does not decay.
     """

@@ -314,7 +314,8 @@ class SampledPolicy(Policy):
         raise NotImplementedError
 
     def of_estimate(self, t: float, X: np.ndarray, following: NextSample) -> np.ndarray:
-        """Return the inputs U (m,) from an estimate of all states, which is used as it is.
+        """Return the inputs U (m,) from an estimate of all states. A policy that estimates states
+        itself overrides this, and uses the given estimate unchanged.
 
         following: what is known of the next sample
         """
@@ -324,8 +325,9 @@ class SampledPolicy(Policy):
         """Forget the samples of an earlier flight."""
 
     def begin(self, X: Any, following: NextSample | None = None) -> None:
-        """Begin a flight from expected states, (n,): a policy that plans makes its first plan.
+        """Begin a flight. A policy that plans overrides this, and makes its first plan here.
 
+        X: states that are expected at the first sample, absolute, (n,)
         following: as in `of_estimate`, or None without an estimate
         """
         self.reset()

@@ -36,7 +36,7 @@ from hfa_support.rows.workers import open_workers
 from trim.point.operating_point import OperatingPoint
 
 #: Compiled loops of each thread. Threads must not share a loop, whose memory each call overwrites.
-_OF_THREAD = threading.local()
+_THREAD = threading.local()
 
 
 class StoredResult(NamedTuple):
@@ -184,10 +184,12 @@ def _equations_identity(model: Model) -> tuple[str, ...]:
 
 
 def member_loop(plan: MonteCarlo) -> CompiledLoop:
-    """Return the compiled closed loop of a plan, cached for each thread."""
-    if not hasattr(_OF_THREAD, "loops"):
-        _OF_THREAD.loops = lru_cache(maxsize=4)(_compiled)
-    loop: CompiledLoop = _OF_THREAD.loops(plan)
+    """Return the compiled closed loop of a plan, cached for each thread because its calls overwrite
+    its memory.
+    """
+    if not hasattr(_THREAD, "loops"):
+        _THREAD.loops = lru_cache(maxsize=4)(_compiled)
+    loop: CompiledLoop = _THREAD.loops(plan)
     return loop
 
 
@@ -268,6 +270,7 @@ _MEMBER = "member"
 
 def chunk_of(plan: MonteCarlo) -> int:
     """Return the number of flights of a Monte Carlo plan that one task simulates."""
+    # the overhead of a member, as steps, and its steps
     steps = MEMBER_STEPS + plan.scenario.ticks * plan.scenario.steps_per_tick
     return min(math.ceil(CHUNK_STEPS / steps), plan.members)
 

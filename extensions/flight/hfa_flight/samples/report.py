@@ -48,16 +48,18 @@ def member_report(plan: MonteCarlo, flown: Flown, where: str, uncontrolled: Flow
     uncontrolled: results of the same flights without control, by name, or None
     """
     outcomes = _outcomes(plan, flown)
+    if uncontrolled is not None and isinstance(plan.policy, FilteredPolicy):
+        outcomes |= _rms_figures(plan, plan.policy, flown, uncontrolled)
+
     planned = (
         f"Monte Carlo, {plan.point.model.title}, policy {plan.policy.name}: {plan.members} flights "
         f"of {plan.scenario.duration:g} s, seed {plan.seed}, {where}"
     )
     advice = [] if is_limited(plan.envelope) else [GIVE_LIMIT]
-    if uncontrolled is not None and isinstance(plan.policy, FilteredPolicy):
-        outcomes |= _rms_figures(plan, plan.policy, flown, uncontrolled)
     title = "\n".join(
         [_verdict(plan, outcomes) + _far_text(outcomes.get("rms_far_above", {})), planned, *advice]
     )
+
     rows = _rows(outcomes)
     parts: list[Part] = [Group("flights", rows)] if rows else []
     if "drawn" in outcomes:
@@ -73,6 +75,7 @@ def member_report(plan: MonteCarlo, flown: Flown, where: str, uncontrolled: Flow
         parts += [gust.text(plan.model), *gust.left_out(plan.model)]
     if isinstance(plan.policy, FilteredPolicy):
         parts += plan.policy.texts()
+
     notes = [_ALIKE] if _all_same(plan) and plan.members > 1 else []
     is_unfiltered = not isinstance(plan.policy, (FilteredPolicy, OpenLoop))
     if plan.scenario.uncertainty.noise and is_unfiltered and outcomes["first_left"] is not None:
@@ -91,19 +94,19 @@ def _verdict(plan: MonteCarlo, outcomes: Mapping[str, Any]) -> str:
         stay, verb = "stay inside", "leave"
     else:
         stay, verb = "do not diverge", "diverge"
+    no_limit = "" if has_envelope else f"; {NO_LIMIT}"
     line = (
         f"{verdict_text(outcomes['ok'])}: {within} of {members} flights of "
         f"{plan.scenario.duration:g} s {stay}{_air_text(plan.scenario)}{need_text(plan.share)}"
+        f"{no_limit}"
     )
     outside = members - within
-    if not has_envelope:
-        line = f"{line}; {NO_LIMIT}"
     band = "" if _all_same(plan) else band_text(outside, members, verb)
     if not outside:
         return f"{line}; {band}" if band else line
     left = {name: count for name, count in outcomes["left"].items() if count}
-    by = f" by {next(iter(left)) if len(left) == 1 else _listed(left)}" if left else ""
-    return f"{line}; {outside} {verb}{by}" + (f" ({band})" if band else "")
+    of_states = f" by {next(iter(left)) if len(left) == 1 else _listed(left)}" if left else ""
+    return f"{line}; {outside} {verb}{of_states}" + (f" ({band})" if band else "")
 
 
 def _far_text(far: Mapping[str, Mapping[str, float]]) -> str:
@@ -174,6 +177,7 @@ def _rms_of_all(flown: Flown) -> list[float]:
     """Return the root mean squares of states and inputs over the time of all flights, (k + m,)."""
     seconds = flown["flown"]  # a flight counts by the time for which it stays inside
     squares = np.hstack([flown["rms_error"], flown["effort"]]) ** 2
+    # more than 0 s, because all flights may leave at once
     return np.sqrt(seconds @ squares / max(float(seconds.sum()), 1e-9)).tolist()
 
 
@@ -193,7 +197,8 @@ def _rms_table(plan: MonteCarlo, outcomes: Mapping[str, Any]) -> Table:
 def _outcomes(plan: MonteCarlo, flown: Flown) -> dict[str, Any]:
     """Return the outcomes of all flights of a plan: the entries of the file."""
     model = plan.model
-    # Of each flight the number of a variable, in `limited` and `oscillating`, or -1.
+    # For each flight, the place in `limited` of the variable that left, and in `oscillating` of the
+    # variable in a limit cycle; -1 for none.
     left, cycle = flown["left"], flown["cycle"]
     inside = left < 0
     limits = Limits.of(model, tuple(model.inputs))
@@ -212,6 +217,7 @@ def _outcomes(plan: MonteCarlo, flown: Flown) -> dict[str, Any]:
         "within_limits": within_limits,
         "held": int(inside.sum()),
         "first_left": None if inside.all() else float(flown["flown"][~inside].min()),
+        # more than 0 s, because all flights may leave at once
         "left_an_hour": 3600.0 * int((~inside).sum()) / max(float(flown["flown"].sum()), 1e-9),
         "left": {name: int((left == index).sum()) for index, name in enumerate(limited)},
         "left_95": outside_band(int((~inside).sum()), plan.members),
@@ -250,7 +256,7 @@ def _listed(counts: Mapping[str, int]) -> str:
 
 
 def _quantiles(model: Model, flown: Flown, inside: np.ndarray) -> dict[str, Any]:
-    """Return quantity -> variable -> values at the levels of the members inside, or None."""
+    """Return quantity -> variable -> quantiles of the flights inside, None without such flights."""
     variables: dict[str, tuple[str, ...]] = {
         "rms_error": model.linear,
         "peak_error": model.linear,
@@ -263,9 +269,11 @@ def _quantiles(model: Model, flown: Flown, inside: np.ndarray) -> dict[str, Any]
         values["peak_deviation"] = flown["peak_angle_of_attack"][:, None]
     if not inside.any():
         return {name: dict.fromkeys(names) for name, names in variables.items()}
-    levels = {name: np.quantile(values[name][inside], _QUANTILES, axis=0).T for name in variables}
+    quantiles = {
+        name: np.quantile(values[name][inside], _QUANTILES, axis=0).T for name in variables
+    }
     return {
-        name: dict(zip(names, levels[name].tolist(), strict=True))
+        name: dict(zip(names, quantiles[name].tolist(), strict=True))
         for name, names in variables.items()
     }
 

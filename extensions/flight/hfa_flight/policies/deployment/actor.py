@@ -110,9 +110,9 @@ def _read(path: Path, wanted: Wanted) -> tuple[NetworkFile, dict[str, Any]]:
         )
     if path.suffix.lower() in MATRIX_FILES and not is_network(path):
         return _gain(path)
-    asked = f"policy={wanted.policy.get('network', '')}"
+    network = f"policy={wanted.policy.get('network', '')}"  # only the policy of the file
     activation, sizes = wanted.policy.get("activation"), (len(wanted.boxes),)
-    return network_in(path, Asked(wanted.observations, asked, activation, sizes=sizes)), {}
+    return network_in(path, Asked(wanted.observations, network, activation, sizes=sizes)), {}
 
 
 def _gain(path: Path) -> tuple[NetworkFile, dict[str, Any]]:
@@ -148,7 +148,7 @@ def box_of(boxes: Mapping[str, Any]) -> ActionBox:
     for place, box in enumerate(boxes.values()):
         if box is not None:
             low[place], high[place] = box
-    return ActionBox("", low, high)
+    return ActionBox(low=low, high=high)
 
 
 def _action(declared: ActionBox, wanted: Wanted) -> ActionBox:
@@ -197,7 +197,7 @@ def _normalizer(declared: Declared, wanted: Wanted) -> tuple[Normalizer | None, 
     if entry is None:
         missing = "the policy was trained behind a VecNormalize; give its file as policy.normalizer"
         return declared.normalizer, (missing,) if declared.is_normalized else ()
-    count = 0  # of the observations from which the normalizer was made, 0 if unknown
+    count = 0  # observations from which the normalizer was made, 0 if unknown
     normalizer: Normalizer | None
     if isinstance(entry, Mapping):
         normalizer = Normalizer(**entry)
@@ -208,12 +208,12 @@ def _normalizer(declared: Declared, wanted: Wanted) -> tuple[Normalizer | None, 
             f"{normalizer.origin} normalizes {normalizer.mean.size} observations, but the "
             f"deployment file lists {wanted.observations}; give the normalizer of this policy"
         )
-    least, most = declared.seen
-    unseen: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     if normalizer is not None:
-        unseen = notes_on_statistics(normalizer.mean, normalizer.variance)
-    if unseen or count == 0 or least <= count <= most:
-        return normalizer, unseen
+        notes = notes_on_statistics(normalizer.mean, normalizer.variance)
+    least, most = declared.seen  # by the training of the policy
+    if notes or count == 0 or least <= count <= most:
+        return normalizer, notes
     reason = "it was not saved with this policy"
     if count > most:
         reason += ", unless learn() was called several times"

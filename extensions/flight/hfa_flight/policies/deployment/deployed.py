@@ -165,11 +165,12 @@ class Deployed:
                 "action moves"
             )
 
-    def symbols(self, kind: Any = ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    def symbols(self, function: ca.Function | None = None) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Return new symbols of X (n,), U (m,) and trim = (X0; U0; p).
 
-        kind: type of the symbols, ca.SX or ca.MX
+        function: function of them or of their results. The symbols are MX for an MX function
         """
+        kind: Any = ca.SX if function is None or function.is_a("SXFunction") else ca.MX
         n, m = len(self.model.states), len(self.model.inputs)
         count = n + m + len(self.model.parameters)
         return kind.sym("X", n), kind.sym("U", m), kind.sym("trim", count)
@@ -195,7 +196,8 @@ class Deployed:
     def refuse_undefined_at(
         self, points: Iterable[OperatingPoint], action: np.ndarray | None = None
     ) -> None:
-        """Raise BadInputError if an observation, the policy or a map is not finite at a trim.
+        """Raise BadInputError if an observation, the policy or a map is not finite at a trim, or if
+        the file of a gain has other units than the deployment.
 
         Observations must have finite derivatives with respect to X and U, and maps with respect to
         the action.
@@ -209,7 +211,7 @@ class Deployed:
                 by_X_and_U, by_action = (0, 1), (0,)
                 o = _refuse_undefined("observation", entries, self.observe, at_trim, by_X_and_U)
                 a = action
-                if a is None:
+                if a is None:  # the policy's file is read only here
                     self._refuse_other_units()
                     a = np.array(self.act(o)).ravel()
                 if not np.isfinite(a).all():
@@ -224,7 +226,8 @@ class Deployed:
     def _refuse_other_units(self) -> None:
         """Raise BadInputError if the file of a gain K has other units than the deployment.
 
-        The unit of an observation is that of its signal times the scale.
+        The unit of an observation is that of its signal times the scale. A unit that the file does
+        not state is not checked.
         """
         deployment = self.deployment
         of_gain = deployment.actor.of_gain
@@ -300,7 +303,8 @@ class Deployed:
     def act(self) -> ca.Function:
         """Function o -> a, the action (m,) in the units of the box, or nan if o contains nan."""
         o = symbols_for([self.stages], len(self.deployment.observation))
-        a = _unless_nan(ca.sum1(o), self.stages(o)[2])
+        _, _, action = self.stages(o)
+        a = _unless_nan(ca.sum1(o), action)  # the sum is nan if an observation is
         return ca.Function("act", [o], [ca.densify(a)])
 
     @cached_property
@@ -341,7 +345,7 @@ class Deployed:
     @cached_property
     def command(self) -> ca.Function:
         """Function (X, U, trim) -> commanded U. The argument U is the input before the sample."""
-        X, U, trim = self.symbols(type(symbols_for([self.act], 1)))
+        X, U, trim = self.symbols(self.act)
         a = self.act(self.observe(X, U, trim))
         return ca.Function("command", [X, U, trim], [ca.densify(self.inputs(a, X, U, trim))])
 
@@ -351,7 +355,7 @@ class Deployed:
 
         The argument U is the input just before the sample.
         """
-        X, U, trim = self.symbols(type(symbols_for([self.command], 1)))
+        X, U, trim = self.symbols(self.command)
         commanded = self.command(X, U, trim)
         slopes = [ca.jacobian(commanded, X), ca.jacobian(commanded, U)]
         parts = [ca.densify(part) for part in (commanded, *slopes)]

@@ -81,9 +81,9 @@ _ENTRIES: dict[Any, Any] = {
     "filter": {"noise*": {str: POSITIVE}, "turbulence": str},
 }
 #: Tables of a deployment file that are required, and those that are not.
-_TABLES = ("policy", "observation", "action", "timing")
-_OPTIONAL = ("cost", "filter")
-_ALL = (*_TABLES, *_OPTIONAL)
+_REQUIRED_TABLES = ("policy", "observation", "action", "timing")
+_OPTIONAL_TABLES = ("cost", "filter")
+_ALL_TABLES = (*_REQUIRED_TABLES, *_OPTIONAL_TABLES)
 _NORMALIZER: dict[Any, Any] = {
     "mean*": [NUMBER],
     "variance*": [_FROM_0],
@@ -137,11 +137,11 @@ class Deployment(Reported):
     def __post_init__(self) -> None:
         """Check every entry that can be checked without the aircraft."""
         with prefix_errors(self.origin):
-            entries = {name: _plain(getattr(self, name)) for name in _ALL}
-        for name in _OPTIONAL:
-            if entries[name] is None:
-                del entries[name]
-        for name, value in checked(self.origin, entries, _ENTRIES).items():
+            tables = {name: _plain(getattr(self, name)) for name in _ALL_TABLES}
+        for name in _OPTIONAL_TABLES:
+            if tables[name] is None:
+                del tables[name]
+        for name, value in checked(self.origin, tables, _ENTRIES).items():
             object.__setattr__(self, name, value)
         with prefix_errors(self.origin):
             self._check_policy()
@@ -170,8 +170,8 @@ class Deployment(Reported):
         with file_faults(path):
             entries = read_toml(path)
         for name in entries:
-            refuse_unknown(f"{path}: unknown table", name, _ALL)
-        for name in _TABLES:
+            refuse_unknown(f"{path}: unknown table", name, _ALL_TABLES)
+        for name in _REQUIRED_TABLES:
             if name not in entries:
                 raise BadInputError(f"{path}: the table [{name}] is missing; add this table")
         if "file" not in entries["policy"]:
@@ -280,7 +280,8 @@ class Deployment(Reported):
             actor = read_actor(Wanted(self.policy, self.folder, len(self.observation), boxes))
             self._refuse_other_gain(actor.of_gain)
             return actor
-        except BadInputError as error:  # its missing settings are given in this file, not typed
+        except BadInputError as error:
+            # No option is named: settings that are missing belong in the deployment file.
             raise BadInputError(f"{self.origin}: {error}") from error
 
     def _refuse_other_gain(self, declared: Mapping[str, Any]) -> None:
@@ -341,7 +342,7 @@ class Deployment(Reported):
                 policy[name] = Path(file).as_posix()
         tables = {"policy": policy, "observation": self.observation, "action": self.action}
         tables |= {"timing": self.timing}
-        tables |= {name: getattr(self, name) for name in _OPTIONAL if getattr(self, name)}
+        tables |= {name: getattr(self, name) for name in _OPTIONAL_TABLES if getattr(self, name)}
         write_text(path, toml_text(tables))
 
     def changed(self, **changes: Any) -> Deployment:

@@ -130,7 +130,7 @@ class DeployedPolicy(Policy):
         if equilibrium is None:
             return None
         values = np.linalg.eigvals(chain_of(equilibrium.nominal, timing.dt, timing.delay).closed)
-        # of s = ln(z) / dt, which no z = 0 has: such a mode is over after a sample
+        # s = ln(z) / dt; a mode with z = 0 vanishes after one sample and has no s
         return np.log(values[values != 0.0].astype(complex)) / timing.dt
 
     def notes(self) -> tuple[str, ...]:

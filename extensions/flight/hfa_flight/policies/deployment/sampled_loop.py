@@ -410,8 +410,8 @@ def chain_margins(chain: Chain) -> Margins:
 
 
 def _closed_loop(chain: Chain) -> ClosedLoop:
-    """Return M = I/2 + C (z I - closed)⁻¹ G as a continuous-time system in s."""
+    """Return M = S - I/2 of the sensitivity S = I + C (z I - closed)⁻¹ G, as a system in s."""
     closed, units = balanced(chain.closed)
     half = 0.5 * np.eye(len(chain.C))
-    steps = System(closed, chain.G / units[:, None], chain.C * units, half)
-    return ClosedLoop(*in_continuous_time(steps), dt=chain.dt)
+    in_z = System(closed, chain.G / units[:, None], chain.C * units, half)
+    return ClosedLoop(*in_continuous_time(in_z), dt=chain.dt)
