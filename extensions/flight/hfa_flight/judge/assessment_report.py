@@ -23,7 +23,7 @@ _SAME_COST = 1e-6
 #: An equilibrium closer to the trim, relative to the initial-condition box, counts as the trim.
 _AT_TRIM = 0.01
 #: Largest number of trims that are listed.
-_LISTED = 3
+_MOST_LISTED = 3
 
 
 class Severity(StrEnum):
@@ -106,8 +106,8 @@ def where_text(points: Sequence[AssessedPoint], among: Sequence[AssessedPoint]) 
     inside = [value for value in every if min(values) <= value <= max(values)]
     if len(inside) == len(values):
         return f"from {min(values):.4g} to {max(values):.4g} {unit}"
-    listed = ", ".join(f"{value:.4g}" for value in values[:_LISTED])
-    more = len(values) - _LISTED
+    listed = ", ".join(f"{value:.4g}" for value in values[:_MOST_LISTED])
+    more = len(values) - _MOST_LISTED
     return f"at {listed} {unit}" + (f" and {more} more" if more > 0 else "")
 
 

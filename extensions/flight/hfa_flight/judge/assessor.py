@@ -32,12 +32,12 @@ from hfa_support.progress import Progress
 from trim.point.operating_point import OperatingPoint
 
 #: Largest duration (s) and number of samples of a flight.
-_SECONDS = 10.0
-_SAMPLES = 1000
+_LONGEST_FLIGHT = 10.0
+_MOST_SAMPLES = 1000
 #: Number of flights from each trim whose integration error is computed.
-_CHECKED = 2
+_CHECKED_FLIGHTS = 2
 #: Nominal values of the states to which changes of smaller deviations are relative.
-_SMALL = 1e-3
+_SMALL_DEVIATION = 1e-3
 
 
 def resolved_flight(
@@ -45,7 +45,7 @@ def resolved_flight(
 ) -> tuple[SampledFlight, IntegrationError]:
     """Return the aircraft with so many integration steps in a sample that flights are resolved.
 
-    `_CHECKED` flights from each trim are compared with the same flights with half the step.
+    `_CHECKED_FLIGHTS` flights from each trim are compared with the same flights with half the step.
 
     seed: seed of the initial conditions
     """
@@ -61,7 +61,7 @@ def resolved_flight(
         largest = dict(zip(model.states, flown[1].tolist(), strict=True))
         return {
             f"the largest deviation of {name}": ReportedFigure(
-                largest[name], least=_SMALL * model.states[name].nominal
+                largest[name], least=_SMALL_DEVIATION * model.states[name].nominal
             )
             for name in model.linear
         }
@@ -74,10 +74,12 @@ def resolved_flight(
 def _largest_deviations(flight: SampledFlight, cases: Sequence[TrimCase], seed: int) -> np.ndarray:
     """Return the largest deviation of each state from the trim, within the envelope, (n,)."""
     deployed = flight.deployed
-    owners = np.repeat(np.arange(len(cases)), _CHECKED)
-    starts = np.vstack([seeded_starts(case, _CHECKED, seed, with_pulse=False)[0] for case in cases])
+    owners = np.repeat(np.arange(len(cases)), _CHECKED_FLIGHTS)
+    starts = np.vstack(
+        [seeded_starts(case, _CHECKED_FLIGHTS, seed, with_pulse=False)[0] for case in cases]
+    )
     trims = np.array([deployed.trim_vector(case.point) for case in cases])[owners]
-    seconds = min(_SECONDS, _SAMPLES * flight.dt)
+    seconds = min(_LONGEST_FLIGHT, _MOST_SAMPLES * flight.dt)
     ticks = flight.samples_in_window * flight.windows(seconds)
     loop = flight.compiled(len(owners), seconds)
     flown, _ = loop.fly(flight.start(starts, trims), trims, ticks)

@@ -22,9 +22,9 @@ from trim.point.operating_point import OperatingPoint
 #: initial-condition box.
 BALL = 0.05
 #: A flight about an unstable equilibrium leaves it in the end. It has converged only if its
-#: distance has not grown by the factor `_GROWN` in the last `_GROWTH` windows.
-_GROWTH = 10
-_GROWN = 1.02
+#: distance has not grown by the factor `_GROWTH_FACTOR` in the last `_LAST_WINDOWS` windows.
+_LAST_WINDOWS = 10
+_GROWTH_FACTOR = 1.02
 
 
 def refuse_edges(points: Sequence[OperatingPoint]) -> None:
@@ -61,10 +61,10 @@ def refuse_edges(points: Sequence[OperatingPoint]) -> None:
 _PULSE_DURATION = 1.0
 _PULSE_SIZE = 0.5
 #: Least and largest duration of a flight, s.
-_SHORTEST = 60.0
-_LONGEST = 300.0
+_SHORTEST_FLIGHT = 60.0
+_LONGEST_FLIGHT = 300.0
 #: Number of time constants of the slowest mode after which a flight has converged.
-_SETTLES = 4.0
+_TIME_CONSTANTS = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +93,12 @@ class TrimCase:
         """Duration of flights about the equilibrium, s.
 
         The duration is four time constants of the slowest mode of the sampled loop, within
-        [`_SHORTEST`, `_LONGEST`]. For a loop that is not stable, it is `_SHORTEST`.
+        [`_SHORTEST_FLIGHT`, `_LONGEST_FLIGHT`], and the shortest for a loop that is not stable.
         """
         if self.loop is None or not 0.0 < self.radius < 1.0:
-            return _SHORTEST
-        settled = -_SETTLES * self.loop.dt / math.log(self.radius)
-        return min(max(_SHORTEST, settled), _LONGEST)
+            return _SHORTEST_FLIGHT
+        settled = -_TIME_CONSTANTS * self.loop.dt / math.log(self.radius)
+        return min(max(_SHORTEST_FLIGHT, settled), _LONGEST_FLIGHT)
 
 
 @dataclass(frozen=True)
@@ -235,7 +235,7 @@ class CaseFlights:
         if progress is not None:
             progress(windows, windows)
         # Flights of the full duration that end in the ball have converged.
-        grows = self.nearest > _GROWN * self._earlier
+        grows = self.nearest > _GROWTH_FACTOR * self._earlier
         in_ball = (self.nearest <= 1.0) & (self._stable | ~grows)
         self.ends[(self.ends == FlightOutcome.UNDECIDED) & in_ball] = FlightOutcome.CONVERGED
 
@@ -246,7 +246,7 @@ class CaseFlights:
         """
         flying = flown.flights
         window = flown.first // (flown.states.shape[1] - 1)
-        if window == self._windows - _GROWTH:  # for the growth of the distance up to the end
+        if window == self._windows - _LAST_WINDOWS:  # for the growth of the distance up to the end
             self._earlier[flying] = self.nearest[flying]
         self.nearest[flying] = self.distance(flown)
         left = self._mark_departures(flown)

@@ -44,8 +44,8 @@ _LEAST_ROUGHNESS = 1e-3
 #: Weight of jumps of the inputs' slopes, and power of the roughness that determines the intervals.
 #: Of the values that were tried, these halve the difference between meshes of 25 and 50 intervals
 #: for the HFA.
-_OF_JUMPS = 3.0
-_POWER = 0.5
+_WEIGHT_OF_JUMPS = 3.0
+_POWER_OF_ROUGHNESS = 0.5
 #: Largest violation of the collocation equations of a feasible candidate, in nominal values.
 FEASIBLE = 1e-6
 
@@ -165,12 +165,12 @@ def adapted_mesh(
     leading = np.einsum("j,ijk->ik", _leading(collocation_points()), candidate.nodes)
     curvature = np.abs(leading[:, : len(of_states)] * of_states).sum(axis=1)
     slopes = np.diff(candidate.v, axis=0) / candidate.lengths[:, None]
-    jumps = _OF_JUMPS * np.abs(np.diff(slopes, axis=0) * of_inputs).sum(axis=1)
+    jumps = _WEIGHT_OF_JUMPS * np.abs(np.diff(slopes, axis=0) * of_inputs).sum(axis=1)
     jumps_at_ends = np.maximum(np.append(jumps, 0.0), np.append(0.0, jumps))
     roughness = curvature + jumps_at_ends * candidate.lengths
     before, after = np.append(0.0, roughness[:-1]), np.append(roughness[1:], 0.0)
     largest = np.maximum.reduce([roughness, after, before])
-    shares = (largest + _LEAST_ROUGHNESS * largest.max()) ** _POWER
+    shares = (largest + _LEAST_ROUGHNESS * largest.max()) ** _POWER_OF_ROUGHNESS
     shares_until = np.append(0.0, np.cumsum(shares))
     wanted = np.linspace(0.0, shares_until[-1], intervals + 1)
     return _on_steps(np.interp(wanted, shares_until, candidate.ends), step)

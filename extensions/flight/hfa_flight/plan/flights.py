@@ -158,15 +158,15 @@ def _slopes(problem: FlightProblem, candidate: CandidateFlight) -> tuple[np.ndar
 _LONGEST_STEP = 0.005
 #: Typical number of ticks that are simulated for an initial condition and a policy, for the
 #: decision on machine code: the search simulates candidates.
-_TICKS = 5000
+_TICKS_OF_A_SEARCH = 5000
 #: Largest product of the integration step and the fastest mode of the linear loop.
-_FASTEST = 0.1
+_RESOLVED = 0.1
 #: Number of time constants of the policy's slowest mode after which a flight has converged, and
 #: longest flight that is extended for this reason, s.
-_SETTLES = 6.0
-_LONGEST = 300.0
+_TIME_CONSTANTS = 6.0
+_LONGEST_FLIGHT = 300.0
 #: Linear cost after the first horizon, relative to the initial one.
-_FIRST_TAIL = 3e-4
+_NEGLIGIBLE_TAIL = 3e-4
 #: Step with which this time is searched, in time constants of the slowest mode, largest number of
 #: steps, and factor of the first horizon on the time found.
 _TAIL_STEP = 0.25
@@ -223,7 +223,7 @@ class Flights:
         """
         matrices = (self.problem.linear.A, self.loop)
         modes = np.concatenate([np.linalg.eigvals(matrix) for matrix in matrices])
-        return min(_LONGEST_STEP, _FASTEST / float(np.abs(modes).max()))
+        return min(_LONGEST_STEP, _RESOLVED / float(np.abs(modes).max()))
 
     @cached_property
     def tick(self) -> float:
@@ -243,7 +243,7 @@ class Flights:
         slowest = -spectral_abscissa(self.loop)
         step = _TAIL_STEP / slowest
         transition = expm(self.loop * step)
-        negligible = _FIRST_TAIL * float(start @ P @ start)
+        negligible = _NEGLIGIBLE_TAIL * float(start @ P @ start)
         count, z = 1, transition @ start
         while z @ P @ z > negligible and count < _TAIL_STEPS:
             count, z = count + 1, transition @ z
@@ -314,7 +314,7 @@ class Flights:
         plant = NonlinearPlant(problem.model, problem.point)
         loop = FlightLoop(plant, policy, calm, Cost(problem.Q, R))
         # The scenario here lasts one tick; flights are longer.
-        return CompiledLoop(loop, flights=self.count * _TICKS)
+        return CompiledLoop(loop, flights=self.count * _TICKS_OF_A_SEARCH)
 
     def scenario(self, seconds: float) -> Scenario:
         """Return a scenario without disturbance. Its duration is `seconds`, rounded up to whole
@@ -348,8 +348,8 @@ class Flights:
         """Return the simulated flight of a closed loop from an initial condition.
 
         A flight inside that is not at the trim after `seconds` is repeated until the slowest mode
-        of a sampled policy has decayed, at most for `_LONGEST`. The simulation ends early if a
-        state deviates by more than `FAR` nominal values.
+        of a sampled policy has decayed, at most for `_LONGEST_FLIGHT`. The simulation ends early if
+        a state deviates by more than `FAR` nominal values.
 
         start: initial deviations z, (k,)
         seconds: duration of the flight, s, if it is then at the trim
@@ -425,9 +425,9 @@ class Flights:
 def settling_time(policy: Policy) -> float:
     """Return the time, s, in which the slowest mode of a sampled policy's loop decays.
 
-    The time is at most `_LONGEST`, and 0 if the loop is not sampled or not stable.
+    The time is at most `_LONGEST_FLIGHT`, and 0 if the loop is not sampled or not stable.
     """
     modes = policy.sampled_modes()
     if modes is None or not len(modes) or not (modes.real < 0.0).all():
         return 0.0
-    return float(min(_LONGEST, -_SETTLES / modes.real.max()))
+    return float(min(_LONGEST_FLIGHT, -_TIME_CONSTANTS / modes.real.max()))

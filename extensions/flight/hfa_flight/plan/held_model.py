@@ -18,7 +18,7 @@ from hfa_support.native.row_code import machine_code
 
 #: Largest error of the fastest mode over a hold, x^5 / 120 for each Runge-Kutta step of x time
 #: constants. The gradient of a plan at the trim is then exact to 1e-5.
-_ERROR = 2.5e-6
+_LARGEST_ERROR = 2.5e-6
 
 
 class HeldModel:
@@ -40,9 +40,9 @@ class HeldModel:
     @cached_property
     def _steps_of_holds(self) -> list[int]:
         """Number of Runge-Kutta steps in each hold."""
-        # With c time constants in a hold, N steps have the error N (c/N)^5 / 120 = _ERROR.
+        # With c time constants in a hold, N steps have the error N (c/N)^5 / 120 = _LARGEST_ERROR.
         time_constants = self.holds * self.scaled.fastest
-        steps = np.ceil((time_constants**5 / (120.0 * _ERROR)) ** 0.25)
+        steps = np.ceil((time_constants**5 / (120.0 * _LARGEST_ERROR)) ** 0.25)
         return np.maximum(1, steps).astype(int).tolist()
 
     @cached_property
@@ -186,7 +186,7 @@ class HeldModel:
 #: Fraction of the distance from trim to limit within which the next state must stay.
 WITHIN = 0.96
 #: Largest number of Newton steps.
-_STEPS = 4
+_NEWTON_STEPS = 4
 
 
 class NearestInputs:
@@ -229,7 +229,7 @@ class NearestInputs:
         """
         lowest, highest = self.model.scaled.input_limits
         n = len(z)
-        for _ in range(_STEPS):
+        for _ in range(_NEWTON_STEPS):
             after, slopes = self.model.moved_along(z[None], v[None])
             kept = after[0, self._kept]
             excess = kept - np.clip(kept, *self._limits)
@@ -249,8 +249,8 @@ class NearestInputs:
 
 #: Largest difference of a sample from its prediction: share of the usual box, and share of what the
 #: inputs move in one sample. Ordinary sensor noise has standard deviations of 2 to 4 % of the box.
-_OF_BOX = 0.3
-_OF_MOVES = 0.1
+_SHARE_OF_BOX = 0.3
+_SHARE_OF_MOVES = 0.1
 #: Least box of a state, nominal values.
 _LEAST_BOX = 0.1
 
@@ -282,7 +282,7 @@ class Measured:
         box = np.maximum(model.scaled.box, _LEAST_BOX)
         #: Largest difference of a sample from its prediction, (n,). It is a nominal value for
         #: carried states, which have no box.
-        self._most = np.append(_OF_BOX * box + _OF_MOVES * moved, np.ones(n - k))
+        self._most = np.append(_SHARE_OF_BOX * box + _SHARE_OF_MOVES * moved, np.ones(n - k))
         self.wrong = 0
         #: Commands that may act yet, (m,) each, and number of all commands of the flight.
         self._commands: list[np.ndarray] = []

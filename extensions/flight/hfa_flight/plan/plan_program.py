@@ -22,9 +22,9 @@ _OPTIONS: dict[str, Any] = {
     **dict.fromkeys(("res_g_max", "res_b_max", "res_d_max", "res_m_max"), _TOLERANCE),
 }
 #: Cost of the plan in the units of the program. The tolerances are small beside it.
-_COST = 2500.0
+_COST_IN_UNITS = 2500.0
 #: Bound that stands for none.
-_FAR = 1e8
+_NO_BOUND = 1e8
 
 
 #: HPIPM's status of a program that is solved to the tolerance, and largest number of memories of a
@@ -124,7 +124,12 @@ class PlanProgram:
             "nu": [m + slacks] * count + [0],
             "ng": [2 * limits] * count + [0],
         }
-        options: dict[str, Any] = {**stages, "inf": _FAR, "hpipm": _OPTIONS, "error_on_fail": False}
+        options: dict[str, Any] = {
+            **stages,
+            "inf": _NO_BOUND,
+            "hpipm": _OPTIONS,
+            "error_on_fail": False,
+        }
         solve = ca.conic("plan", "hpipm", {"h": of_H, "a": of_A}, {**options, "print_time": False})
         given = {
             name: ca.MX.sym(name, solve.sparsity_in(name).nnz())
@@ -146,15 +151,15 @@ class PlanProgram:
             ones at the middles, (N, F, n + m)
         """
         count, n, m = len(cost.v), self._n, self._m
-        # Unit of the changes, in which the plan costs _COST.
-        unit = np.sqrt(max(cost.value, np.finfo(float).tiny) / _COST)
+        # Unit of the changes, in which the plan costs _COST_IN_UNITS.
+        unit = np.sqrt(max(cost.value, np.finfo(float).tiny) / _COST_IN_UNITS)
         curvatures = cost.weights.ravel(), 0.5 * cost.slack_curvatures.ravel(), cost.P.ravel()
         # All values of H and A, in the order of their numbers (`_numbers_of_values`). HPIPM
         # minimizes x'H x / 2 + g'x, so that H is twice the matrix of the cost.
         H = 2.0 * np.concatenate(curvatures)
         A = np.concatenate([[1.0, -1.0], slopes.ends.ravel(), slopes.middles.ravel()])
         limits = *_limits_of_rows(room, n), *_limits_of_unknowns(room, n)
-        in_units = (np.clip(limit / unit, -_FAR, _FAR) for limit in limits)
+        in_units = (np.clip(limit / unit, -_NO_BOUND, _NO_BOUND) for limit in limits)
         changes, change, *_ = self._solve.at(
             H[self._numbers_of_H], A[self._numbers_of_A], _gradient(cost) / unit, *in_units
         )

@@ -45,11 +45,11 @@ _LARGEST_SLACK = 5.0
 #: Factor on the gains of a first plan where those of the linear optimum lead to infinity.
 _HARDER_GAIN = 2.0
 #: Duration of the flight of a gain, in horizons.
-_HORIZONS = 4
+_HORIZONS_OF_GAIN = 4
 #: Number of standard deviations by which the limits of states are narrowed further, and the share
 #: of the distances from trim to limits that always remains.
 _STANDARD_DEVIATIONS = 4.0
-_REMAINS = 0.5
+_LEAST_ROOM = 0.5
 
 
 class Plan(NamedTuple):
@@ -146,7 +146,7 @@ class Planner:
         """Return the soft limits for a plan, which knows no air, from what a filter predicts.
 
         They are moved against the shift of the states that the estimated air causes, and narrowed
-        by the spread of the states, at most to `_REMAINS` of the distances from trim to limits.
+        by the spread of the states, at most to `_LEAST_ROOM` of the distances from trim to limits.
         """
         shift, spread = (
             following.shift[self.soft],
@@ -154,8 +154,8 @@ class Planner:
         )
         lowest, highest = (limit[self.soft] for limit in self.scaled.state_limits)
         return Range(
-            np.minimum(self.room.least - shift + spread, _REMAINS * lowest),
-            np.maximum(self.room.most - shift - spread, _REMAINS * highest),
+            np.minimum(self.room.least - shift + spread, _LEAST_ROOM * lowest),
+            np.maximum(self.room.most - shift - spread, _LEAST_ROOM * highest),
         )
 
     def flown(self, z: np.ndarray, v: np.ndarray, room: Range, age: int = 0) -> Plan:
@@ -221,7 +221,7 @@ class Planner:
         lows, highs = (ca.DM(limit) for limit in self.room)
         excess = ca.mmax(ca.vertcat(excess, soft - highs, lows - soft))
         step = ca.Function("step", arguments, [ca.vertcat(after, cost, excess)]).expand()
-        samples = _HORIZONS * int(self.grid.samples(0).sum())
+        samples = _HORIZONS_OF_GAIN * int(self.grid.samples(0).sum())
         flown = step.fold(samples)(begin, ca.repmat(K, 1, samples))
         return BoundFunction(machine_code(ca.Function("gain_flight", arguments, [flown])))
 

@@ -28,7 +28,7 @@ from verification.box import ordinary_box
 MARGIN = 4e-3
 #: Two trims have the same value of a state if they differ by less than this fraction of its nominal
 #: value.
-_SAME = 1e-6
+_SAME_STATE = 1e-6
 
 
 class NominalValues(NamedTuple):
@@ -253,7 +253,7 @@ class FlightProblem:
         for place, name in enumerate(self.model.states):
             if (
                 place not in self.places
-                and abs(off[place]) > _SAME * self.model.states[name].nominal
+                and abs(off[place]) > _SAME_STATE * self.model.states[name].nominal
             ):
                 raise BadInputError(
                     f"the two trims differ in {name}, which is not a state of the linear model; "

@@ -15,7 +15,7 @@ from hfa_flight.plan.smooth import smooth_slopes
 from hfa_support.errors import BadInputError, NoSolutionError, shown
 
 #: Norm above which the exponential of a longer hold is computed by doubling a shorter hold.
-_SHORT = 0.5
+_LARGEST_NORM = 0.5
 
 
 class Hold(NamedTuple):
@@ -72,7 +72,7 @@ def hold_of(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, seconds:
     rates = np.zeros((n + m, n + m))  # of (z; v) in a hold, with v' = 0
     rates[:n] = np.hstack([A, B])
     size = float(np.abs(rates).sum(axis=1).max()) * seconds
-    _, exponent = math.frexp(size / _SHORT)  # size / _SHORT < 2^exponent, 0 for 0
+    _, exponent = math.frexp(size / _LARGEST_NORM)  # size / _LARGEST_NORM < 2^exponent, 0 for 0
     doublings = max(0, exponent)
     # The exponential of this block matrix contains e^(rates t), and e^(-rates' t) times the
     # integral W of the cost (Van Loan, IEEE Transactions on Automatic Control 23 (1978) 395).
@@ -87,7 +87,7 @@ def hold_of(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, seconds:
 
 
 #: Fraction of its range by which the inputs move a state that they reach.
-_REACHES = 0.1
+_SHARE_OF_RANGE = 0.1
 
 
 class SignalCounts(NamedTuple):
@@ -203,7 +203,7 @@ class ScaledProblem:
         moves = np.abs(hold_of(*self.linear_states, dt).B) @ steps
         below, above = (limit[:k] for limit in self.state_limits)
         room = 0.5 * (above - below)
-        return np.pad(np.isfinite(room) & (moves >= _REACHES * room), (0, n - k))
+        return np.pad(np.isfinite(room) & (moves >= _SHARE_OF_RANGE * room), (0, n - k))
 
 
 #: Number of holds of a plan. With samples of at least _SLOW_SAMPLE seconds, it is twice this
@@ -438,7 +438,7 @@ def _rule_of_samples(scaled: ScaledProblem) -> float:
 
 
 #: Fraction of the limits within which the linear loop stays.
-_WITHIN = 0.9
+_SHARE_OF_LIMITS = 0.9
 #: Numbers of samples of the linear loop that are checked one by one, and of further steps of
 #: _SAMPLES_OF_STEP samples each.
 _CHECKED_SAMPLES = 150
@@ -476,15 +476,15 @@ class EndPolicy:
         self._states_and_inputs = np.array(states_and_inputs)
 
     def contains(self, z: np.ndarray) -> bool:
-        """Return whether the linear loop from z stays within `_WITHIN` of all limits.
+        """Return whether the linear loop from z stays within `_SHARE_OF_LIMITS` of all limits.
 
         z: followed states, (n,)
         """
         k = self._scaled.counts.linear
         lowest_z, highest_z = self._scaled.state_limits
         lowest_v, highest_v = self._scaled.input_limits
-        lowest = _WITHIN * np.concatenate([lowest_z[:k], lowest_v])
-        highest = _WITHIN * np.concatenate([highest_z[:k], highest_v])
+        lowest = _SHARE_OF_LIMITS * np.concatenate([lowest_z[:k], lowest_v])
+        highest = _SHARE_OF_LIMITS * np.concatenate([highest_z[:k], highest_v])
         flown = self._states_and_inputs @ z[:k]  # a row for each of the checked samples
         return bool(((flown <= highest) & (flown >= lowest)).all())
 

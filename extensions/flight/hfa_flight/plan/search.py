@@ -19,8 +19,8 @@ from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.text import percent
 
 #: Numbers of intervals of the meshes. The last is used only if the costs on the first two differ.
-_COARSE = 50
-_FINER = (100, 200)
+_COARSE_MESH = 50
+_FINER_MESHES = (100, 200)
 #: Factors on the margin to the state limits. The next is used if the flight left a limit.
 _MARGINS = (1.0, 3.0, 9.0, 27.0)
 #: Largest relative difference of the costs on two meshes, and largest relative excess of the cost
@@ -33,7 +33,7 @@ TAIL = 0.001
 #: equilibrium.
 DRIFTING_TAIL = 0.005
 #: Factor by which a horizon is extended, and largest number of extensions.
-_LONGER = 1.6
+_LONGER_HORIZON = 1.6
 _EXTENSIONS = 5
 NONE_WITHIN = (
     "IPOPT finds no flight within the limits, possibly because of tables; such a flight may exist"
@@ -128,7 +128,7 @@ class BestFlights:
             linear = self.flights.linear(start, (1.0 + AFTER) * horizon)
             if linear.converges:
                 break
-            horizon *= _LONGER
+            horizon *= _LONGER_HORIZON
         return linear
 
     def _confirmed_best(self, start: np.ndarray) -> Found:
@@ -141,8 +141,8 @@ class BestFlights:
             unfinished = self._unfinished(coarse)
             if not unfinished:
                 return self._confirmed(horizon, linear, coarse)
-            horizon *= _LONGER
-        raise _Unconfirmed(f"with a horizon of {horizon / _LONGER:.3g} s, {unfinished}")
+            horizon *= _LONGER_HORIZON
+        raise _Unconfirmed(f"with a horizon of {horizon / _LONGER_HORIZON:.3g} s, {unfinished}")
 
     def _unfinished(self, candidate: CandidateFlight) -> str:
         """Return why the horizon of a candidate is too short, or ""."""
@@ -160,10 +160,10 @@ class BestFlights:
     ) -> CandidateFlight:
         """Return the candidate on the coarse mesh, from the flight of the linear optimum."""
         guess = self._guess_of_flight(linear) if linear.converges else self._linear_guess(start)
-        lengths = self._mesh(seconds, _COARSE)
-        rough = self._transcription(_COARSE).solve(start, lengths, *sampled(guess, lengths))
+        lengths = self._mesh(seconds, _COARSE_MESH)
+        rough = self._transcription(_COARSE_MESH).solve(start, lengths, *sampled(guess, lengths))
         # The second solution has a mesh that is adapted to the first.
-        candidate = self._adapted(_COARSE, rough, MARGIN) if rough.feasible else rough
+        candidate = self._adapted(_COARSE_MESH, rough, MARGIN) if rough.feasible else rough
         if not candidate.feasible:
             raise _Unconfirmed(NONE_WITHIN)
         return candidate
@@ -192,8 +192,8 @@ class BestFlights:
 
     def _agreed(self, coarse: CandidateFlight) -> tuple[CandidateFlight, dict[int, float]]:
         """Return the candidate on the second of two meshes that agree, and the costs on all."""
-        candidate, meshes = coarse, {_COARSE: coarse.cost}
-        for intervals in _FINER:
+        candidate, meshes = coarse, {_COARSE_MESH: coarse.cost}
+        for intervals in _FINER_MESHES:
             candidate = self._adapted(intervals, candidate, MARGIN)
             if not candidate.feasible:
                 raise _Unconfirmed(NONE_WITHIN)

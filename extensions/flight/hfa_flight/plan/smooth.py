@@ -21,11 +21,11 @@ _COMPARISONS = (ca.OP_LT, ca.OP_LE)
 _NONSMOOTH = (ca.OP_FMIN, ca.OP_FMAX, ca.OP_FABS)
 _LOGIC = (ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO)
 #: An argument is constant if its range is less than this fraction of its magnitude.
-_VARIES = 1e-9
+_LEAST_VARIATION = 1e-9
 #: Half-width of a blend, in standard deviations of its argument. The points are within the
-#: limits, and their states within _NEAR nominal values of the trim.
+#: limits, and their states within _NEAR_TRIM nominal values of the trim.
 _BLEND_WIDTH = 0.02
-_NEAR = 3.0
+_NEAR_TRIM = 3.0
 _BLEND_POINTS = 500
 
 
@@ -36,10 +36,10 @@ def smooth_rates(problem: FlightProblem) -> ca.Function:
     pairs = zip(problem.state_limits, problem.input_limits, strict=True)
     below, above = (np.concatenate([z / of_states, v / of_inputs]) for z, v in pairs)
     # Random points are within the limits. Each state, whose limits may be wide, and each input
-    # without limits is also within _NEAR nominal values of the trim.
+    # without limits is also within _NEAR_TRIM nominal values of the trim.
     range_of_inputs = (above - below)[len(of_states) :]
-    reach_of_inputs = np.where(np.isfinite(range_of_inputs), np.inf, _NEAR)
-    reach = np.concatenate([np.full(len(of_states), _NEAR), reach_of_inputs])
+    reach_of_inputs = np.where(np.isfinite(range_of_inputs), np.inf, _NEAR_TRIM)
+    reach = np.concatenate([np.full(len(of_states), _NEAR_TRIM), reach_of_inputs])
     rng = np.random.default_rng(0)
     shape = (_BLEND_POINTS, len(reach))
     near = rng.uniform(np.maximum(below, -reach), np.minimum(above, reach), shape)
@@ -110,7 +110,7 @@ class _Blend:
         """
         finite = values[np.isfinite(values)]
         size = np.abs(finite).max(initial=0.0)
-        if len(finite) < len(values) or np.ptp(finite) <= _VARIES * size:
+        if len(finite) < len(values) or np.ptp(finite) <= _LEAST_VARIATION * size:
             return _Blend(0.0)  # infinite somewhere, or constant
         levels = np.unique(finite)
         if len(levels) == 2:  # such as a truth value

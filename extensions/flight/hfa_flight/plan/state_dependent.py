@@ -32,13 +32,13 @@ from hfa_support.native.row_code import machine_code
 from trim.point.operating_point import OperatingPoint
 
 #: Points of the Gauss quadrature on the ray from the trim to the state.
-_POINTS = 4
+_QUADRATURE_POINTS = 4
 #: Default weight of a kept rate at its limit, relative to the least weight of inputs, in nominal
 #: units. It was found on the flexible aircraft: with twice of it, flights at 5 deg cost up to 1.5
 #: times the best instead of 1.23 times.
 LIMIT_WEIGHT = 10.0
 #: Most negative eigenvalue of P, relative to its norm.
-_NEGATIVE = 1e-9
+_NEGATIVE_BY_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -134,7 +134,7 @@ class RiccatiPolicy:
         self._kept = [scaled.problem.states.index(name) for name in self.nearest.states]
         least_weight = float(np.linalg.eigvalsh(scaled.linear_states.R)[0])
         self._limit_weight = limit_weight * least_weight
-        nodes, weights = np.polynomial.legendre.leggauss(_POINTS)
+        nodes, weights = np.polynomial.legendre.leggauss(_QUADRATURE_POINTS)
         #: Points of the ray from the trim to the state, as fractions of it, each with its weight.
         self._ray = list(zip(0.5 * (1.0 + nodes), 0.5 * weights, strict=True))
         self.reset(delay=0.0)
@@ -211,7 +211,7 @@ class RiccatiPolicy:
             stable_modes, P = 0, self._P
         P = 0.5 * (P + P.T)
         least = np.linalg.eigvalsh(P)[0]
-        if stable_modes != k or not least >= -_NEGATIVE * np.linalg.norm(P):
+        if stable_modes != k or not least >= -_NEGATIVE_BY_ROUNDING * np.linalg.norm(P):
             self.unsolved += 1
             return self._P
         return P

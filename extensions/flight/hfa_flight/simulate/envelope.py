@@ -30,9 +30,9 @@ from trim.point.operating_point import OperatingPoint
 #: rate, else more than a drift with t^4.
 _FACTOR_IF_UNSTABLE, _FACTOR_IF_STABLE = 4.0, 256.0
 #: Smallest number of steps after the last excitation by which a flight is judged.
-_FEWEST = 8
+_FEWEST_STEPS = 8
 #: Smallest error of a flight that diverges, in nominal values.
-_VISIBLE = 0.01
+_VISIBLE_ERROR = 0.01
 #: What the first line of flights without an envelope says, and how a state gets a limit.
 NO_LIMIT = "no state has a limit"
 GIVE_LIMIT = "hfa fly --envelope NAME=LOW:HIGH (Python: envelope=) gives a state a limit"
@@ -212,7 +212,7 @@ def divergence(
         after it, or of the whole flight if no time or few steps remain
     """
     times, end = flight.times, float(flight.times[-1])
-    begin = driven_until if np.sum(times >= driven_until) >= _FEWEST else 0.0
+    begin = driven_until if np.sum(times >= driven_until) >= _FEWEST_STEPS else 0.0
     quarter = (end - begin) / 4.0
     in_first_quarter = (times >= begin) & (times <= begin + quarter)
     before = np.abs(flight.errors[in_first_quarter]).max(axis=0)
@@ -223,7 +223,7 @@ def divergence(
     factor = _FACTOR_IF_UNSTABLE if grows_by_e else _FACTOR_IF_STABLE
     sizes = np.where(after > factor * before, after / nominal, 0.0)
     index = int(np.argmax(sizes))
-    if sizes[index] < _VISIBLE:
+    if sizes[index] < _VISIBLE_ERROR:
         return None
     name = model.linear[index]
     (place,) = model.state_places((name,))
@@ -286,7 +286,7 @@ def control_excesses(model: Model, inputs: np.ndarray) -> tuple[ControlExcess, .
 #: cost flown and the cost-to-go.
 TOLERANCE = 0.05
 #: Deviations in nominal values at which the aircraft is at its trim, whatever the cost.
-_AT_TRIM = 1e-9
+_AT_TRIM_DEVIATION = 1e-9
 RULE = (
     "A flight has returned to the trim if its linear cost-to-go z'Pz at the end is at most "
     f"{100 * TOLERANCE:g} % of its cost."
@@ -307,7 +307,7 @@ def has_returned(model: Model, z: np.ndarray, P: np.ndarray, spent: np.ndarray) 
     with np.errstate(over="ignore", invalid="ignore"):  # a flight may diverge
         to_go = quadratic_forms(z, P)
         decayed = has_decayed(to_go, spent + to_go, TOLERANCE)
-    return np.asarray(decayed | (np.abs(z) <= _AT_TRIM * nominal).all(axis=1))
+    return np.asarray(decayed | (np.abs(z) <= _AT_TRIM_DEVIATION * nominal).all(axis=1))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -26,11 +26,11 @@ _LEAST_DECAY = 5e-3
 _ROUNDS = 4
 #: Longest flight that is chosen for a growing mode, s. A mode that grows more slowly than by a
 #: factor of e in this time is ignored.
-_LONGEST = 300.0
+_LONGEST_FLIGHT = 300.0
 #: Growth, in powers of e, after which an oscillation has its final amplitude.
 _FULLY_GROWN = 5.0
 #: Flights for growing modes are a multiple of this time, s.
-_WHOLE = 10.0
+_MULTIPLE = 10.0
 
 
 class LimitCycle(NamedTuple):
@@ -70,20 +70,21 @@ def duration_for(growing: np.ndarray) -> float:
     """Return the duration in which oscillations of growing modes are recognized, s, or 0 for none.
 
     In the first half of the flight, a mode reaches its final amplitude. The duration is at most
-    `_LONGEST`.
+    `_LONGEST_FLIGHT`.
 
     growing: eigenvalues of the linear loop with positive real parts, 1/s
     """
-    growing = growing[growing.real > 1.0 / _LONGEST]
+    growing = growing[growing.real > 1.0 / _LONGEST_FLIGHT]
     if not growing.size:
         return 0.0
     grown = 2.0 * _FULLY_GROWN / growing.real
     # A flight of this duration recognizes half the frequency of the mode too, because a large
-    # oscillation may be slower than a small one. Very slow modes count as 1 / _LONGEST.
-    recognized = 2.0 * slowest_recognized(1.0) / np.maximum(np.abs(growing.imag), 1.0 / _LONGEST)
+    # oscillation may be slower than a small one. Very slow modes count as 1 / _LONGEST_FLIGHT.
+    frequencies = np.maximum(np.abs(growing.imag), 1.0 / _LONGEST_FLIGHT)
+    recognized = 2.0 * slowest_recognized(1.0) / frequencies
     oscillates = growing.imag != 0.0
     longest = np.where(oscillates, np.maximum(grown, recognized), grown).max()
-    return float(min(_LONGEST, _WHOLE * np.ceil(longest / _WHOLE)))
+    return float(min(_LONGEST_FLIGHT, _MULTIPLE * np.ceil(longest / _MULTIPLE)))
 
 
 def limit_cycle(model: Model, flight: Deviations, driven_until: float) -> LimitCycle | None:

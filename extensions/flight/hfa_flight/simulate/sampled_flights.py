@@ -33,7 +33,7 @@ COMPILE_FROM = 50_000
 #: Interval at which flights are checked, s.
 WINDOW = 1.0
 #: Largest number of stored values of the flights that one thread simulates together.
-_STORED = 10_000_000
+_MOST_STORED = 10_000_000
 
 
 class Ticks:
@@ -350,7 +350,7 @@ def in_threads(work: Callable[[np.ndarray], None], count: int, stored: int) -> N
     stored: number of values that are stored for a flight
     """
     threads = max(1, min(os.cpu_count() or 1, count // 100))
-    sets = max(threads, math.ceil(count * stored / _STORED))
+    sets = max(threads, math.ceil(count * stored / _MOST_STORED))
     # Each set has flights of all trims, so that the sets take about as long.
     dealt = [np.arange(first, count, sets) for first in range(min(sets, max(count, 1)))]
     with ThreadPoolExecutor(threads) as pool:

@@ -26,17 +26,17 @@ from hfa_support.progress import Progress
 #: Largest error of a step, relative to the size of each state. Costs are printed with six digits.
 TOLERANCE = 1e-7
 #: Size of a state near 0, relative to the largest deviation so far in nominal values.
-_SMALL = 1e-3
+_LEAST_SIZE = 1e-3
 #: Errors below this are rounding, in nominal values: 1e4 units in the last place.
 _ROUNDING = 1e-12
 #: A step is followed by one of .9 times the length that the error allows, at least a fifth and at
 #: most ten times as long. The error is of order 5.
-_SAFETY, _SHORTER, _LONGER, _ORDER = 0.9, 0.2, 10.0, 5.0
+_SAFETY, _LEAST_FACTOR, _LARGEST_FACTOR, _ORDER = 0.9, 0.2, 10.0, 5.0
 #: The error of a fifth of a step over a jump is about a fifth, and over a nonsmooth point a 25th.
-_AT_A_JUMP = 0.1
+_FALL_AT_A_JUMP = 0.1
 #: Number of steps since the last `RungeKutta.clear` after which `advance` pauses first, then after
 #: twice, four times, ... as many, so that a flight that has left its envelope soon ends.
-_PAUSE = 100
+_FIRST_PAUSE = 100
 #: Largest number of steps after `RungeKutta.clear` before a pause: a flight makes fewer in 1 s.
 _PAUSE_LATER = 1600
 #: Largest number of these steps, about 2 s of computation.
@@ -52,9 +52,9 @@ _STAGES = (
     (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
     (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
 )
-_TIMES = (1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0)
-_AFTER = (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84)
-_ERROR = (-71 / 57600, 0.0, 71 / 16695, -71 / 1920, 17253 / 339200, -22 / 525, 1 / 40)
+_STAGE_TIMES = (1 / 5, 3 / 10, 4 / 5, 8 / 9, 1.0)
+_WEIGHTS_AFTER = (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84)
+_WEIGHTS_OF_ERROR = (-71 / 57600, 0.0, 71 / 16695, -71 / 1920, 17253 / 339200, -22 / 525, 1 / 40)
 _POLYNOMIAL = (
     (1.0, -8048581381 / 2820520608, 8663915743 / 2820520608, -12715105075 / 11282082432),
     (0.0, 0.0, 0.0, 0.0),
@@ -85,18 +85,18 @@ def step_function(
     t, h, before = (ca.SX.sym(name) for name in ("t", "h", "before"))
     y, held = ca.SX.sym("y", rate.numel_in(1)), ca.SX.sym("held", rate.numel_in(2))
     k = rate(t, y, held)  # gets a column for each stage: its slope
-    for time, stage in zip(_TIMES, _STAGES, strict=True):
+    for time, stage in zip(_STAGE_TIMES, _STAGES, strict=True):
         at_stage = y + h * ca.mtimes(k, ca.DM(stage))
         k = ca.horzcat(k, rate(t + time * h, at_stage, held))
-    after = y + h * ca.mtimes(k, ca.DM(_AFTER))
+    after = y + h * ca.mtimes(k, ca.DM(_WEIGHTS_AFTER))
     k = ca.horzcat(k, rate(t + h, after, held))
 
-    error = ca.fabs(h * ca.mtimes(k, ca.DM(_ERROR)))
+    error = ca.fabs(h * ca.mtimes(k, ca.DM(_WEIGHTS_OF_ERROR)))
     size = ca.fmax(ca.fabs(y), ca.fabs(after))
     units = ca.DM(nominal)
     deviating = np.flatnonzero(nominal).tolist()
     largest = ca.fmax(before, ca.mmax(size[deviating] / units[deviating]))
-    allowed = TOLERANCE * (size + _SMALL * units * largest) + _ROUNDING * units
+    allowed = TOLERANCE * (size + _LEAST_SIZE * units * largest) + _ROUNDING * units
     # The root mean square over the states; a state that stays 0, as a cost, is not 0 / 0.
     ratio = ca.norm_2(error / (allowed + sys.float_info.min)) / math.sqrt(y.numel())
     in_units = ca.norm_2(error[deviating] / units[deviating])
@@ -109,9 +109,11 @@ def step_function(
 def _step_factor(ratio: float) -> float:
     """Return the length of the next step relative to one with a ratio of error to allowed error."""
     if ratio == 0.0:
-        return _LONGER
+        return _LARGEST_FACTOR
     wanted = _SAFETY * ratio ** (-1 / _ORDER)
-    return min(_LONGER, max(_SHORTER, wanted))  # _SHORTER for an error that is not a number
+    return min(
+        _LARGEST_FACTOR, max(_LEAST_FACTOR, wanted)
+    )  # _LEAST_FACTOR for an error that is not a number
 
 
 class RungeKutta:
@@ -143,9 +145,9 @@ class RungeKutta:
             ("y", float, n),
             ("slopes", float, 4 * n),
         ]
-        self._steps = np.empty(_PAUSE, dtype=step_type)
+        self._steps = np.empty(_FIRST_PAUSE, dtype=step_type)
         self._count = 0
-        self._pause = _PAUSE
+        self._pause = _FIRST_PAUSE
 
     def advance(
         self, begin: float, end: float, y: np.ndarray, held: np.ndarray
@@ -199,13 +201,13 @@ class RungeKutta:
     def _shorter_step(self, seconds: float, ratio: float, error: float) -> float | None:
         """Return the length, s, of the next trial of a step, or None if it passes over a jump.
 
-        The error of a short step over a jump hardly falls with the length (`_AT_A_JUMP`).
+        The error of a short step over a jump hardly falls with the length (`_FALL_AT_A_JUMP`).
         """
         if seconds > self._shortest:
             return _step_factor(ratio) * seconds
-        if error < _AT_A_JUMP * self._error_of_short_step:
+        if error < _FALL_AT_A_JUMP * self._error_of_short_step:
             self._error_of_short_step = error
-            return _SHORTER * seconds
+            return _LEAST_FACTOR * seconds
         return None
 
     def clear(self) -> None:
@@ -230,9 +232,9 @@ class RungeKutta:
 #: flexible aircraft and 30,000 for a JSBSim jet.
 COMPILE_FROM_TICKS = 30_000
 #: Number of rows between tests of whether a flight ends.
-_ROWS = 1000
+_ROWS_OF_WINDOW = 1000
 #: Steps longer than this part of the interval of the rows are shortened also at a jump.
-_SHORTEST = 1 / 2
+_SHORTEST_STEP = 1 / 2
 
 
 class CompiledLoop:
@@ -314,7 +316,7 @@ class CompiledLoop:
             loop = replace(loop, policy=policy)
         ticks = loop.scenario.ticks if ticks is None else ticks
         per_tick = loop.scenario.steps_per_tick
-        window = max(1, _ROWS // per_tick)
+        window = max(1, _ROWS_OF_WINDOW // per_tick)
         flying = _Flying(self, loop, ticks, window, parameters, stop)
         parts: list[_Rows] = []
         for first in range(0, ticks, window):
@@ -418,7 +420,7 @@ class _Flying:
         self._times = scenario.step * np.arange(ticks * self._per_tick + 1)
         self._changes = self._changes_of_held(window)
         longest = scenario.tick * (1 if compiled.is_driven else window)
-        self.integration = RungeKutta(compiled.step, longest, _SHORTEST * scenario.step)
+        self.integration = RungeKutta(compiled.step, longest, _SHORTEST_STEP * scenario.step)
 
     def _changes_of_held(self, window: int) -> np.ndarray:
         """Return the times from which inputs are held, s: of each tick or window, and all breaks.

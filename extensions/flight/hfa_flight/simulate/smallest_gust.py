@@ -38,10 +38,10 @@ from trim.point.operating_point import OperatingPoint
 #: Default lengths of complete gusts, ft. FAR 25.341 has 60 to 700 ft, twice the gradient distance.
 LENGTHS = (25.0, 50.0, 100.0, 200.0, 400.0, 800.0)
 #: The search for the smallest peak begins at this share of the airspeed, and ends at all of it.
-_FIRST = 0.01
+_FIRST_PEAK = 0.01
 #: Ratio of a peak to the one flown before, until one leaves the limits: the relative width of a
 #: window of peaks that may be missed. The coarse ratio follows a flight within half of the limits.
-_RATIO, _COARSE = 1.01, 1.05
+_FINE_RATIO, _COARSE_RATIO = 1.01, 1.05
 #: Largest ratio of the two peaks between which a threshold lies.
 ACCURACY = 1.005
 #: Usual number of flights for a length, for the decision on machine code.
@@ -137,14 +137,14 @@ class SmallestGusts(Result, Reported):
             + f", policy {self.policy}, from the trim, without noise"
         )
         accuracy, fine, coarse = (
-            f"{100.0 * (ratio - 1.0):.2g} %" for ratio in (ACCURACY, _RATIO, _COARSE)
+            f"{100.0 * (ratio - 1.0):.2g} %" for ratio in (ACCURACY, _FINE_RATIO, _COARSE_RATIO)
         )
         how = (
             f"Each peak leaves the limits within {AFTER:g} s after the gust, and the flown peak "
             f"inside is at most {accuracy} smaller. {self.flights} gusts were flown, with peaks "
-            f"from {100.0 * _FIRST:g} % of the airspeed on in steps of {fine}, or {coarse} after a "
-            "flight within half of the limits: windows of smaller peaks that leave, narrower than "
-            "a step, are not seen."
+            f"from {100.0 * _FIRST_PEAK:g} % of the airspeed on in steps of {fine}, or {coarse} "
+            "after a flight within half of the limits: windows of smaller peaks that leave, "
+            "narrower than a step, are not seen."
         )
         title = f"{self._headline()}\n{flown}"
         parts: list[Part] = [Table(header, rows), how, *self.about_policy]
@@ -252,13 +252,13 @@ class _Search:
 
     def threshold(self, sign: float) -> GustThreshold:
         """Return the threshold of updrafts (1) or downdrafts (-1)."""
-        staying, leaving = 0.0, _FIRST * self.airspeed  # peaks of the flights
+        staying, leaving = 0.0, _FIRST_PEAK * self.airspeed  # peaks of the flights
         flight = self._flight(sign * leaving)
         while flight.departure is None:
             staying = leaving
             if staying >= self.airspeed:
                 return GustThreshold(self.gust.length, sign * staying, None, "", None)
-            ratio = _COARSE if self._is_within_half(flight) else _RATIO
+            ratio = _COARSE_RATIO if self._is_within_half(flight) else _FINE_RATIO
             leaving = min(ratio * leaving, self.airspeed)
             flight = self._flight(sign * leaving)
         departure = flight.departure
