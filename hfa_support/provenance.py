@@ -95,7 +95,7 @@ class Provenance(Result):
         flight that differs from the paper's level flight.
         """
         first_line = [f"hfa {self.version}", self.date[:10]]
-        if self.model:
+        if self.model:  # a user's plant or aircraft
             first_line.append(f"plant {self.model}")
         elif self.parameters:
             first_line.append(f"{self.dynamics} dynamics")

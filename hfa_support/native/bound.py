@@ -22,7 +22,8 @@ def of_rows(
     """
     if rows == 1:
         return function, "C"
-    # `map` makes a column of each row, and CasADi stores columns one after the other: order "C".
+    # CasADi stores the columns of a matrix one after the other. In `by_columns`, a column has one
+    # entry of all rows: order "F". In `map`, a column has all entries of one row: order "C".
     at_once = by_columns(function, rows) if by_operation else None
     return (function.map(rows), "C") if at_once is None else (at_once, "F")
 

@@ -46,7 +46,7 @@ def machine_code(function: ca.Function) -> ca.Function:
     """Return the function compiled to machine code.
 
     A function that CasADi cannot write in C (`_has_c`) is returned unchanged. Without a working
-    compiler each function is, and a note is printed once.
+    compiler, every function is returned unchanged, and a note is printed once.
     """
     if not all(_has_c(called) for called in (function, *function.find_functions())):
         return function

@@ -358,6 +358,7 @@ def _configuration_cells(
         else:
             value, unit = point.model.parameters[name].start, point.model.unit(name)
         heading = with_shown_unit(_COVER_LABELS.get(name, name), unit)
+        # A word, such as that of a gear, or a number with the digits of a weighing.
         cells[heading] = value if isinstance(value, str) else _Number(value, unit, figures=5)
     return cells
 
@@ -414,7 +415,7 @@ def matrix_figure(conditions: Sequence[Condition]) -> Figure:
             axes.plot(range(count), values, next(marks), markersize=4, label=name)
         for place, condition in enumerate(conditions):
             if condition.result != TRIMMED:
-                color = "0.85" if condition.point is None else "#f4c7c3"
+                color = "0.85" if condition.point is None else "#f4c7c3"  # light grey, light red
                 axes.axvspan(place - 0.5, place + 0.5, color=color, zorder=0)
         axes.set_ylabel(heading, fontsize=8)
         axes.tick_params(labelsize=8)

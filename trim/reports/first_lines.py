@@ -170,9 +170,8 @@ def _flight_words(
     names = [*changed]
     if "load_factor" in trimmed.model.outputs:
         gamma = 0.0 if math.isnan(trimmed.flight_path) else trimmed.flight_path
-        if (
-            abs(trimmed["load_factor"] - math.cos(gamma)) > _STATED_DIFFERENCE
-        ):  # no steady straight flight
+        # In steady straight flight, the load factor is cos γ.
+        if abs(trimmed["load_factor"] - math.cos(gamma)) > _STATED_DIFFERENCE:
             names.insert(0, "load_factor")
     if model.schedule in (*model.states, *model.inputs):
         names.insert(0, model.schedule)

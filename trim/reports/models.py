@@ -377,7 +377,7 @@ class Conditions(StatesAndInputs, Result, Reported):
             words = [name for name, array in arrays.items() if array.dtype == object]
             arrays |= {name: arrays[name].astype(str) for name in words}
             head = {"schema": self.schema, "names": [*self.names]} | self._named_signals()
-            save_data(path, storable(head) | arrays | origin, Table((), ()))
+            save_data(path, storable(head) | arrays | origin, records=Table((), ()))
         else:
             report = self.report() if suffix == ".csv" else self._summary  # only it has records
             report.with_data(origin).save(path)

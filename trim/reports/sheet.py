@@ -109,8 +109,8 @@ def _limits_text(margin: Margin, is_input: bool) -> str:
 def nearest_first(trimmed: Trimmed) -> list[Margin]:
     """Return the variables whose limits matter, in the order of `_rank`.
 
-    These are free variables and held inputs. The angle of attack is also limited by that of the
-    largest lift.
+    These are free variables and held inputs, whose travel is limited too; a held state is where the
+    condition demands it. The angle of attack is also limited by that of the largest lift.
     """
     inputs, margins = trimmed.model.inputs, trimmed.point.margins
     limited = [

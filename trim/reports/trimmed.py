@@ -414,7 +414,8 @@ class Trimmed:
         # state whose rate depends on one other state alone.
         slopes = self.slopes
         names = slopes.states
-        of_motion = {*self.roles.values(), "altitude"}  # no role without speed and alpha
+        # An altitude is a role only beside speed and alpha, but lags nothing in any model.
+        of_motion = {*self.roles.values(), "altitude"}
         for position, row in enumerate(slopes.A):
             depends_on = np.flatnonzero(row)
             is_integral = len(depends_on) == 1 and depends_on[0] != position
@@ -544,7 +545,8 @@ class Trimmed:
         if self.fault:
             return "a derivative is not a number"
         by_states, by_inputs = self.slopes.outputs[name]
-        of_motion = {*self.roles.values(), "altitude"}  # no role without speed and alpha
+        # An altitude is a role only beside speed and alpha, but lags nothing in any model.
+        of_motion = {*self.roles.values(), "altitude"}
         for state, slope in zip(model.states, by_states, strict=True):
             if slope and state not in of_motion:  # a state of the engine, which lags its lever
                 return f"the thrust follows the state {state}"
