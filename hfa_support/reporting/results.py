@@ -172,8 +172,9 @@ def _cell(cell: Any) -> Any:
 def _without_formula(text: str) -> str:
     """Return a text with an apostrophe before it if spreadsheets would read it as a formula."""
     # After a plus or a minus, a digit follows if the text is no formula, such as "-1.5 ± 2i", and
-    # after a plus it also ends with one, such as the telephone number "+49 30".
-    formula = r"[=@\t\r]|\+[^\d.]|\+.*[^\d.]$|-[^\d.]"
+    # after a plus it also ends with one, such as the telephone number "+49 30". A text with a digit
+    # calls a function or another program by a bracket, | or !.
+    formula = r"[=@\t\r]|\+[^\d.]|\+.*[^\d.]$|-[^\d.]|[-+].*[(|!]"
     return f"'{text}" if re.match(formula, text) else text
 
 

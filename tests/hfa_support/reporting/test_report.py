@@ -71,14 +71,15 @@ def test_names_become_no_formulas_links_or_columns(tmp_path):
     """A user's name never becomes a formula in a spreadsheet, of .csv, nor a link, tag or column in
     Markdown.
     """
-    names = ("=cmd|' /C calc'!A0", "@sum", "-x", "+1e", "-1.5", "<script>", "[a](b)")
+    formulas = ("=cmd|' /C calc'!A0", "@sum", "-x", "+1e", "-1+cmd|' /C calc'!A0", "+1+SUM(A1)+0")
+    names = (*formulas, "-1.5", "<script>", "[a](b)")
     table = Table(("name", "value"), [(name, 1.0) for name in names])
     Report("", records=table).save(tmp_path / "a.csv")
     cells = [
         row["name"] for row in csv.DictReader((tmp_path / "a.csv").read_text("utf-8").splitlines())
     ]
     # A number, markup and a link are no formulas, and stay as they are.
-    assert cells == [f"'{name}" for name in names[:4]] + list(names[4:])
+    assert cells == [f"'{name}" for name in formulas] + ["-1.5", "<script>", "[a](b)"]
     markdown = Report("", (table,)).markdown()
     assert "&lt;script>" in markdown
     assert "[a]\\(b)" in markdown
