@@ -610,9 +610,9 @@ def _last_digits(columns: np.ndarray) -> np.ndarray:
 
     It is 0.01 for 0.5, 1.25, and the floating-point precision for numbers that were not rounded.
     """
-    # A few floating-point spacings, then 10^-place for the fewest decimals that suffice.
-    unit = 4.0 * np.spacing(np.abs(columns).max(axis=0, initial=0.0))
+    precision = 4.0 * np.spacing(np.abs(columns).max(axis=0, initial=0.0))
+    unit = precision
     for place in range(16, -1, -1):
-        is_rounded = (np.abs(np.round(columns, place) - columns) <= unit).all(axis=0)
-        unit = np.where(is_rounded, np.maximum(unit, 10.0**-place), unit)
+        is_rounded = (np.abs(np.round(columns, place) - columns) <= precision).all(axis=0)
+        unit = np.where(is_rounded, np.maximum(precision, 10.0**-place), unit)
     return unit

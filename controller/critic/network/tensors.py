@@ -115,10 +115,17 @@ class _Array(np.ndarray):
         super().__setstate__((version, shape, kind.dtype, in_columns, content))
 
 
-def _array_of(content: bytes, kind: _Kind, shape: tuple[int, ...], order: str = "C") -> np.ndarray:
-    """Return a NumPy array with the given bytes, number type, shape and order."""
+def _array_of(
+    content: bytes,
+    kind: _Kind,
+    shape: tuple[int, ...],
+    order: str = "C",
+    axes: tuple[int, ...] = (),
+) -> np.ndarray:
+    """Return a NumPy array with the given bytes, number type, shape, order and order of axes."""
     numbers = np.frombuffer(memoryview(content), dtype=kind.dtype)
-    return numbers.reshape(shape, order="F" if order == "F" else "C")
+    array = numbers.reshape(shape, order=order.replace("K", "C"))  # K: `axes` follow
+    return array.transpose(axes or range(array.ndim))
 
 
 def _tensor(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.ndarray:

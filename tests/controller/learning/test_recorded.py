@@ -283,3 +283,15 @@ def test_data_that_cannot_tell_are_refused_by_cause(said):
         learn(game, data=data)
     assert said in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("amplitude", [0.01, 0.1, 1.0])
+def test_an_excitation_of_one_unit_of_a_decimal_place_is_accepted(amplitude):
+    """Inputs of -1, 0 and 1 unit of a decimal place are no policy of the states.
+
+    Only the rounding to this place is attributed to them, and the exact solution is learned.
+    """
+    rng = np.random.default_rng(0)
+    x, u = rng.normal(size=(80, 3)), amplitude * rng.integers(-1, 2, (80, 2))
+    data = {"x": x, "u": u, "x_next": x @ STEPS.A.T + u @ STEPS.B.T}
+    assert_exact(STEPS, learn(blind(STEPS), data=data))
