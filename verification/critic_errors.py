@@ -175,9 +175,8 @@ def measure_of(name: str, solution: Solution) -> Measure:
     weight = solution.suboptimality_weight  # R, in discrete time R + α B'P B
     eigenvalues, vectors = np.linalg.eigh(weight)
     root = np.sqrt(np.abs(eigenvalues))[:, None] * vectors.T  # root' root is the weight
-    scales = np.outer(np.ones(len(weight)), units)
-    entry_scales = np.sqrt(np.diag(weight))[:, None] * scales
-    return Measure(solution.K, root, scales, entry_scales)
+    entry_scales = np.sqrt(np.diag(weight))[:, None] * units
+    return Measure(solution.K, root=root, scales=units, entry_scales=entry_scales)
 
 
 def box_errors(critic: Critic, exact: Solution, limit: float, box: np.ndarray) -> list[Check]:

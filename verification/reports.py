@@ -173,9 +173,8 @@ def _nonlinear_lines(
     findings = [nonlinear.sentence]
     if flown is not None:
         # The sentence on the flights is first if they decide that the critic fails.
-        findings = [nonlinear.sentence, flown.sentence]
-        if not flown.within(SHARE):
-            findings.reverse()
+        place = 1 if flown.within(SHARE) else 0
+        findings.insert(place, flown.sentence)
     return [headline, *(f"Nonlinear game: {finding}" for finding in findings)]
 
 

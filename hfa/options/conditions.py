@@ -52,15 +52,14 @@ def listed_conditions(path: str | Path, model: Model) -> list[ListedCondition]:
     Raises BadInputError with the row, the column and the name of the condition for a wrong cell.
     """
     path = Path(path)
-    table = _table_of(path)
-    header_row, titles = table.header_row, table.titles
+    header_row, titles, rows = _table_of(path)
     columns = [_Column.of(title, model) for title in titles]
     names = [column.name for column in columns]
     if repeated := [name for name in names if names.count(name) > 1]:
         raise BadInputError(f"{path}: row {header_row} has {repeated[0]} twice; remove one column")
     listed: list[ListedCondition] = []
     number_of: dict[str, int] = {}  # name of a condition -> number of its row
-    for number, cells in table.rows:
+    for number, cells in rows:
         row = dict(zip(names, cells, strict=True))
         name = row.get(NAME, "")
         if name in number_of:

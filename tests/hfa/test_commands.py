@@ -124,7 +124,8 @@ def heavy(tmp_path_factory):
 
 
 def test_the_json_contains_the_whole_condition(heavy):
-    """The provenance has the condition, changed parameters, command, date and dynamics.
+    """The provenance has the condition, changed parameters (of `heavy`, the mass of the panels,
+    10.5), command, date and dynamics.
 
     The last bit of a parameter changes the hash of all parameters.
     """

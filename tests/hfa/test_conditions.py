@@ -5,7 +5,7 @@ import pytest
 from cli import answer, assert_refused, hfa
 from project import ROOT
 
-#: A point mass whose altitude is a state, held in the trim.
+#: A point mass without drag, whose altitude is a state, held in the trim. Inputs are per unit of mass.
 CLIMBER = """
 import casadi as ca
 from hfa import Model, Signal
@@ -23,9 +23,9 @@ CLIMBER = Model("climber", STATES, INPUTS, equations, outputs={"climb": Signal("
 
 @pytest.mark.parametrize("altitude", ["altitude", "z_up"])
 def test_a_climb_of_a_model_with_altitude_is_advised_and_found(altitude, tmp_path):
-    """The error of --hold gamma=4 advises --free altitude_dot, and with it the climb is found.
-
-    The thrust then balances the weight along the path, 9.81 sin(4 deg).
+    """The error of --hold gamma=4 advises --free altitude_dot, under either name of the altitude, and
+    with it the climb is found. Without drag, the thrust per unit of mass then balances the weight
+    along the path, 9.81 sin(4 deg).
     """
     text = CLIMBER.replace("altitude", altitude)
     (tmp_path / "climber.py").write_text(text, encoding="utf-8")

@@ -130,7 +130,9 @@ def test_an_entry_of_the_book_is_the_operating_point_of_its_row(book):
 
 
 def test_the_level_of_a_mode_is_the_worst_of_its_figures_on_the_sheet(book):
-    """The control anticipation parameter (CAP) counts for the short period."""
+    """The level of each mode is the worst of the levels that the sheet of the trim gives to figures
+    of this mode; for the short period, the control anticipation parameter (CAP) counts, too.
+    """
     for row, name in enumerate(NAMES[:-1]):
         sheet = book[name].sheet
         for mode in book.modes[row]:
@@ -162,9 +164,7 @@ def test_tables_of_the_book_find_entries_by_names(book, tmp_path):
 
 
 def test_states_inputs_and_outputs_are_chosen_for_all_conditions(words, tmp_path):
-    """--states, --inputs and --outputs select signals of all conditions. Options that require a
-    single condition are refused without --row, and a folder of one condition with it.
-    """
+    """--states, --inputs and --outputs select signals of all conditions, as of a single one."""
     chosen = ("--states", "alpha,pitch_rate", "--inputs", "elevator", "--outputs", "load_factor")
     command("linearize", *words, *chosen, "-q", "-o", str(tmp_path / "a.npz"))
     arrays = arrays_in(tmp_path / "a.npz")
@@ -172,10 +172,16 @@ def test_states_inputs_and_outputs_are_chosen_for_all_conditions(words, tmp_path
     assert arrays["C"].shape == (6, 1, 2)
     for matrix in "ABCD":
         np.testing.assert_array_equal(arrays[matrix][2], single[matrix])
+
+
+def test_outputs_of_one_and_of_all_conditions_are_told_apart_by_row(words, tmp_path):
+    """--bode, which requires a single condition, is refused without --row, and a folder of models
+    with it. A folder that has files is refused, too.
+    """
     assert_refused(command("linearize", *words, "--bode"), 2, "--bode", "--row NAME")
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "a.json").write_text("{}", "utf-8")
-    refused = command("linearize", *words, "-q", "-o", str(tmp_path / "old"))
-    assert (refused.code, "old has files" in refused.err) == (2, True)
-    single = command("linearize", *words, "--row", "turn", "-o", str(tmp_path / "new"))
-    assert_refused(single, 2, "without --row")
+    all_rows = command("linearize", *words, "-o", str(tmp_path / "old"))
+    assert_refused(all_rows, 2, "old has files")
+    one_row = command("linearize", *words, "--row", "turn", "-o", str(tmp_path / "new"))
+    assert_refused(one_row, 2, "without --row")

@@ -54,7 +54,7 @@ def pages(written):
 
 def test_the_cover_names_document_aircraft_mass_and_results(pages):
     """The cover has the document, the aircraft, digests of the files, mass, date, results of all
-    conditions and places for signatures.
+    conditions and places for signatures. The texts of pages are compared without blanks.
     """
     for text in (
         "documentTR-12,revisionB",
@@ -74,7 +74,7 @@ def test_the_cover_names_document_aircraft_mass_and_results(pages):
 def test_the_table_of_a_book_has_the_result_of_each_condition(pages):
     """The table on the second page has a row for each condition, with the thrust and its share of the
     60 N (all of it in the climb, 31 % in another trim), with the inertia Ixz that one condition sets,
-    and with the reason of a stall, a warning or a missing trim.
+    and with the reason of a stall, a warning or a missing trim. Texts are without blanks.
     """
     matrix = pages[1]
     for number, name in enumerate(("stall", "planted", "tooslow", "climb"), start=1):
@@ -92,7 +92,8 @@ def lost(sheet, text):
 
 
 def test_each_trim_has_a_numbered_page_with_all_its_rows(pages, uav, tmp_path):
-    """Each trim has a page with all rows of its sheet; `lost` would find a missing row, the mass.
+    """Each trim has a page with all rows of its sheet. `lost` returns the rows that are missing, here
+    the mass if it is removed from the text of the page, which is without blanks.
 
     Only the page of the stall says STALLED, and only that of the planted inertia has a warning.
     """

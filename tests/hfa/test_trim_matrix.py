@@ -160,7 +160,8 @@ def test_a_figure_has_the_same_column_whether_it_is_held_or_found(book, trim, ua
 
 def test_the_terminal_shows_a_short_sheet(book, trim):
     """The sheet of one trim fits on a terminal of 80 x 40: rows that are 0 or of level 1 are left out,
-    and --full prints them. Of a list, only the sheets with a stall or a warning are printed.
+    and --full prints them. Of a list, the sheets with a stall or a warning are printed ("stall",
+    and "planted", which has an inertia of no rigid body), and others ("glide") are not.
     """
     cruise = (book / "conditions.csv", "--row", "cruise")
     short, provenance = trim(*cruise).out.rsplit("\n\n", 1)
@@ -195,8 +196,9 @@ def test_stall_warning_and_missing_trim_are_cells_of_the_table_and_entries_of_js
 
 
 def test_the_table_has_the_figures_of_the_sheets(book, uav):
-    """The cells have the limits reached (first, of the climb, the thrust that is held at 60 N), and
-    the L/D of the sheets in Python, of which only that of the stall has a row "stalled".
+    """The cell "limits reached" of the climb begins with the thrust, which is held at its limit of
+    60 N. The cells "L/D" are those of the sheets in Python, and of these sheets only that of the
+    stall has a row "stalled".
     """
     cells = rows_of(book / "matrix.csv")
     assert cells["climb full thrust"]["limits reached"].split(", ")[0] == "thrust"

@@ -35,4 +35,5 @@ def test_matrices_in_si_are_similar():
         ["m/s^2", "rad"],
         ["m/s"] * 7,
     )
+    # The speed of the trim is 68 ft/s.
     assert after["state_offsets"][0] == pytest.approx(68 * FOOT, rel=1e-15)

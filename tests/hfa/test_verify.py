@@ -28,8 +28,8 @@ def test_the_cost_limit_decides_the_exit_code():
     assert answer(*words, "--limit-cost", "1e-9", code=FAILED)["graded"]["ok"] is False
     assert answer(*words, "--limit-error", "0.01")["ok"] is True
     printed = hfa(*words, "--limit-cost", "0.01").out
-    lost = f"{graded['cost_above_optimum_worst_percent']:.2g} % above the optimum"
-    assert f"PASS on the linear game, balanced box: {lost}\n" in printed
+    cost = f"{graded['cost_above_optimum_worst_percent']:.2g} % above the optimum"
+    assert f"PASS on the linear game, balanced box: {cost}\n" in printed
     assert "\ndecided by the cost limit 0.01 %\n" in printed
 
 
@@ -38,6 +38,7 @@ def test_an_exact_gain_that_costs_much_does_not_pass():
     optimum, and the gain fails.
     """
     entries = {"A": [[0.0, 1.0], [2.0, -0.5]], "B": [[0.0], [1.0]], "Q": np.eye(2), "R": [[1.0]]}
+    # delta_min + 1e-6, and the exact gain times 1 + 9e-7 and 1 - 9e-7.
     plant = stored("near.json", **entries, E=[[0.0], [1.0]], delta=1.0000013749677732)
     file = stored("K.json", K=[[1454584.1056370207, 862669.2367746236]])
     words = ("verify", "--model", plant, "--weights", file)

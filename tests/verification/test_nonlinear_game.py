@@ -40,7 +40,7 @@ MIXED = Model(
 
 
 @cache
-def case(order):
+def mixed_game(order):
     """Return the linear model of `MIXED` at its trim, its game, and the exact expansion of value and
     policy to an order.
     """
@@ -64,7 +64,7 @@ def test_the_exact_critic_passes_on_the_nonlinear_game(order, basis):
     With taylor=False it is judged on the linear game, where it fails; with the aircraft, it is then
     also simulated within the limits of the inputs.
     """
-    linear, game, expansion = case(order)
+    linear, game, expansion = mixed_game(order)
     critic = hfa.from_weights(game, expansion.weights, basis=basis)
     said = []
     verdict = hfa.verify(
@@ -105,7 +105,7 @@ def test_a_policy_with_wrong_terms_of_degree_9_fails_by_its_flights():
 
     The exact policy passes, and would be NEAR if only half the box were flown.
     """
-    linear, game, expansion = case(4)
+    linear, game, expansion = mixed_game(4)
     z = ca.SX.sym("z", 2)
     right, exact_policy = judged(expansion, game, linear, ca.vertcat(0.0, 0.0), z)
     flown = right.nonlinear.flown
@@ -156,7 +156,7 @@ def test_one_wrong_coefficient_is_found(factor):
     Its relative error is that of the factor, unless the coefficient contributes less than 1e-5 of the
     largest one of its degree to V where V2 <= 1: then it is relative to this fraction.
     """
-    linear, game, expansion = case(4)
+    linear, game, expansion = mixed_game(4)
     exponents = expansion.basis.exponents
     reach = np.prod(np.sqrt(np.diag(np.linalg.inv(expansion.solution.P))) ** exponents, axis=1)
     parts = np.abs(expansion.weights) * reach  # of V, at most, where V2 <= 1
@@ -178,10 +178,11 @@ def test_one_wrong_coefficient_is_found(factor):
 
 
 def test_a_missing_degree_and_a_linear_term_are_found():
-    """A critic of degree 4 without cubic terms is wrong in degrees 3 and 4; one with a linear term
-    has an infinite error in degree 1, where the exact coefficients are 0.
+    """A critic of degree 4 without cubic terms and with one of the quartic ones is wrong in degrees 3
+    and 4. One with a linear term has an infinite error in degree 1, where the exact coefficients
+    are 0.
     """
-    linear, game, expansion = case(4)
+    linear, game, expansion = mixed_game(4)
     exact = dict(
         zip(map(tuple, expansion.basis.exponents.tolist()), expansion.weights, strict=True)
     )
@@ -204,7 +205,7 @@ def test_a_network_is_compared_on_request():
     """The Taylor coefficients of a network are compared only with taylor=True, which is refused
     without an aircraft and for a quadratic value.
     """
-    linear, game, expansion = case(4)
+    linear, game, expansion = mixed_game(4)
     z = ca.SX.sym("z", 2)
     network = hfa.from_network(game, ca.Function("policy", [z], [expansion.policy(z)]))
     plain = hfa.verify(game, network, flights=QUICK, linear=linear)
@@ -221,7 +222,7 @@ def test_taylor_coefficients_of_a_function_are_compared_to_degree_4(of):
     """A value, or a policy to degree 3, is right with an added term of degree 9, and wrong with one
     of degree 3, which is then the worst.
     """
-    linear, game, expansion = case(4)
+    linear, game, expansion = mixed_game(4)
     z = ca.SX.sym("z", 2)
     exact = expansion.V(z) if of == "V" else expansion.policy(z)
     for change, is_right in ((0.0, True), (1e-3 * z[0] ** 2 * z[1], False), (z[1] ** 9, True)):

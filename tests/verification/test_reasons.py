@@ -108,7 +108,7 @@ OF_K = [
 
 
 @pytest.mark.parametrize(
-    ("make", "exact", "plant", "words"),
+    ("make", "exact", "mistaken", "words"),
     [
         *((from_value, value, *each) for each in OF_P),
         *((from_weights, value, *each) for each in OF_W),
@@ -116,11 +116,13 @@ OF_K = [
         (from_gain, lambda game: np.diag(np.diag(game.R)) @ gain(game), np.copy, "R⁻¹ is missing"),
     ],
 )
-def test_a_planted_mistake_fails_and_is_named(make, exact, plant, words):
-    """A critic (`make`) of the exact P or K (`exact`) with a mistake (`plant`) fails, and its reason
-    names the mistake.
+def test_a_planted_mistake_fails_and_is_named(make, exact, mistaken, words):
+    """A critic of the exact P or K with a mistake fails, and its reason names the mistake.
+
+    make, exact: functions of the game: the critic of a matrix, and the exact P or K
+    mistaken: function exact matrix -> matrix with the mistake
     """
-    verdict = verify(TWO_INPUTS, make(TWO_INPUTS, plant(exact(TWO_INPUTS))))
+    verdict = verify(TWO_INPUTS, make(TWO_INPUTS, mistaken(exact(TWO_INPUTS))))
     assert not verdict.ok
     assert words in verdict.reason
 
@@ -174,9 +176,9 @@ def with_wrong_entry_of_H(game):
 
 
 @pytest.mark.parametrize(
-    ("game", "critic", "limit", "named"),
+    ("game", "critic", "limit", "reason"),
     [
-        (UNSTABLE, rounded, 8e-4, ""),
+        (UNSTABLE, rounded, 8e-4, ""),  # with R = 1, K and R K are the same: no missing R⁻¹
         (
             UNSTABLE,
             lambda game: from_gain(game, 1.0000013 * gain(game)),
@@ -197,6 +199,7 @@ def with_wrong_entry_of_H(game):
             1e-6,
             "P implies",
         ),
+        # Any K along the exact one has columns that are multiples of those of the exact K.
         (ALONG_ONE, lambda game: from_gain(game, gain(game) * [0.2, 3.0, 7.0]), 1e-6, ""),
         (
             ALONG_ONE,
@@ -207,16 +210,15 @@ def with_wrong_entry_of_H(game):
         (SAMPLED, with_wrong_entry_of_H, 1e-6, ""),
     ],
 )
-def test_a_wrong_critic_that_no_mistake_explains_has_no_reason(game, critic, limit, named):
-    """A wrong critic has no reason (named: "") if no mistake explains it: digits that are rounded, with
-    R = 1, where K and R K are the same; noise; the Cholesky factor of P; multiples of columns on
-    `ALONG_ONE`, where any K along the exact one has them; one entry of H. Mistakes in the same games
-    are named.
+def test_a_reason_is_given_only_if_a_mistake_explains_the_errors(game, critic, limit, reason):
+    """A wrong critic whose errors no mistake explains has the reason "": a K with three digits, noise,
+    the Cholesky factor of P, columns of K in a game with a K of rank 1, one entry of H. Mistakes in
+    the same games have their reason.
     """
     verdict = verify(game, critic(game), limit=limit)
     assert not verdict.ok
-    assert named in verdict.reason
-    assert bool(verdict.reason) == bool(named)
+    assert reason in verdict.reason
+    assert bool(verdict.reason) == bool(reason)
 
 
 #: Game of which the gain is exact, on which game it is judged, and the reason.
@@ -249,7 +251,7 @@ def test_other_games_are_found_in_all_units():
     """A gain that is exact for three times R is recognized in a game whose states and inputs have
     units that differ by factors of 1e-3 to 1e3.
     """
-    x, u = np.array([1e-3, 1.0, 50.0]), np.array([1e3, 0.01])
+    x, u = np.array([1e-3, 1.0, 50.0]), np.array([1e3, 0.01])  # sizes of the new units in the old
     A, B, E = (M / x[:, None] for M in (TWO_INPUTS.A * x, TWO_INPUTS.B * u, TWO_INPUTS.E))
     game = Game(A, B, E=E, Q=x**2, R=TWO_INPUTS.R * np.outer(u, u), delta=22.8)
     K = gain(replace(game, R=3.0 * game.R))
@@ -257,7 +259,7 @@ def test_other_games_are_found_in_all_units():
 
 
 @pytest.mark.parametrize("number", ["delta", pytest.param("discount", marks=pytest.mark.slow)])
-def test_a_gain_near_that_of_another_game_has_no_such_reason(number):
+def test_a_gain_only_near_that_of_another_game_is_not_called_exact_for_it(number):
     """A gain whose entries are off by 2 % from the exact gain of another game is not said to be exact
     for that game.
     """
@@ -330,6 +332,7 @@ def function(game, name, output):
         (scaled([[0.2], [0.7]]), "each row of K is a multiple of the exact one (u1 0.2, u2 0.7)"),
         (scaled([0.2, 3.0, 7.0]), "(x1 0.2, x2 3, x3 7), as of a state that is normalized"),
         (scaled([[0.0], [1.0]]), "u1 is never moved; the other rows of K are exact"),
+        # The output of a function with another name than "V" is read as the policy.
         (function(TWO_INPUTS, "f", lambda z, u, V: 0.0 * u), "the policy never moves an input"),
         (
             function(TWO_INPUTS, "f", lambda z, u, V: ca.vertcat(0.0, u[1])),
@@ -368,7 +371,7 @@ def test_a_nonsmooth_point_at_the_trim_is_the_first_finding():
 
 
 @pytest.mark.parametrize(
-    ("held", "factors", "said"),
+    ("in_file", "factors", "said"),
     [
         ("WPK", {}, ""),
         ("PK", {"K": -1.0}, "the gain has the wrong sign"),
@@ -377,18 +380,19 @@ def test_a_nonsmooth_point_at_the_trim_is_the_first_finding():
         ("PK", {"P": 10.0}, "every entry of P is 10 times the exact one"),
     ],
 )
-def test_each_part_of_a_file_is_checked(held, factors, said):
-    """Each of W, P and K in a file is checked, and a wrong one is named.
+def test_each_part_of_a_file_is_checked(in_file, factors, said):
+    """Each of W, P and K in a file is checked, and a wrong one is named. The file has the letters
+    `in_file`, with the exact matrices times `factors`.
 
     The errors of P, which is computed from W where the file has no P, and of K are printed.
     """
     plant = small("plant.json")
     game = load_game(plant)
     parts = {"W": weights_of(value(game)), "P": value(game), "K": gain(game)}
-    file = stored("all.npz", **{key: factors.get(key, 1.0) * parts[key] for key in held})
+    file = stored("all.npz", **{key: factors.get(key, 1.0) * parts[key] for key in in_file})
     data = answer("verify", "--model", plant, "--weights", file, code=FAILED if said else DONE)
     assert data["diagnosis"].startswith(said)
     assert bool(data["diagnosis"]) == bool(said)
-    for name, key in (("P", "P" if "P" in held else "W"), ("K", "K")):
+    for name, key in (("P", "P" if "P" in in_file else "W"), ("K", "K")):
         error = abs(factors.get(key, 1.0) - 1.0)
         assert data[f"{name}_rel_error"] == pytest.approx(error, rel=1e-6, abs=1e-12)

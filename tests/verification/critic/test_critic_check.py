@@ -201,12 +201,15 @@ def test_the_balanced_box_without_a_cost_of_states_does_not_depend_on_their_unit
 # The verdict does not depend on the units of the states and inputs.
 
 
-@pytest.mark.parametrize(("state", "of_input"), [(1e-8, 1e3), (1e8, 1e-3)])
-def test_a_wrong_row_or_column_is_detected(state, of_input):
-    """A wrong factor on a row or a column of K, and a wrong entry of P, are detected in any units."""
-    u, v = np.array([1.0, state]), np.array([1.0, of_input])
-    A = np.array([[-1.0, 0.2], [0.1, -1.0]]) * u[:, None] / u
-    game = Game(A, np.diag(u / v), E=np.diag(u), Q=u**-2, R=v**-2, delta=5.0)
+@pytest.mark.parametrize(("of_state", "of_input"), [(1e-8, 1e3), (1e8, 1e-3)])
+def test_a_wrong_row_or_column_is_detected(of_state, of_input):
+    """A wrong factor on a row or a column of K, and a wrong entry of P, are detected in any units.
+
+    of_state, of_input: factors on the second state and on the second input in other units
+    """
+    x, u = np.array([1.0, of_state]), np.array([1.0, of_input])
+    A = np.array([[-1.0, 0.2], [0.1, -1.0]]) * x[:, None] / x
+    game = Game(A, np.diag(x / u), E=np.diag(x), Q=x**-2, R=u**-2, delta=5.0)
     assert verify(game, from_gain(game, gain(game))).ok
     off = 1.0 + 1e-4
     for change in ([1.0, off], [[1.0], [off]]):
@@ -299,8 +302,9 @@ def test_terms_that_are_not_quadratic_count_in_a_box_ten_times_as_large_or_small
     size = box @ np.abs(exact.P) @ box
     quartic = basis("quadratic+quartic", 3)
     weights = quartic.weights(exact.P)
-    weights[-1] = 1e-3  # of the last state to the fourth, with the slope 4e-3 z³
+    weights[-1] = 1e-3  # V has the term 1e-3 z⁴ of the last state, with the slope 4e-3 z³
     found = over_the_box(COUPLED, from_weights(COUPLED, weights, quartic), box)
+    # At the edge of the box, z = 3; in the largest box, relative to V*, 10² times as large.
     slopes = 4e-3 * 3.0**3 * 10.0**2 * np.eye(3)[2]
     expected = {
         "policy_rel_error": input_error(np.abs(np.linalg.solve(R, B.T) @ slopes) / 2.0),
@@ -311,7 +315,7 @@ def test_terms_that_are_not_quadratic_count_in_a_box_ten_times_as_large_or_small
     assert {name: found[name] for name in expected} == pytest.approx(expected, rel=1e-9)
     linear = basis("quadratic+linear", 3)
     weights = linear.weights(exact.P)
-    weights[-1] = 1e-3  # of the last state
+    weights[-1] = 1e-3  # V has the term 1e-3 z of the last state
     found = over_the_box(COUPLED, from_weights(COUPLED, weights, linear), box)
     assert found["value_rel_error"] == pytest.approx(1e-3 * 3.0 * 10.0 / size, rel=1e-9)
 

@@ -31,22 +31,23 @@ def test_a_gain_above_delta_fails_and_margins_are_of_both_policies(elevator_game
 
 
 #: Game whose P is positive definite.
-FULL = hfa.Game(np.diag([-1.0, -2.0]), np.eye(2), Q=np.eye(2), R=np.eye(2))
+DEFINITE = hfa.Game(np.diag([-1.0, -2.0]), np.eye(2), Q=np.eye(2), R=np.eye(2))
 #: Game whose P is only semidefinite: the second state costs nothing.
-PART = hfa.Game(FULL.A, [[1.0], [0.0]], Q=[1.0, 0.0], R=[1.0])
+SEMIDEFINITE = hfa.Game(DEFINITE.A, [[1.0], [0.0]], Q=[1.0, 0.0], R=[1.0])
 
 
 @pytest.mark.parametrize(
     ("game", "factor", "less", "limit", "ok"),
     [
-        (FULL, 0.5, 0.0, 1e-6, True),  # below the exact one, and definite
-        (FULL, -0.5, 0.0, 1e-6, False),
-        (PART, 1.0, 1e-4, 1e-2, True),  # an error within the limit
-        (PART, 1.0, 1e-4, 1e-6, False),
+        (DEFINITE, 0.5, 0.0, 1e-6, True),  # smaller than the exact P, but definite
+        (DEFINITE, -0.5, 0.0, 1e-6, False),
+        (SEMIDEFINITE, 1.0, 1e-4, 1e-2, True),  # negative within the limit
+        (SEMIDEFINITE, 1.0, 1e-4, 1e-6, False),
     ],
 )
 def test_an_indefinite_value_fails_beyond_the_permitted_error(game, factor, less, limit, ok):
-    """P may have a negative eigenvalue only as far as the limit of its error permits.
+    """P may have a negative eigenvalue only as far as the limit of its error permits: of a game with a
+    definite exact P not at all, and with a semidefinite one within the limit.
 
     factor, less: P is the factor times the exact one, minus a share of its largest entry at (2, 2)
     """
