@@ -219,16 +219,17 @@ def _identified(fit: Fit) -> Identified:
     responses, names = search.responses, search.responses.free
     model = responses.model
     C = covariance(fit)
-    half = BAND * np.sqrt(np.maximum(np.diag(C), 0.0))
-    white = BAND * np.sqrt(np.diag(white_covariance(fit)))
+    half_widths = BAND * np.sqrt(np.maximum(np.diag(C), 0.0))
+    white_half_widths = BAND * np.sqrt(np.diag(white_covariance(fit)))
     estimates = {
-        name: Estimate(value, value - width, value + width, signal.start, signal.unit)
-        for (name, signal), value, width in zip(
-            responses.signals.items(), theta, half.tolist(), strict=True
+        name: Estimate(value, value - half, value + half, signal.start, signal.unit)
+        for (name, signal), value, half in zip(
+            responses.signals.items(), theta, half_widths.tolist(), strict=True
         )
     }
+    # Biases of columns are not parameters of the model.
     of_model = {name: estimate for name, estimate in estimates.items() if name in model.parameters}
-    wide = tuple(
+    undetermined = tuple(
         name
         for name, estimate in of_model.items()
         if not estimate.high - estimate.value
@@ -243,9 +244,9 @@ def _identified(fit: Fit) -> Identified:
         quantities=_quantities(responses, fit),
         covariance=C,
         misfits=tuple(misfits(fit)),
-        coloured=_largest_widening(half, white),
+        coloured=_largest_widening(half_widths, white_half_widths),
         correlated=tuple(_correlated(names, C)),
-        undetermined=wide,
+        undetermined=undetermined,
         at_bounds=tuple(
             name
             for name, value, ends in zip(names, theta, search.bounds, strict=True)

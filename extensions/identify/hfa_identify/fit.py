@@ -29,10 +29,11 @@ from hfa_aircraft.model import Model
 from hfa_identify.records import Record
 from hfa_identify.response import Response, Responses, Simulation
 
-#: Standard deviations of the guess of an initial state, in nominal values: _MEASURED for a measured
-#: state, 1 for another, and _HELD for one that a trim does not balance (altitude, heading).
-_MEASURED = 10.0
-_HELD = 1e-6
+#: Standard deviations of the guess of an initial state, in nominal values: this one for a measured
+#: state, 1 for another, and the next one for a state that a trim does not balance (altitude,
+#: heading), which thus keeps its guess.
+_DEVIATION_MEASURED = 10.0
+_DEVIATION_HELD = 1e-6
 #: The search converges if the parameters move by less than this fraction of their standard
 #: deviations.
 SMALL = 1e-3
@@ -72,19 +73,19 @@ class Normal:
     prior: np.ndarray
 
     @cached_property
-    def of_start(self) -> np.ndarray:
-        """Covariance (n, n) of the initial state if the parameters are known."""
+    def inverse_A(self) -> np.ndarray:
+        """A⁻¹ (n, n), the covariance of the initial state if the parameters are known."""
         return inverse(self.A)
 
     @property
     def determined(self) -> float:
         """Number of initial states that the record determines, n - tr(A⁻¹ diag(prior))."""
-        return len(self.prior) - float(np.diag(self.of_start) @ self.prior)
+        return len(self.prior) - float(np.diag(self.inverse_A) @ self.prior)
 
     @property
     def information(self) -> np.ndarray:
         """Fisher information (p, p) of the parameters if the initial state is unknown."""
-        part = self.M - self.B @ self.of_start @ self.B.T
+        part = self.M - self.B @ self.inverse_A @ self.B.T
         return np.asarray(0.5 * (part + part.T))
 
 
@@ -166,11 +167,11 @@ class Fit:
         slopes: sensitivities, (N, k, c)
         """
         # slopes - S₀ A⁻¹ S₀' R⁻¹ slopes, with the sensitivities S₀ to the initial state
-        by_start = self.responses[number].slopes[:, :, len(self.theta) :]
-        weighted = by_start * self.weights(number)[:, :, None]
-        of_start = self.normals[number].of_start
+        S0 = self.responses[number].slopes[:, :, len(self.theta) :]
+        weighted = S0 * self.weights(number)[:, :, None]
+        inverse_A = self.normals[number].inverse_A
         return np.asarray(
-            slopes - by_start @ (of_start @ np.tensordot(weighted, slopes, ((0, 1), (0, 1))))
+            slopes - S0 @ (inverse_A @ np.tensordot(weighted, slopes, ((0, 1), (0, 1))))
         )
 
 
@@ -229,13 +230,15 @@ class OutputError:
                 progress(number, MOST_STEPS)
             undamped = self._step(current, 0.0)
             change = undamped.theta
+            # Root mean square of the change in standard deviations of the parameters.
             size = math.sqrt(max(change @ current.information @ change / len(change), 0.0))
+            # Begin one trial before the last accepted one, so that the damping may decrease again.
             trial, lower = self._first_lower(current, undamped, max(0, trial - 1), number)
             if lower is None:
                 return replace(current, converged=bool(size < _STUCK))
-            is_stuck = size < _STUCK and current.likelihood - lower.likelihood < _NO_GAIN
+            is_in_roundoff = size < _STUCK and current.likelihood - lower.likelihood < _NO_GAIN
             current = lower
-            if size < SMALL or is_stuck:
+            if size < SMALL or is_in_roundoff:
                 return replace(current, converged=True)
         return current
 
@@ -309,6 +312,7 @@ class OutputError:
     ) -> float:
         """Return L, as defined in this module."""
         # residuals (N, k), noise (k,), starts (n,)
+        # squares / noise is N, and -1 cancels it, unless the noise is raised to `least`.
         squares = sum((residual**2).sum(axis=0) for residual in residuals)
         total = 0.5 * float(np.sum(self.samples * (np.log(noise) - 1.0) + squares / noise))
         for start, guess, prior in zip(starts, self.guesses, self._priors, strict=True):
@@ -329,17 +333,17 @@ class OutputError:
         weights = np.where(self.present[number], 1.0 / np.sqrt(fit.noise), 0.0)
         rows = (slopes * weights[:, :, None]).reshape(-1, slopes.shape[2])
         with np.errstate(over="ignore", invalid="ignore"):
-            square = rows.T @ rows
-            right = rows.T @ (fit.residuals[number] * weights).ravel()
-        if not (np.isfinite(square).all() and np.isfinite(right).all()):
+            matrix = rows.T @ rows
+            right_side = rows.T @ (fit.residuals[number] * weights).ravel()
+        if not (np.isfinite(matrix).all() and np.isfinite(right_side).all()):
             raise FloatingPointError("the simulation diverges")
         prior = self._priors[number]
         return Normal(
-            M=square[:p, :p],
-            B=square[:p, p:],
-            A=square[p:, p:] + np.diag(prior),
-            g=right[:p],
-            h=right[p:] + prior * (self.guesses[number] - fit.starts[number]),
+            M=matrix[:p, :p],
+            B=matrix[:p, p:],
+            A=matrix[p:, p:] + np.diag(prior),
+            g=right_side[:p],
+            h=right_side[p:] + prior * (self.guesses[number] - fit.starts[number]),
             prior=prior,
         )
 
@@ -350,27 +354,27 @@ class OutputError:
         # - The parameter is at a bound and the step points outward.
         # - The records do not determine the parameter within its bounds.
         p = len(current.theta)
-        total = np.zeros((p, p))
-        right = np.zeros(p)
+        matrix = np.zeros((p, p))
+        right_side = np.zeros(p)
         inverses = []
         for normal in current.normals:
             M = normal.M
-            inverse_A = normal.of_start
+            inverse_A = normal.inverse_A
             if damping:
                 M = M + damping * np.diag(np.diag(M))
                 with np.errstate(over="ignore", invalid="ignore"):  # such a step is rejected
                     inverse_A = inverse(normal.A + damping * np.diag(np.diag(normal.A)))
             inverses.append(inverse_A)
-            total += M - normal.B @ inverse_A @ normal.B.T
-            right += normal.g - normal.B @ inverse_A @ normal.h
-        below = (current.theta <= self.bounds[:, 0]) & (right < 0.0)
-        above = (current.theta >= self.bounds[:, 1]) & (right > 0.0)
-        # The standard deviations are at least 1 / √diag(total).
+            matrix += M - normal.B @ inverse_A @ normal.B.T
+            right_side += normal.g - normal.B @ inverse_A @ normal.h
+        below = (current.theta <= self.bounds[:, 0]) & (right_side < 0.0)
+        above = (current.theta >= self.bounds[:, 1]) & (right_side > 0.0)
+        # The standard deviations are at least 1 / √diag(matrix).
         with np.errstate(invalid="ignore"):  # without information, or without bounds
-            undetermined = np.diag(total) * np.ptp(self.bounds, axis=1) ** 2 < _LOOSE**2
+            undetermined = np.diag(matrix) * np.ptp(self.bounds, axis=1) ** 2 < _LOOSE**2
         moves = ~(below | above | undetermined)
         theta = np.zeros(p)
-        theta[moves] = _solution(total[np.ix_(moves, moves)], right[moves])
+        theta[moves] = _solution(matrix[np.ix_(moves, moves)], right_side[moves])
         starts = [
             inverse_A @ (normal.h - normal.B.T @ theta)
             for inverse_A, normal in zip(inverses, current.normals, strict=True)
@@ -393,19 +397,19 @@ def _with_unit_diagonal(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _start_weights(model: Model, record: Record) -> np.ndarray:
     """Return the reciprocal variances (n,) of the guess of a record's initial state."""
-    sizes = []
+    deviations = []  # see `_DEVIATION_MEASURED`
     for name, signal in model.states.items():
         if name in record.measured:
-            size = _MEASURED
+            deviation = _DEVIATION_MEASURED
         elif name in model.steady:
-            size = 1.0
+            deviation = 1.0
         else:
-            size = _HELD
-        sizes.append(size * signal.nominal)
-    return 1.0 / np.square(sizes)
+            deviation = _DEVIATION_HELD
+        deviations.append(deviation * signal.nominal)
+    return 1.0 / np.square(deviations)
 
 
-def _solution(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return the least-squares solution x of matrix x = right, after scaling to a unit diagonal."""
-    scaled, size = _with_unit_diagonal(matrix)
-    return np.linalg.lstsq(scaled, right / size, rcond=1e-13)[0] / size
+def _solution(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the least-squares solution x of A x = b, after scaling A to a unit diagonal."""
+    scaled, size = _with_unit_diagonal(A)
+    return np.linalg.lstsq(scaled, b / size, rcond=1e-13)[0] / size

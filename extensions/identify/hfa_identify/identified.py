@@ -151,7 +151,9 @@ class Identified(Result, Reported):
 
     @property
     def far(self) -> tuple[str, ...]:
-        """Parameters with another sign than at the start of the search, or 8 times its value."""
+        """Parameters whose estimate has another sign than the start of the search, or differs from
+        it by a factor of more than 8.
+        """
         return tuple(
             name
             for name, estimate in self.parameters.items()
@@ -203,7 +205,7 @@ class Identified(Result, Reported):
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         entries = {field.name: getattr(self, field.name) for field in fields(self)}
-        del entries["model"], entries["fitted"]
+        del entries["model"], entries["fitted"]  # in the files of aircraft and records
         computed = {name: getattr(self, name) for name in ("far", "ok", "first_line")}
         return {"dynamics": self.model.name, **entries, **computed}
 

@@ -28,8 +28,8 @@ WHITE = 0.8
 #: The model contradicts a quantity if the variance of the residuals exceeds that of the quantity by
 #: this factor.
 _WORSE = 1.5
-#: Largest part of the noise that the fitted unknowns are assumed to absorb.
-_MOST_TAKEN = 0.5
+#: Largest part of the noise variance that a fit is assumed to remove from the residuals.
+_MOST_REMOVED = 0.5
 
 
 def white_covariance(fit: Fit) -> np.ndarray:
@@ -98,9 +98,9 @@ def noise_covariance(residual: np.ndarray, present: np.ndarray, unknowns: float)
     """Return the autocovariance of a quantity's noise at lags 0, 1, ..., up to the last large one.
 
     The autocorrelation ρ of the residuals ends where it enters the 95 % band of white noise. The
-    noise is e and the residuals are v = e - P e, where P projects onto the sensitivities, and P e
-    is slow. Each unknown takes the variance 1 + 2 Σ ρ, in units of that of a sample, from the
-    autocovariance of v at all these lags alike: this part is added again.
+    fit removes the projection P e of the noise e on the sensitivities: the residuals are v = e - P
+    e. As P e is slow, this lowers the autocovariance by the same amount at all these lags. Added
+    again is 1 + 2 Σ ρ times the variance of v, times the number of unknowns per sample.
 
     residual: residuals v of the quantity, (N,)
     present: whether each sample was measured, (N,)
@@ -110,8 +110,8 @@ def noise_covariance(residual: np.ndarray, present: np.ndarray, unknowns: float)
     correlation = autocorrelation(residual, present)
     white = np.flatnonzero(correlation < BAND / math.sqrt(count))
     until_white = correlation[: int(white[0])] if len(white) else correlation
-    taken = min(unknowns * (1.0 + 2.0 * float(until_white[1:].sum())), _MOST_TAKEN)
-    return float(residual @ residual) / count * (until_white + taken)
+    removed = min(unknowns * (1.0 + 2.0 * float(until_white[1:].sum())), _MOST_REMOVED)
+    return float(residual @ residual) / count * (until_white + removed)
 
 
 def variance_of_sum(S: np.ndarray, covariance: np.ndarray) -> np.ndarray:
@@ -125,8 +125,8 @@ def variance_of_sum(S: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     r = covariance[: len(S)]
     if len(r) == 1:
         return np.asarray(r[0] * S.T @ S)
-    both = np.concatenate([r[:0:-1], r])[:, None]
-    filtered = oaconvolve(S, both, axes=0)[len(r) - 1 : len(r) - 1 + len(S)]
+    at_all_lags = np.concatenate([r[:0:-1], r])[:, None]  # negative lags first
+    filtered = oaconvolve(S, at_all_lags, axes=0)[len(r) - 1 : len(r) - 1 + len(S)]
     total = S.T @ filtered
     return np.asarray(0.5 * (total + total.T))
 
@@ -225,8 +225,8 @@ _CONFOUNDED = 1e-3
 #: Number of past residuals from which the next is predicted.
 _PAST = 4
 #: Distance of a sample from the mean of its neighbors, in robust standard deviations, beyond which
-#: it stands alone.
-_ALONE = 8.0
+#: it is an outlier.
+_FAR = 8.0
 
 
 @dataclass(frozen=True)
@@ -238,7 +238,7 @@ class Misfit(Result):
     time: time of the largest difference, s.
     difference: recorded minus simulated value at this time, without noise.
     unit: unit of the difference.
-    samples: number of samples that stand alone, 0 if the difference follows the inputs.
+    samples: number of outliers, 0 if the difference follows the inputs.
     """
 
     record: str
@@ -253,7 +253,7 @@ def misfits(fit: Fit) -> list[Misfit]:
     """Return the misfits of the records, the least likely by chance first.
 
     For each quantity of each record, there are three cases:
-    - A few samples stand alone: each is far from the mean of its neighbors.
+    - A few samples are outliers: each is far from the mean of its neighbors.
     - Otherwise, the residuals follow the inputs.
     - Otherwise, the residuals are noise, and nothing is returned.
     """
@@ -278,62 +278,63 @@ def _candidate(fit: Fit, number: int, place: int) -> _Candidate:
     """Return the largest residual of a quantity, and the probability that chance causes it."""
     record, name = fit.search.records[number], fit.search.responses.measured[place]
     residuals, present = fit.residuals[number][:, place], fit.present[number][:, place]
-    alone = _standing_alone(residuals, present)
-    if len(alone):
-        chance, largest, difference = 0.0, int(alone[0]), residuals
-    else:
+    outliers = _outliers(residuals, present)
+    if len(outliers):
+        chance, largest, difference = 0.0, int(outliers[0]), residuals
+    else:  # `difference` is the part of the residuals that follows the inputs
         driven = _driven(fit, number, place)
         chance = _granger_p_value(residuals[present], driven[present])
         difference = driven @ np.linalg.lstsq(driven[present], residuals[present])[0]
         largest = int(np.abs(difference * present).argmax())
     misfit = Misfit(
-        record.name,
-        name,
-        float(record.time[largest]),
-        float(difference[largest]),
-        fit.search.responses.model.unit(name),
-        len(alone),
+        record=record.name,
+        quantity=name,
+        time=float(record.time[largest]),
+        difference=float(difference[largest]),
+        unit=fit.search.responses.model.unit(name),
+        samples=len(outliers),
     )
     return _Candidate(chance, misfit)
 
 
-def _standing_alone(residuals: np.ndarray, present: np.ndarray) -> np.ndarray:
-    """Return the indices of samples of a quantity that are far from the mean of their neighbors, or
-    none if they are more than one, and more than one in 50: noise, which has no single errors.
-    """
+def _outliers(residuals: np.ndarray, present: np.ndarray) -> np.ndarray:
+    """Return the indices of samples of a quantity that are far from the mean of their neighbors."""
+    # Many such samples are heavy-tailed noise. None are returned if they are more than one, and
+    # more than one in 50.
     rows = np.flatnonzero(present)
     v = residuals[rows]
     distances = np.abs(v[1:-1] - 0.5 * (v[:-2] + v[2:]))
     robust_deviation = 1.4826 * np.median(distances)  # of normally distributed distances
-    far = np.flatnonzero(distances > _ALONE * robust_deviation)
-    # Such a sample also changes the distances of its neighbors, by half as much.
+    far = np.flatnonzero(distances > _FAR * robust_deviation)
+    # An outlier also changes the distances of its neighbors, by half as much. 0.7 excludes them.
     far = far[distances[far] > 0.7 * distances.max(initial=0.0)]
     return rows[far + 1] if len(far) <= max(1, len(v) // 50) else rows[:0]
 
 
-class _Beyond(NamedTuple):
-    """Changes F of the quantities of a record that no change of the unknowns explains.
+class _Unexplained(NamedTuple):
+    """Part F⊥ of changes F of a record's quantities that no change of the unknowns explains.
 
-    beyond: part F⊥ that parameters and initial state do not explain, (N, k, c)
-    information: Σ F' R⁻¹ F with the variances R of the residuals, (c, c)
-    information_beyond: Σ F⊥' R⁻¹ F⊥, (c, c)
+    changes: F⊥, (N, k, c)
+    information_of_all: Σ F' R⁻¹ F with the variances R of the residuals, (c, c)
+    information: Σ F⊥' R⁻¹ F⊥, (c, c)
     """
 
-    beyond: np.ndarray
+    changes: np.ndarray
+    information_of_all: np.ndarray
     information: np.ndarray
-    information_beyond: np.ndarray
 
 
-def _beyond_unknowns(fit: Fit, number: int, F: np.ndarray) -> _Beyond:
+def _beyond_unknowns(fit: Fit, number: int, F: np.ndarray) -> _Unexplained:
     """Return the part of changes F (N, k, c) of a record that no unknown explains."""
+    # Subtracted are the least-squares projections on the initial state, then on the parameters.
     beyond_start, projected = fit.beyond_start(number, F), fit.projected[number]
     weighted = F * fit.weights(number)[:, :, None]
     by_parameters = _products(projected, weighted)
     change = np.linalg.pinv(fit.information, rcond=1e-13, hermitian=True) @ by_parameters
-    return _Beyond(
-        beyond_start - projected @ change,
-        _products(F, weighted),
-        _products(beyond_start, weighted) - change.T @ by_parameters,
+    return _Unexplained(
+        changes=beyond_start - projected @ change,
+        information_of_all=_products(F, weighted),
+        information=_products(beyond_start, weighted) - change.T @ by_parameters,
     )
 
 
@@ -352,10 +353,11 @@ def _driven(fit: Fit, number: int, place: int) -> np.ndarray:
     changes = np.zeros((*fit.residuals[number].shape, inputs.shape[1]))
     changes[:, place] = inputs
     unexplained = _beyond_unknowns(fit, number, changes)
-    size = np.sqrt(np.maximum(np.diag(unexplained.information), 1e-300))
-    fractions, combinations = np.linalg.eigh(unexplained.information_beyond / size[:, None] / size)
+    # Inputs scaled to unit information, so that an eigenvalue is an unexplained fraction.
+    size = np.sqrt(np.maximum(np.diag(unexplained.information_of_all), 1e-300))
+    fractions, combinations = np.linalg.eigh(unexplained.information / size[:, None] / size)
     kept = combinations[:, fractions > _CONFOUNDED]
-    return np.asarray(unexplained.beyond[:, place] / size @ kept)
+    return np.asarray(unexplained.changes[:, place] / size @ kept)
 
 
 def _delayed_inputs(fit: Fit, number: int) -> np.ndarray:
@@ -367,8 +369,9 @@ def _delayed_inputs(fit: Fit, number: int) -> np.ndarray:
     most_delays = len(time) // (_SAMPLES * max(len(moving), 1))
     count = max(1, min(_DELAYS, most_delays))
     delays = np.linspace(0.0, _SPAN * (time[-1] - time[0]), count)
-    late = [np.interp(time - delay, time, u - u[0]) for u in moving for delay in delays]
-    return np.column_stack([np.ones(len(time)), *late])
+    # np.interp gives an input its first value before the record: 0, as differences from it.
+    delayed = [np.interp(time - delay, time, u - u[0]) for u in moving for delay in delays]
+    return np.column_stack([np.ones(len(time)), *delayed])
 
 
 def _granger_p_value(residuals: np.ndarray, driven: np.ndarray) -> float:

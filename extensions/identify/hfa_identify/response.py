@@ -197,7 +197,9 @@ class Responses:
         y = self._outputs(states[::count], record.inputs, theta)
         if not np.isfinite(y).all():
             raise FloatingPointError("the simulation diverges")
-        return Simulation(record, theta, y, states[::count], states[:-1], grid, count)
+        return Simulation(
+            record, theta, y, at_samples=states[::count], begins=states[:-1], grid=grid, count=count
+        )
 
     def slopes(self, simulated: Simulation) -> np.ndarray:
         """Return the sensitivities dy/d(θ, x₀) of a simulation, (N, k, p + n).
@@ -251,17 +253,17 @@ class Responses:
         middle = 0.5 * (before + after)
         thetas = np.tile(theta, (len(states), 1))
         diagonal = np.arange(n)
-        stage, of_stage = self._rates_at(states, before, thetas)
-        total = of_stage.copy()
+        k, k_slopes = self._rates_at(states, before, thetas)
+        total = k_slopes.copy()
         for inputs, c, weight in ((middle, 0.5, 2.0), (middle, 0.5, 2.0), (after, 1.0, 1.0)):
             ahead = c * durations[:, None]
-            of_state = ahead[:, :, None] * of_stage
-            of_state[:, diagonal, diagonal] += 1.0
-            stage, slopes = self._rates_at(states + ahead * stage, inputs, thetas)
-            of_stage = slopes[:, :, :n] @ of_state
-            of_stage[:, :, n:] += slopes[:, :, n:]
-            # The memory of of_state, which is no longer needed, holds the product.
-            total += np.multiply(weight, of_stage, out=of_state)
+            state_slopes = ahead[:, :, None] * k_slopes
+            state_slopes[:, diagonal, diagonal] += 1.0
+            k, f_slopes = self._rates_at(states + ahead * k, inputs, thetas)
+            k_slopes = f_slopes[:, :, :n] @ state_slopes
+            k_slopes[:, :, n:] += f_slopes[:, :, n:]
+            # The memory of state_slopes, which is no longer needed, holds the product.
+            total += np.multiply(weight, k_slopes, out=state_slopes)
         total *= durations[:, None, None] / 6.0
         total[:, diagonal, diagonal] += 1.0
         return total

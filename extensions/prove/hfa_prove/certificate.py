@@ -73,7 +73,7 @@ def read_content(
     """
     entries = Fields("", content)
     for name in ("schema", "toolchain", *_CLOSING):
-        entries.value(name)
+        entries.value(name)  # counts as read: `read_sealed` has checked it
     entries.same("kind", KIND)
     known = SimpleNamespace(aircraft=aircraft)
     statement = ScheduleStatement.read(entries.fields("statement"), known)

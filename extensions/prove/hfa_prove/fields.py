@@ -16,7 +16,8 @@ import numpy as np
 from hfa_support.errors import BadInputError, NoSolutionError, shown
 
 #: Larger numbers are refused, because their squares overflow.
-_LARGEST = 1e300
+_LARGEST_NUMBER = 1e300
+#: Larger integers are refused, because not all of them are doubles.
 _LARGEST_INTEGER = 2**53
 
 
@@ -98,8 +99,8 @@ class Fields:
         return value
 
     def same(self, name: str, expected: Any) -> None:
-        """Raise Malformed unless an entry equals `expected`; no number equals true or false."""
-        # `array` refuses true and false, which equal 1 and 0 in Python.
+        """Raise Malformed unless an entry equals `expected`."""
+        # Read as numbers by `array`, which refuses true and false: in Python they equal 1 and 0.
         are_numbers = np.asarray(expected).dtype.kind in "if"
         value = self.array(name, *np.shape(expected)).tolist() if are_numbers else self.value(name)
         require(value == expected, self._called(name), value)
@@ -174,7 +175,7 @@ def _nested_doubles(where: str, part: Any, shape: list[int | None]) -> Any:
 def _double(where: str, value: Any) -> float:
     """Return a number of a file. Raises Malformed unless it is finite and exact as a double."""
     require(type(value) in (int, float), where, value)
-    require(math.isfinite(value) and abs(value) <= _LARGEST, where, value)
+    require(math.isfinite(value) and abs(value) <= _LARGEST_NUMBER, where, value)
     require(type(value) is float or abs(value) <= _LARGEST_INTEGER, where, value)
     return float(value)
 

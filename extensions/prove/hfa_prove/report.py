@@ -22,16 +22,16 @@ class Claim(NamedTuple):
     """What a statement says, in words and as data.
 
     title: the claim for the first line
-    without: what the first line says is not covered
-    sentence: the claim as a theorem
+    excluded: what the claim does not cover, for the first line
+    theorem: the claim in full sentences
     not_covered: last line of a report
     data: the same figures for JSON
     model: the aircraft
     """
 
     title: str
-    without: str
-    sentence: str
+    excluded: str
+    theorem: str
     not_covered: str
     data: Mapping[str, Any]
     model: Model
@@ -52,7 +52,8 @@ def claim_of(statement: ScheduleStatement) -> Claim:
     if rate is not None:
         how = f"at most {at_least(rate, 4)} {unit}/s" if math.isfinite(rate) else "any rate"
         lines.append(f"The linear loop is stable while the {model.schedule} moves at {how}.")
-    # of the paper's aircraft, the entry names its scheduling variable: dihedral_deg
+    # The paper's aircraft has {"dihedral_deg": [low, high]}, others {"scheduled": {name: [low,
+    # high]}}.
     key = model.schedule_key if model.about.names_schedule else "scheduled"
     interval: Any = [flight.low, flight.high]
     data = {
@@ -63,13 +64,13 @@ def claim_of(statement: ScheduleStatement) -> Claim:
     if rate is not None:
         data["scheduled_rate"] = rate if math.isfinite(rate) else "inf"
     return Claim(
-        f"the linear loop of {model.title} decays by {decay} 1/s at {every}",
-        "actuators, delay, the nonlinear aircraft",
-        " ".join(lines),
-        "Not covered: actuators, delay, sampling, limits of the inputs in motion, the nonlinear "
-        f"aircraft, a {model.schedule} that the loop itself moves.",
-        data,
-        model,
+        title=f"the linear loop of {model.title} decays by {decay} 1/s at {every}",
+        excluded="actuators, delay, the nonlinear aircraft",
+        theorem=" ".join(lines),
+        not_covered="Not covered: actuators, delay, sampling, limits of the inputs in motion, the "
+        f"nonlinear aircraft, a {model.schedule} that the loop itself moves.",
+        data=data,
+        model=model,
     )
 
 
@@ -85,8 +86,8 @@ def found_report(statement: ScheduleStatement, size: int) -> Report:
     size: number of pieces of the proof
     """
     claim = claim_of(statement)
-    title = f"Proved: {claim.title}, without {claim.without}"
-    parts = (claim.sentence, claim.not_covered)
+    title = f"Proved: {claim.title}, without {claim.excluded}"
+    parts = (claim.theorem, claim.not_covered)
     return Report(title, parts, data=_data(statement, claim, size))
 
 
@@ -99,8 +100,8 @@ def checked_report(certificate: Certificate, size: int, not_given: Sequence[str]
     """
     statement, written = certificate.statement, certificate.written
     claim = claim_of(statement)
-    of = f", of the {_listed(not_given)} in the certificate" if not_given else ""
-    title = f"Verified, proved: {claim.title}{of}, without {claim.without}"
+    not_compared = f", of the {_listed(not_given)} in the certificate" if not_given else ""
+    title = f"Verified, proved: {claim.title}{not_compared}, without {claim.excluded}"
     origin = "written by hfa {version} on {date}: {command}".format(**written)
     digest = hashlib.sha256(json.dumps(statement.content()).encode()).hexdigest()
     rows = [
@@ -109,7 +110,7 @@ def checked_report(certificate: Certificate, size: int, not_given: Sequence[str]
         for path, text in _rows(path, value, claim.model)
     ]
     parts = [
-        claim.sentence,
+        claim.theorem,
         "\n".join(f"{path}: {text}" for path, text in rows),
         _aircraft(statement, claim.model),
         f"statement: SHA-256 {digest[:16]}; {size} pieces\n{origin}",
@@ -124,7 +125,7 @@ def checked_report(certificate: Certificate, size: int, not_given: Sequence[str]
 
 
 def _data(statement: ScheduleStatement, claim: Claim, size: int) -> dict[str, Any]:
-    """Return the data of a report: the claim in the form of the certificate, and its figures."""
+    """Return the data of a report: figures of the claim, and the statement of the certificate."""
     return {
         "schema": SCHEMA,
         "kind": KIND,

@@ -484,12 +484,12 @@ def test_decimals_of_the_file_are_covered():
     double nearest to it; that of the unit of an angle contains π / 180.
     """
     flight = SteadyFlight(proved(1.0, 1.5).statement.flight)
-    assert flight.numbers[-2].contains(arb("0.1"))
+    assert flight.constants[-2].contains(arb("0.1"))
     held = replace(flight.flight, imposed={"depth": 0.1, "heave": 0.0})
-    assert SteadyFlight(held).numbers[0].contains(arb("0.1"))
+    assert SteadyFlight(held).constants[0].contains(arb("0.1"))
     angle = SteadyFlight(planar(lambda s: ((-1.0, 0.0), (0.0, -1.0))).flight(0.0, 1.0))
-    assert (180 * angle.numbers[-1]).overlaps(arb.pi())
-    assert not flight.numbers[-2].contains(arb("0.1000000000000002"))
+    assert (180 * angle.constants[-1]).overlaps(arb.pi())
+    assert not flight.constants[-2].contains(arb("0.1000000000000002"))
 
 
 def game_at(degrees):

@@ -75,7 +75,12 @@ def check_schedule(
 
 
 class _Loops(NamedTuple):
-    """Closed loop C = A - B K(s): functions (w, s, numbers, K, slope, origin) -> entries of C."""
+    """Closed loop C = A - B (K + (s - origin) slope), functions of (w, s, constants, K, slope,
+    origin).
+
+    doubles, balls: C, column by column
+    derivatives: C, and its derivatives in w and in s
+    """
 
     doubles: ca.Function
     balls: BallFunction
@@ -112,7 +117,7 @@ class ScheduleProof:
         gain = [ca.vec(K), ca.vec(slope), origin]
         derivatives = [loop, ca.jacobian(loop, trim.w), ca.jacobian(loop, trim.s)]
         return _Loops(
-            ca.Function("loop", [trim.w, trim.s, trim.numbers, *gain], [ca.densify(loop)]),
+            ca.Function("loop", [trim.w, trim.s, trim.constants, *gain], [ca.densify(loop)]),
             self.flight.balls("loop", [loop], *gain),
             self.flight.balls("derivatives", derivatives, *gain),
         )
@@ -193,11 +198,11 @@ class ScheduleProof:
         gain = [K.value.transpose().entries(), K.slope.transpose().entries(), [exact(K.origin)]]
         n = K.value.ncols()
         estimate = [exact(value) for value in trims.estimate.tolist()]
-        (at_centre,) = self._loops.balls(estimate, [trims.middle], self.flight.numbers, *gain)
+        (at_centre,) = self._loops.balls(estimate, [trims.middle], self.flight.constants, *gain)
         s = trims.middle + about_zero(trims.half_width)
         # e and 0: all points between the estimate at the center and the trims
         around = trims.along([offset.union(exact(0.0)) for offset in trims.offset])
-        _, by_w, by_s = self._loops.derivatives(around, [s], self.flight.numbers, *gain)
+        _, by_w, by_s = self._loops.derivatives(around, [s], self.flight.constants, *gain)
         f = len(estimate)
         by_free = arb_mat(f, n * n, by_w).transpose()
         along = arb_mat(n * n, 1, by_s) + by_free * ball_matrix(trims.slope[:, None])
@@ -233,24 +238,25 @@ class ScheduleProof:
         """Raise Rejected unless V = x'P x decreases on a piece for every motion |ds/dt| <= rate.
 
         It decreases if -(C'P + P C) ∓ rate dP/ds > 0, which is proved in the basis T of P = T⁻'T⁻¹.
+        P is that of the witness.
         """
         table = linear_part(self.witness.breakpoints, self.witness.P, trims.low)
         P, slope = table.at(trims.middle), table.slope
-        half = trims.half_width
-        is_constant = len(self.witness.P) == 1  # for any rate, which may be infinite
-        P_rate = 0 * slope if is_constant else slope * exact(rate)
-        # C'P is quadratic in t. It differs by (h² - t²) C1'dP/ds from the line between its ends.
-        bend = loop.slope.transpose() * slope
-        bend = (bend + bend.transpose()) * arb(0).union(half * half)
+        h = trims.half_width
+        is_constant = len(self.witness.P) == 1
+        P_rate = 0 * slope if is_constant else slope * exact(rate)  # the rate may be infinite
+        # C'P is quadratic in t: the line between its ends, minus (h² - t²) C1'dP/ds.
+        C1_slope = loop.slope.transpose() * slope
+        above_line = (C1_slope + C1_slope.transpose()) * arb(0).union(h * h)
         try:
             T = ball_matrix(np.linalg.inv(np.linalg.cholesky(midpoints(P))).T)
         except np.linalg.LinAlgError as error:
             raise Rejected("P of the motion is not positive definite") from error
-        for t in (-half, half):
+        for t in (-h, h):
             product = loop.at(t).transpose() * (P + slope * t)
-            S = bend - (product + product.transpose())
-            for of_motion in (P_rate, -P_rate):
-                if not is_positive_definite(T.transpose() * (S + of_motion) * T):
+            S = above_line - (product + product.transpose())
+            for change in (P_rate, -P_rate):
+                if not is_positive_definite(T.transpose() * (S + change) * T):
                     raise Rejected("the motion of the scheduling variable is not proved stable")
 
 

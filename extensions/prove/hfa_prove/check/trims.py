@@ -29,12 +29,12 @@ from hfa_support.errors import BadInputError
 
 #: Steps of Newton's method for an estimate of a trim, and its largest last step relative to the
 #: nominal values.
-_STEPS = 20
+_NEWTON_STEPS = 20
 _LAST_STEP = 1e-9
-#: Half-width of the box E relative to the Krawczyk step of a thin box.
-_ROOM = 4.0
+#: Half-width of the box E relative to the Krawczyk step of a small box.
+_BOX_PER_STEP = 4.0
 #: Least half-width of E in nominal values.
-_LEAST = 1e-12
+_LEAST_HALF_WIDTH = 1e-12
 
 
 class Expressions(NamedTuple):
@@ -42,18 +42,18 @@ class Expressions(NamedTuple):
 
     w: free variables, (f,)
     s: scheduling value, in the unit of the user
-    numbers: imposed values, parameters, and the unit of s in the unit of the model
+    constants: symbols of imposed values, parameters, and the unit of s in the unit of the model
     G: left sides of the trim equations that depend on w, (f,)
-    kept: left sides of the other trim equations
+    without_w: left sides of the trim equations that do not depend on w
     limited: signals with limits besides imposed values and the scheduling variable
     A, B: matrices of the linear model
     """
 
     w: ca.SX
     s: ca.SX
-    numbers: ca.SX
+    constants: ca.SX
     G: ca.SX
-    kept: ca.SX
+    without_w: ca.SX
     limited: ca.SX
     A: ca.SX
     B: ca.SX
@@ -61,8 +61,9 @@ class Expressions(NamedTuple):
 
 def _limited(flight: Flight) -> tuple[str, ...]:
     """Return the names of the signals whose limits are tested at every trim."""
-    kept = (flight.model.schedule, *flight.imposed)
-    return tuple(name for name in flight.limits if name not in kept)
+    # `Flight.check_consistent` tests the limits of given values.
+    given = (flight.model.schedule, *flight.imposed)
+    return tuple(name for name in flight.limits if name not in given)
 
 
 @lru_cache(maxsize=8)
@@ -72,30 +73,36 @@ def _expressions(
     """Return the trim equations of steady states and imposed outputs, and the linear model."""
     w = ca.SX.sym("w", len(unknowns))
     s = ca.SX.sym("s")
-    numbers = ca.SX.sym("numbers", len(imposed) + len(model.parameters) + 1)
-    *known, unit = ca.vertsplit(numbers)
+    constants = ca.SX.sym("constants", len(imposed) + len(model.parameters) + 1)
+    # Name -> symbol of every variable and parameter, in the units of the model.
+    *known, unit = ca.vertsplit(constants)
     values = dict(zip((*imposed, *model.parameters), known, strict=True))
     values |= dict(zip(unknowns, ca.vertsplit(w), strict=True))
     values[model.schedule] = unit * s
+
+    # The model at these values, with the outputs that are imposed or limited.
     p = ca.vertcat(*(values[name] for name in model.parameters))
     outputs = tuple(name for name in imposed if name not in model.variables)
-    seen = tuple(dict.fromkeys((*outputs, *(name for name in limited if name in model.outputs))))
-    x, u, f, y_seen = model.layout.in_variables(values, p, seen)
-    y = dict(zip(seen, ca.vertsplit(y_seen) if seen else (), strict=True))
+    used = tuple(dict.fromkeys((*outputs, *(name for name in limited if name in model.outputs))))
+    x, u, f, y_used = model.layout.in_variables(values, p, used)
+    y = dict(zip(used, ca.vertsplit(y_used) if used else (), strict=True))
     _, _, A, B, *_ = model.functions(())(x, u, p)  # after rates and outputs
+
+    # Left sides of the equations: rates that are 0 at a trim, and deviations of imposed outputs.
     states = list(model.states)
     balanced = [f[states.index(name)] for name in model.steady]
     balanced += [y[name] - values[name] for name in outputs]
     G = ca.densify(ca.vertcat(*balanced))
     depends_on_w = np.array(ca.DM(ca.jacobian_sparsity(G, w), 1)).any(axis=1)
+
     signals = dict(zip((*states, *model.inputs), ca.vertsplit(ca.vertcat(x, u)), strict=True)) | y
     linear = [states.index(name) for name in model.linear]
     return Expressions(
         w,
         s,
-        numbers,
+        constants,
         G=G[np.flatnonzero(depends_on_w).tolist()],
-        kept=G[np.flatnonzero(~depends_on_w).tolist()],
+        without_w=G[np.flatnonzero(~depends_on_w).tolist()],
         limited=ca.vertcat(*(signals[name] for name in limited)),
         A=A[linear, linear],
         B=B[linear, :],
@@ -188,25 +195,25 @@ class SteadyFlight:
         self.limited = _limited(flight)
         model = flight.model
         self.expressions = _expressions(model, tuple(flight.imposed), flight.unknowns, self.limited)
-        w, s, numbers, G, kept, limited, *_ = self.expressions
+        w, s, constants, G, without_w, limited, *_ = self.expressions
         if G.numel() != w.numel():
             raise BadInputError(
                 f"a proof requires as many trim equations as free variables, but {G.numel()} "
                 f"equations depend on {', '.join(flight.unknowns)}; change --hold and --free"
             )
-        given = [w, s, numbers]
+        given = [w, s, constants]
         slopes = [ca.jacobian(G, w), ca.jacobian(G, s)]
         self._doubles = ca.Function("trim", given, [G, *slopes])
-        self._balanced = self.balls("balanced", [G, kept])
+        self._balanced = self.balls("balanced", [G, without_w])
         self._slopes = self.balls("slopes", slopes)
         self._limits = self.balls("limits", [limited])
 
     def balls(self, name: str, outputs: Sequence[ca.SX], *more: ca.SX) -> BallFunction:
-        """Return the function (w, s, numbers, *more) -> outputs on balls, column by column."""
-        w, s, numbers, *_ = self.expressions
+        """Return the function (w, s, constants, *more) -> outputs on balls, column by column."""
+        w, s, constants, *_ = self.expressions
         dense = [ca.densify(ca.vec(output)) for output in outputs]
         return BallFunction(
-            ca.Function(name, [w, s, numbers, *more], dense), self.flight.model.name
+            ca.Function(name, [w, s, constants, *more], dense), self.flight.model.name
         )
 
     @cached_property
@@ -216,7 +223,7 @@ class SteadyFlight:
 
     @cached_property
     def doubles(self) -> list[float]:
-        """Values of `Expressions.numbers`: imposed values, parameters, and the unit of s."""
+        """Values of `Expressions.constants`: imposed values, parameters, and the unit of s."""
         flight = self.flight
         return [
             *flight.imposed.values(),
@@ -225,7 +232,7 @@ class SteadyFlight:
         ]
 
     @cached_property
-    def numbers(self) -> list[arb]:
+    def constants(self) -> list[arb]:
         """Balls about `doubles` that contain every decimal that is read as the double.
 
         The unit of the scheduling variable, π/180 or 1, is not read, and is enclosed exactly.
@@ -240,15 +247,15 @@ class SteadyFlight:
         Raises Undecided if Newton's method does not converge.
         """
         w = np.array(guess, dtype=float)
-        for _ in range(_STEPS):
-            G, Gw, Gs = (np.array(slopes) for slopes in self._doubles(w, s, self.doubles))
+        for _ in range(_NEWTON_STEPS):
+            G, Gw, Gs = (np.array(matrix) for matrix in self._doubles(w, s, self.doubles))
             try:
                 inverse = np.linalg.inv(Gw)
             except np.linalg.LinAlgError as error:
                 raise Undecided("the trim equations are singular") from error
             step = (inverse @ G)[:, 0]
             w -= step
-            if np.all(np.abs(step) <= 1e-4 * _LAST_STEP * self.nominal):  # no smaller step follows
+            if np.all(np.abs(step) <= 1e-4 * _LAST_STEP * self.nominal):  # rounding errors
                 break
         if not np.all(np.abs(step) <= _LAST_STEP * self.nominal):
             raise Undecided("Newton's method for the trim does not converge")
@@ -261,15 +268,15 @@ class SteadyFlight:
 
         Raises Undecided or Rejected if the trims are not proved.
         """
-        # The Krawczyk step of a small box about the estimate tells how wide the box must be.
         w, slope, Y = self.estimate(guess, 0.5 * (low + high))
-        thin = [exact(0.0)] * len(w)
-        estimated = TrimPiece(low, high, w, slope, thin, thin)
-        least = [about_zero(_LEAST * nominal) for nominal in self.nominal]
-        first = self._krawczyk(estimated, Y, least)
+        points = [exact(0.0)] * len(w)
+        estimated = TrimPiece(low, high, w, slope, box=points, offset=points)
+        # The Krawczyk step of a small box about the estimate tells how wide the box must be.
+        small_box = [about_zero(_LEAST_HALF_WIDTH * nominal) for nominal in self.nominal]
+        first = self._krawczyk(estimated, Y, small_box)
         box = [
-            about_zero(_ROOM * abs(ball).upper() + small.rad())
-            for ball, small in zip(first, least, strict=True)
+            about_zero(_BOX_PER_STEP * abs(ball).upper() + small.rad())
+            for ball, small in zip(first, small_box, strict=True)
         ]
         offset = self._krawczyk(estimated, Y, box)
         if not _inside(offset, box):
@@ -279,30 +286,30 @@ class SteadyFlight:
         return proved
 
     def _krawczyk(self, piece: TrimPiece, Y: np.ndarray, box: Sequence[arb]) -> list[arb]:
-        """Return the step K = (I - Y G_w) E - Y (G(v, s0) + (G_s + G_w v') t) of a box E, |t| <= h.
+        """Return the step K = (I - Y G_w) E - Y (G(v, s0) + (G_s + G_w v') t) of a box E.
 
-        piece: piece s0 + t with the estimate v + v' t of its trims
+        piece: piece s0 + t, |t| <= h, with the estimate v + v' t of its trims
         Y: estimate of the inverse of G_w, (f, f)
         """
         f = len(box)
-        at = [exact(value) for value in piece.estimate.tolist()]
-        G, _ = self._balanced(at, [piece.middle], self.numbers)
+        v = [exact(value) for value in piece.estimate.tolist()]
+        G, _ = self._balanced(v, [piece.middle], self.constants)
         s = piece.middle + about_zero(piece.half_width)
         around = piece.along(box)
-        if not all(value == 0 for value in self._balanced(around, [s], self.numbers)[1]):
+        if not all(value == 0 for value in self._balanced(around, [s], self.constants)[1]):
             raise Rejected("no values of the free variables satisfy an equation of the trim")
-        Gw, Gs = self._slopes(around, [s], self.numbers)
-        slopes = arb_mat(f, f, Gw).transpose()
-        along = arb_mat(f, 1, Gs) + slopes * ball_matrix(piece.slope[:, None])
+        Gw, Gs = self._slopes(around, [s], self.constants)
+        G_w = arb_mat(f, f, Gw).transpose()  # entries are column by column
+        along = arb_mat(f, 1, Gs) + G_w * ball_matrix(piece.slope[:, None])
         inverse = ball_matrix(Y)
-        step = inverse * (arb_mat(f, 1, G) + along * about_zero(piece.half_width))
-        rest = (identity(f) - inverse * slopes) * arb_mat(f, 1, list(box))
-        return list((rest - step).entries())
+        newton_step = inverse * (arb_mat(f, 1, G) + along * about_zero(piece.half_width))
+        rest = (identity(f) - inverse * G_w) * arb_mat(f, 1, list(box))
+        return list((rest - newton_step).entries())
 
     def _check_limits(self, piece: TrimPiece) -> None:
         """Raise Rejected unless every signal is proved to be within its limits on a piece."""
         s = piece.middle + about_zero(piece.half_width)
-        (values,) = self._limits(piece.along(piece.offset), [s], self.numbers)
+        (values,) = self._limits(piece.along(piece.offset), [s], self.constants)
         for name, value in zip(self.limited, values, strict=True):
             low, high = self.flight.limits[name]
             if not (arb(low) <= value and value <= arb(high)):

@@ -44,7 +44,7 @@ def asked_trim(request: CheckRequest) -> AskedTrim:
     """Return the trims that the options define."""
     asked = trim_input(request, scheduled=interval_of)
     ends = () if asked.at is None else tuple(array_of("--at", asked.at, 2).tolist())
-    return AskedTrim(asked.trim(None, asked.held()), ends)
+    return AskedTrim(asked.trim(at=None, hold=asked.held()), ends)
 
 
 def _is_any_given(request: CheckRequest, names: tuple[str, ...]) -> bool:
@@ -65,6 +65,7 @@ def given_for(
         given["flight.range"] = Given([trim.ends[0], trim.ends[-1]])
     family = Family(trim.given.model, trim.given.common)
     if _is_any_given(request, _OF_THE_AIRCRAFT):
+        # The user's trims on the interval of the certificate, in the form of its entries.
         content = family.flight(flight.low, flight.high).content()
         for name in ("model", "parameters", "imposed", "limits"):
             given[f"flight.{name}"] = Given(content[name])

@@ -73,7 +73,7 @@ def schedule(request: ScheduleRequest) -> Outcome:
 
     asked = trim_input(request, scheduled=interval_of)
     low, high = _ends(asked)
-    given = asked.trim(None, asked.held())
+    given = asked.trim(at=None, hold=asked.held())  # one condition for the whole interval
     family = Family(given.model, given.common)
     family.check(low, high)
     if request.weights is not None:
@@ -88,7 +88,7 @@ def schedule(request: ScheduleRequest) -> Outcome:
         low,
         high,
         decay_rate=request.decay,
-        scheduled_rate="largest" if request.rate == 0.0 else request.rate,
+        scheduled_rate="largest" if request.rate == 0.0 else request.rate,  # 0: --rate alone
         progress=ProgressLine("prove"),
     )
 

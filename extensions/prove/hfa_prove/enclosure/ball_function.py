@@ -236,8 +236,8 @@ def _called(function: ca.Function, name: str) -> Callable[..., Sequence[Any]]:
     on_balls = BallFunction(function, name)
 
     def call(*values: Any) -> list[Any]:
-        left = iter(values)
-        arguments = [list(islice(left, size)) for size in on_balls.inputs]
+        remaining = iter(values)
+        arguments = [list(islice(remaining, size)) for size in on_balls.inputs]
         return list(chain.from_iterable(on_balls(*arguments)))
 
     return call

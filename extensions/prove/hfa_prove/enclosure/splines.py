@@ -124,7 +124,8 @@ class Table:
     def layers(self) -> Iterator[tuple[Spline, Table]]:
         """Yield functions of the last argument, and the tables by which they are multiplied.
 
-        Their sum is Σ_i φ_i g_i = g_1 Σ φ_i + Σ_i (φ_i + φ_(i+1) + ..) (g_i - g_(i-1)).
+        Their sum is Σ_i φ_i g_i = g_1 Σ φ_i + Σ_i (φ_i + φ_(i+1) + ..) (g_i - g_(i-1)). Balls of
+        the second form are narrower if neighboring g_i differ little.
         """
         *inner, basis = self.bases
         size = len(self.values) // len(basis)
@@ -136,7 +137,8 @@ class Table:
             if any(change):
                 following = basis[i:]
                 ones = (Fraction(1),) * len(following)
-                yield basis[0].combined(ones, following), Table(tuple(inner), change)
+                sum_of_following = following[0].combined(ones, following)
+                yield sum_of_following, Table(tuple(inner), change)
 
 
 def is_table(function: ca.Function) -> bool:
@@ -154,7 +156,7 @@ def tables_of(function: ca.Function) -> tuple[Table, ...]:
 
 @lru_cache(maxsize=64)
 def _tables_of(stored: str, function: ca.Function) -> tuple[Table, ...]:
-    """Return the outputs of a table from its serialized form, of which the results are kept."""
+    """Return the outputs of a table, which are kept for each serialized form `stored`."""
     entries = _Entries(bytes(_nibbles(stored)), function.name())
     grids = entries.split("Interpolant::grid", "Interpolant::offset")
     bases = [_hats(grid) for grid in grids]
@@ -167,12 +169,14 @@ def _tables_of(stored: str, function: ca.Function) -> tuple[Table, ...]:
         bases = [_b_splines(t, int(degree)) for t, degree in zip(knots, degrees, strict=True)]
         values = entries.numbers(_COEFFICIENTS)
     outputs = int(entries.number("Interpolant::m"))
+    # Values or coefficients of each output; those of all outputs alternate in `values`.
     exact = [tuple(map(Fraction, values[output::outputs])) for output in range(outputs)]
     if function.class_name() == _DERIVATIVE:
         slopes = [tuple(map(_derivative, basis)) for basis in bases]
-        of_column = [(*bases[:d], slope, *bases[d + 1 :]) for d, slope in enumerate(slopes)]
-        return tuple(Table(tuple(column), one) for column in of_column for one in exact)
-    tables = tuple(Table(tuple(bases), one) for one in exact)
+        # Column d of the Jacobian: the derivative in argument d.
+        columns = [(*bases[:d], slope, *bases[d + 1 :]) for d, slope in enumerate(slopes)]
+        return tuple(Table(column, values_of) for column in columns for values_of in exact)
+    tables = tuple(Table(tuple(bases), values_of) for values_of in exact)
     _compare(tables, function, np.array([(grid[0], grid[-1]) for grid in grids]))
     return tables
 
@@ -237,20 +241,24 @@ def _hats(grid: tuple[float, ...]) -> tuple[Spline, ...]:
     x = list(map(Fraction, grid))
     lengths = [after - before for before, after in pairwise(x)]
     for i in range(len(x)):
-        at = [Fraction(k == i) for k in range(len(x))]
+        values = [Fraction(k == i) for k in range(len(x))]
         slopes = [
             (after - before) / length
-            for (before, after), length in zip(pairwise(at), lengths, strict=True)
+            for (before, after), length in zip(pairwise(values), lengths, strict=True)
         ]
-        pieces = [(at[0], slopes[0])]
-        pieces += [(value, slope) for value, slope in zip(at, [*slopes, slopes[-1]], strict=True)]
+        # (value, slope) at the first point for the piece before it, then at every point for the
+        # piece after it.
+        pieces = [(values[0], slopes[0]), *zip(values, [*slopes, slopes[-1]], strict=True)]
         hats.append(Spline(grid, tuple(pieces)))
     return tuple(hats)
 
 
 @lru_cache(maxsize=64)
 def _b_splines(knots: tuple[float, ...], degree: int) -> tuple[Spline, ...]:
-    """Return the B-splines of a sequence of knots (Cox and de Boor)."""
+    """Return the B-splines of a sequence of knots (Cox and de Boor), 0 beyond the knots."""
+    # On each piece, the B-splines of degree q are polynomials in x = low + s that follow from those
+    # of degree q - 1: B_i = (x - t_i) / (t_(i+q) - t_i) B_i + (t_(i+q+1) - x) / (t_(i+q+1) -
+    # t_(i+1)) B_(i+1).
     t = list(map(Fraction, knots))
     distinct = sorted(set(t))
     zero: Coefficients = (Fraction(0),)
@@ -258,7 +266,7 @@ def _b_splines(knots: tuple[float, ...], degree: int) -> tuple[Spline, ...]:
     pieces: list[list[Coefficients]] = [[zero] for _ in range(count)]
     for low, high in pairwise(distinct):
         basis: list[Coefficients] = [
-            (Fraction(left <= low and high <= right),) for left, right in pairwise(t)
+            (Fraction(start <= low and high <= end),) for start, end in pairwise(t)
         ]
         for q in range(1, degree + 1):
             basis = [

@@ -50,19 +50,21 @@ class Family:
     """Trims of an aircraft at any value of its scheduling variable.
 
     model: the aircraft with its declared parameter values
-    flights: trim condition, or None for the condition of the model's trim
+    given_condition: the user's trim condition, or None for the condition of the model's trim
     """
 
     model: Model
-    flights: TrimCondition | None = None
+    given_condition: TrimCondition | None = None
 
     def condition(self, scheduling_value: float | None = None) -> TrimCondition:
         """Return the trim condition at a scheduling value, by default at the model's own value."""
-        flights = usual_condition(self.model) if self.flights is None else self.flights
+        condition = self.given_condition
+        if condition is None:
+            condition = usual_condition(self.model)
         # A parameter is not in the condition: `point` changes it in the model.
         if scheduling_value is None or self.model.schedule in self.model.parameters:
-            return flights.at(None)
-        return flights.at(in_model_unit(self.model, scheduling_value))
+            return condition.at(None)
+        return condition.at(in_model_unit(self.model, scheduling_value))
 
     def point(self, scheduling_value: float) -> OperatingPoint:
         """Return the trim at a scheduling value, in double precision.
@@ -124,15 +126,15 @@ class Family:
             raise BadInputError(
                 f"the interval is {low:g} to {high:g}; give two different ends, the lower first"
             )
-        if self.flights is not None:
-            for name, value in self.flights.imposed.items():
+        if self.given_condition is not None:
+            for name, value in self.given_condition.imposed.items():
                 if isinstance(value, LinearTable):
                     raise BadInputError(
                         f"{name} depends on the {model.schedule} in this flight condition; give "
                         f"one value with --hold {name}=VALUE"
                     )
         first = self.condition(low)
-        self.condition(high)
+        self.condition(high)  # raises BadInputError if it is beyond a limit
         if first.rates != dict.fromkeys(model.steady, 0.0) or model.schedule in first.free:
             raise BadInputError(
                 f"a proof requires trims at a given {model.schedule} with all rates 0; change "
@@ -174,20 +176,20 @@ def exact_gains(family: Family, breakpoints: np.ndarray, **changes: Any) -> Gain
 #: Number of samples of the loop in the interval.
 _SAMPLES = 161
 #: Share of the sampled decay rate that is stated by default.
-_SHARE = 0.99
+_STATED_SHARE = 0.99
 #: Numbers of intervals between breakpoints of P, for each interval of the gains, and the least gain
 #: of the sampled rate for which a finer P is preferred.
 _FINENESS = (1, 2, 4, 8, 16, 32)
 _FASTER = 1.05
 #: Shares of the sampled rate of the scheduling variable that are tried.
-_RATES = (0.95, 0.85, 0.7, 0.5)
+_RATE_SHARES = (0.95, 0.85, 0.7, 0.5)
 #: Steps of the search for the weight of P, and the power in its norm over the samples.
 _TRIES = 40
 _POWER = 6.0
 #: Condition number of a basis of modes from which on they coincide.
 _COINCIDENT = 1e6
 #: Number of pieces after which a search stops.
-_MOST = 1_000_000
+_MOST_PIECES = 1_000_000
 
 
 class Sample(NamedTuple):
@@ -248,22 +250,22 @@ def prove_schedule(
     flight = family.flight(low, high)
     _refuse_uncovered(gains, low, high)
     n = len(flight.model.linear)
-    without_P = ScheduleWitness(_MOST, np.zeros(0), np.zeros((0, n, n)))
+    without_P = ScheduleWitness(_MOST_PIECES, np.zeros(0), np.zeros((0, n, n)))
     samples = _samples(ScheduleProof(ScheduleStatement(flight, gains, 0.0), without_P))
     slowest = min(samples, key=lambda sample: -spectral_abscissa(sample.C))
-    sampled = -spectral_abscissa(slowest.C)
-    if decay_rate is None and not sampled > 0.0:
+    slowest_decay = -spectral_abscissa(slowest.C)
+    if decay_rate is None and not slowest_decay > 0.0:
         raise NoSolutionError(
-            f"A - B K has an eigenvalue with the real part {-sampled:.6g} 1/s at "
+            f"A - B K has an eigenvalue with the real part {-slowest_decay:.6g} 1/s at "
             f"{flight.model.schedule} {slowest.s:.6g} {flight.model.schedule_unit}, so the loop is "
             "not stable"
         )
-    rate = _SHARE * sampled if decay_rate is None else decay_rate
-    of_decay = ScheduleStatement(flight, gains, rate)
+    stated_decay = _STATED_SHARE * slowest_decay if decay_rate is None else decay_rate
+    statement = ScheduleStatement(flight, gains, stated_decay)
     if scheduled_rate is None:
-        return _first_proved([(of_decay, without_P)], progress)
+        return _first_proved([(statement, without_P)], progress)
     wanted = None if scheduled_rate == "largest" else scheduled_rate
-    return _first_proved(_motions(of_decay, samples, wanted), progress)
+    return _first_proved(_with_motion(statement, samples, wanted), progress)
 
 
 def _refuse_uncovered(gains: Gains, low: float, high: float) -> None:
@@ -287,10 +289,10 @@ def _first_proved(
         except Rejected as error:
             rejected = error
             continue
-        # Halving into `size` pieces tries less than twice as many. 100 more are spare, for a
-        # processor whose roundoff requires further pieces.
-        kept = ScheduleWitness(2 * size + 100, witness.breakpoints, witness.P)
-        return ScheduleFound(statement, kept, size)
+        # A check tries less than 2 `size` pieces: those proved, and those that it halved before.
+        # 100 more are spare, for a processor whose roundoff requires further pieces.
+        stored = ScheduleWitness(2 * size + 100, witness.breakpoints, witness.P)
+        return ScheduleFound(statement, stored, size)
     if rejected is None:
         raise NoSolutionError(
             "no Lyapunov function was found for the stated motion of the scheduling variable"
@@ -323,42 +325,46 @@ def _samples(proof: ScheduleProof) -> list[Sample]:
     return samples
 
 
-def _motions(
+def _with_motion(
     statement: ScheduleStatement, samples: Sequence[Sample], wanted: float | None
 ) -> Iterator[tuple[ScheduleStatement, ScheduleWitness]]:
     """Yield statements about a moving scheduling variable with P, the strongest first."""
-    flight, gains, rate = statement.flight, statement.gains, statement.decay_rate
+    # wanted: rate of the scheduling variable, or None for the largest
+    flight, gains, decay = statement.flight, statement.gains, statement.decay_rate
 
-    def motion(speed: float, nodes: Any, P: Any) -> tuple[ScheduleStatement, ScheduleWitness]:
-        claim = ScheduleStatement(flight, gains, decay_rate=rate, scheduled_rate=speed)
+    def claim(rate: float, nodes: Any, P: Any) -> tuple[ScheduleStatement, ScheduleWitness]:
+        """Return the statement for a rate, and the witness with P (l, n, n) at the nodes (l,)."""
+        moving = ScheduleStatement(flight, gains, decay_rate=decay, scheduled_rate=rate)
         nominal = flight.model.nominal(flight.model.linear)
         P_in_units = np.array(P) / np.outer(nominal, nominal)
-        return claim, ScheduleWitness(_MOST, np.array(nodes, dtype=float), P_in_units)
+        return moving, ScheduleWitness(_MOST_PIECES, np.array(nodes, dtype=float), P_in_units)
 
     # A constant P permits any rate.
-    W = _weight(samples[:: max(1, len(samples) // 16)])
+    W = _weight(samples[:: max(1, len(samples) // 16)])  # 16 samples suffice for a weight
     middle = samples[len(samples) // 2]
     for weight in (W, _first_weight(middle.C)):
         P = _lyapunov(middle.C, weight)
         if all(_is_positive(-(sample.C.T @ P + P @ sample.C)) for sample in samples):
-            yield motion(math.inf if wanted is None else wanted, [middle.s], [P])
+            yield claim(math.inf if wanted is None else wanted, [middle.s], [P])
+
+    # A P that is linear between nodes permits a higher rate with more nodes.
     best = 0.0
-    kept: list[tuple[float, np.ndarray, np.ndarray]] = []
+    improving: list[tuple[float, np.ndarray, np.ndarray]] = []
     for fineness in _FINENESS:
         cuts = [np.linspace(*part, fineness + 1)[:-1] for part in gains.pieces(*flight.range)]
         nodes = np.append(np.concatenate(cuts), flight.high)
         P = np.array([_lyapunov(_loop_near(samples, node), W) for node in nodes.tolist()])
-        found = _permitted_scheduled_rate(samples, nodes, P)
+        permitted = _permitted_scheduled_rate(samples, nodes, P)
         # An infinite rate is that of a constant P, which was tried above.
-        if _FASTER * best < found < math.inf:
-            kept.append((found, nodes, P))
-            best = found
-        if wanted is not None and wanted <= found:
-            yield motion(wanted, nodes, P)
+        if _FASTER * best < permitted < math.inf:
+            improving.append((permitted, nodes, P))
+            best = permitted
+        if wanted is not None and wanted <= permitted:
+            yield claim(wanted, nodes, P)
     if wanted is None:
-        for found, nodes, P in reversed(kept):
-            for share in _RATES:
-                yield motion(float(f"{share * found:.2g}"), nodes, P)
+        for permitted, nodes, P in reversed(improving):
+            for share in _RATE_SHARES:  # of the rate at samples, as between them it may be less
+                yield claim(float(f"{share * permitted:.2g}"), nodes, P)
 
 
 def _loop_near(samples: Sequence[Sample], s: float) -> np.ndarray:
@@ -416,8 +422,9 @@ def _weight(samples: Sequence[Sample]) -> np.ndarray:
         total = np.zeros_like(W)
         largest = 0.0
         for _, C, slope in samples:
-            half = _lyapunov(C, W) @ slope
-            P_slope = _lyapunov(C, half + half.T)  # dP/ds, by the derivative of P's equation
+            # The derivative of C'P + P C = -W in s, with P' = dP/ds: C'P' + P'C = -(C''P + P C').
+            P_C_slope = _lyapunov(C, W) @ slope
+            P_slope = _lyapunov(C, P_C_slope + P_C_slope.T)
             sizes, axes = np.linalg.eigh(inverse @ P_slope @ inverse.T)
             largest = max(largest, float(np.abs(sizes).max()))
             total += (axes * np.abs(sizes) ** _POWER) @ axes.T

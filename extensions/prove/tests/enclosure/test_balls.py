@@ -37,7 +37,7 @@ def test_a_read_number_contains_its_decimal():
         trims = Flight(
             FLOAT, parameters, {"depth": 1.0, "heave": 0.0}, {}, (1.0, 2.0), {"lift": 1.0}
         )
-        (ball,) = SteadyFlight(trims).numbers[3:4]
+        (ball,) = SteadyFlight(trims).constants[3:4]
         if not ball.contains(exactly):
             outside.append(text)
     assert outside == []
