@@ -134,7 +134,7 @@ class Fit:
 
         Raises FloatingPointError if they are not finite.
         """
-        return self.search.normals(self)
+        return tuple(self.search.normal(self, number) for number in range(len(self.starts)))
 
     @cached_property
     def information(self) -> np.ndarray:
@@ -319,15 +319,11 @@ class OutputError:
             total += 0.5 * float((start - guess) ** 2 @ prior)
         return total
 
-    def normals(self, fit: Fit) -> tuple[Normal, ...]:
-        """Return the normal equations of each record.
+    def normal(self, fit: Fit, number: int) -> Normal:
+        """Return the normal equations of record `number`, with the noise variances of the fit.
 
         Raises FloatingPointError if they are not finite.
         """
-        return tuple(self._normal(fit, number) for number in range(len(self.records)))
-
-    def _normal(self, fit: Fit, number: int) -> Normal:
-        """Return the normal equations of record `number`, with the noise variances of the fit."""
         p = len(self.responses.free)
         slopes = fit.responses[number].slopes
         weights = np.where(self.present[number], 1.0 / np.sqrt(fit.noise), 0.0)

@@ -164,7 +164,8 @@ def _rows(path: str, value: Any, model: Model) -> list[tuple[str, str]]:
     elif isinstance(value, list) and value and isinstance(value[0], (list, Mapping)):
         parts = [(str(number), part) for number, part in enumerate(value)]
     else:
-        return [(path, _numbers(value) if isinstance(value, list) else _number(value))]
+        text = ", ".join(map(_number, value)) if isinstance(value, list) else _number(value)
+        return [(path, text)]
     return [row for name, part in parts for row in _rows(f"{path}.{name}", part, model)]
 
 
@@ -173,11 +174,6 @@ def _in_unit(model: Model, name: str, value: Any) -> str:
     if isinstance(value, list):
         return " to ".join("-" if end is None else model.describe(name, end) for end in value)
     return model.describe(name, value)
-
-
-def _numbers(values: Sequence[Any]) -> str:
-    """Return numbers as text, separated by commas."""
-    return ", ".join(_number(value) for value in values)
 
 
 def _number(value: Any) -> str:
