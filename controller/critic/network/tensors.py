@@ -124,7 +124,7 @@ def _array_of(
 ) -> np.ndarray:
     """Return a NumPy array with the given bytes, number type, shape, order and order of axes."""
     numbers = np.frombuffer(memoryview(content), dtype=kind.dtype)
-    array = numbers.reshape(shape, order=order.replace("K", "C"))  # K: `axes` follow
+    array = numbers.reshape(shape, order="F" if order == "F" else "C")
     return array.transpose(axes or range(array.ndim))
 
 
