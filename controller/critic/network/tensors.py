@@ -123,7 +123,7 @@ def _array_of(
     axes: tuple[int, ...] = (),
 ) -> np.ndarray:
     """Return a NumPy array with the given bytes, number type, shape, order and order of axes."""
-    numbers = np.frombuffer(memoryview(content), dtype=kind.dtype)
+    numbers = np.frombuffer(content, kind.dtype)
     array = numbers.reshape(shape, order="F" if order == "F" else "C")
     return array.transpose(axes or range(array.ndim))
 
@@ -135,9 +135,9 @@ def _tensor(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.nd
     return array_type(size, storage.dtype, storage, offset * storage.itemsize, strides)
 
 
-def _jax_array(make: Callable[..., Any], arguments: Any, state: Any, *_: Any) -> np.ndarray:
+def _jax_array(make: Callable[..., Any], arguments: Any, state: Any, *_: Any) -> Any:
     """Return an array of jax, which is pickled as one of NumPy."""
-    array: np.ndarray = make(*arguments)
+    array = make(*arguments)
     array.__setstate__(state)
     return array
 
@@ -402,11 +402,10 @@ def checked_tensors(tensors: Mapping[str, np.ndarray]) -> tuple[dict[str, np.nda
             f"the tensors have more than {LARGEST_NETWORK} entries in total, the maximum; give a "
             "smaller network"
         )
-    doubles = {
+    return {
         name: np.asarray(array).astype(float) if array.dtype.kind == "f" else array
         for name, array in tensors.items()
-    }
-    return doubles, lowest(precisions)
+    }, lowest(precisions)
 
 
 def lowest(precisions: set[str]) -> str:
