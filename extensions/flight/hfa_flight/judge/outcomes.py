@@ -151,7 +151,7 @@ class CaseFlights:
 
     A flight ends with the window in which it leaves the limits, or a state is not a number. A
     flight of the full duration converges if it ends in the ball, and its distance does not grow
-    about an unstable equilibrium.
+    about an unstable equilibrium. `_earlier` are distances some windows before the end.
 
     flight: the aircraft over a sample.
     cases: the trims with their boxes and equilibria.

@@ -24,6 +24,9 @@ _LARGEST_ERROR = 2.5e-6
 class HeldModel:
     """Smooth equations z' = f(z, v) over successive holds of v, in nominal units.
 
+    z (n,) are the followed states and v (m,) the moving inputs. S (n, n + m) are the derivatives of
+    z by the states and inputs at the start of a hold.
+
     scaled: the problem in nominal units
     holds: durations of the holds, s, (N,), or the largest ones, if calls give others
     """
@@ -64,7 +67,6 @@ class HeldModel:
     @cached_property
     def _step_slopes(self) -> ca.Function:
         """Function ([z, S], v, h) -> [z, S] after one Runge-Kutta step."""
-        # S (n, n + m) are the derivatives of z by the states and inputs at the start of the hold.
         _, v, h = self._symbols()
         _, n, m = self.scaled.counts
         columns = ca.MX.sym("columns", n, 1 + n + m)
@@ -195,6 +197,8 @@ class NearestInputs:
     The states are those that the inputs can move by a tenth of the range in one sample, such as a
     pitch rate. The change is least in fractions of the inputs' ranges.
 
+    The states have the indices `_kept` and the limits `_limits`.
+
     scaled: the problem in nominal units
     dt: sample time, s
     within: fraction of the distances from trim to limits that the next states keep
@@ -210,7 +214,7 @@ class NearestInputs:
         self._within = within
         self._limits = within * below[self._kept], within * above[self._kept]
         #: Squares of the inputs' ranges, which weigh their changes.
-        self._squares = np.where(np.isfinite(ranges), ranges, 1.0) ** 2
+        self._squared_ranges = np.where(np.isfinite(ranges), ranges, 1.0) ** 2
 
     def __reduce__(self) -> tuple[type[NearestInputs], tuple[Any, ...]]:
         """Return the constructor and its arguments, for copies and pickle."""
@@ -240,7 +244,7 @@ class NearestInputs:
             # move against `beyond * by_inputs`, except those that are at the limit on that side.
             for by_inputs, beyond in zip(slopes[0, self._kept, n:], excess, strict=True):
                 can_move = np.where(beyond * by_inputs > 0.0, v > lowest, v < highest)
-                direction = self._squares * by_inputs * can_move
+                direction = self._squared_ranges * by_inputs * can_move
                 if direction @ by_inputs > 0.0:
                     v = v - direction * beyond / (direction @ by_inputs)
                     v = np.clip(v, lowest, highest)
@@ -282,13 +286,15 @@ class Measured:
         box = np.maximum(model.scaled.box, _LEAST_BOX)
         #: Largest difference of a sample from its prediction, (n,). It is a nominal value for
         #: carried states, which have no box.
-        self._most = np.append(_SHARE_OF_BOX * box + _SHARE_OF_MOVES * moved, np.ones(n - k))
+        self._largest_difference = np.append(
+            _SHARE_OF_BOX * box + _SHARE_OF_MOVES * moved, np.ones(n - k)
+        )
         self.wrong = 0
         #: Commands that may act yet, (m,) each, and number of all commands of the flight.
         self._commands: list[np.ndarray] = []
-        self._count = 0
+        self._command_count = 0
         #: States of the last sample: the used ones, then those that were measured in doubt.
-        self._last: list[np.ndarray] = []
+        self._last_states: list[np.ndarray] = []
 
     def checked(self, z: np.ndarray) -> np.ndarray | None:
         """Return the states of this sample, or their prediction if it is wrong, (n,).
@@ -298,27 +304,29 @@ class Measured:
 
         z: measured states, (n,)
         """
-        acting = self._acting(self._count - 1, self._dt)  # since the sample before
-        predictions = [self._moved(states, acting) for states in self._last]
-        agrees = [bool((np.abs(z - states) <= self._most).all()) for states in predictions]
+        acting = self._acting(self._command_count - 1, self._dt)  # since the sample before
+        predictions = [self._moved(states, acting) for states in self._last_states]
+        agrees = [
+            bool((np.abs(z - states) <= self._largest_difference).all()) for states in predictions
+        ]
         used: np.ndarray | None = z
         if not np.isfinite(z).all() or (predictions and not any(agrees)):
             self.wrong += 1
             used = predictions[0] if predictions else None
         hypotheses = (used,) if used is z else (used, z)
-        self._last = [x for x in hypotheses if x is not None and np.isfinite(x).all()]
+        self._last_states = [x for x in hypotheses if x is not None and np.isfinite(x).all()]
         return used
 
     def when_acting(self, z: np.ndarray) -> np.ndarray:
         """Return the states when the command of this sample acts, (n,), from those now."""
-        return self._moved(z, self._acting(self._count, self._delay))
+        return self._moved(z, self._acting(self._command_count, self._delay))
 
     def command(self, v: np.ndarray) -> None:
         """Add the command of this sample, (m,), and forget those that have acted before it."""
         late = in_samples(self._delay, self._dt).whole
         # The oldest command that still acts is that of `late` + 1 samples before this one.
         self._commands = [*self._commands, v][-late - 2 :]
-        self._count += 1
+        self._command_count += 1
 
     def _acting(self, sample: int, seconds: float) -> list[tuple[np.ndarray, float]]:
         """Return the inputs that act in some seconds after a sample, each with its duration, s."""
@@ -329,8 +337,8 @@ class Measured:
         """Return the command of a sample, 0 before the flight, (m,)."""
         if number < 0:
             return np.zeros(self._model.scaled.counts.inputs)
-        # The last entry is the command of sample `_count` - 1; the index counts from the end.
-        return self._commands[number - self._count]
+        # The last entry is the command of sample `_command_count` - 1; the index is negative.
+        return self._commands[number - self._command_count]
 
     def _moved(self, z: np.ndarray, acting: list[tuple[np.ndarray, float]]) -> np.ndarray:
         """Return the states z after inputs that act in turn, each with its duration, (n,)."""

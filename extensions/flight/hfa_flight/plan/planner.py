@@ -98,6 +98,8 @@ class Planner:
     grid: holds of a plan
     P: matrix of the cost z'Pz at the end of a plan, (n, n)
     margin: fraction of the distance from the trim by which the limits of the states are narrowed
+    soft: indices of the states with soft limits, (S,)
+    room: their limits, narrowed by the margin alone
     """
 
     def __init__(self, scaled: ScaledProblem, grid: Grid, P: np.ndarray, margin: float) -> None:
@@ -107,19 +109,19 @@ class Planner:
         self.margin = margin
         lowest, highest = scaled.state_limits
         self.soft = np.flatnonzero(np.isfinite(lowest) | np.isfinite(highest))
-        #: Soft limits without a spread.
         self.room = Range((1.0 - margin) * lowest[self.soft], (1.0 - margin) * highest[self.soft])
         # Largest number of samples of each hold, (N,), and of a whole plan.
         longest, count = grid.most_samples
-        self._fast = np.flatnonzero(scaled.reached(grid.dt)[self.soft])
-        self._slopes, self._curvatures = self._slack_penalties(P)
+        #: Indices in `soft` of the states that the inputs move fast.
+        self._fast_limits = np.flatnonzero(scaled.reached(grid.dt)[self.soft])
+        self._slack_slopes, self._slack_curvatures = self._slack_penalties(P)
         # For the last hold, whose inputs `later` must choose.
         self._nearest = NearestInputs(scaled, grid.dt * longest[-1], 1.0 - margin)
         self.model = HeldModel(scaled, grid.dt * longest)
-        self._halves = HeldModel(scaled, 0.5 * grid.dt * longest)
-        #: The flight of a plan, by half samples.
-        self._flights = HeldModel(scaled, np.full(2 * count, 0.5 * grid.dt))
-        self._gains, _ = gains_of(grid.at(0).linear, P)
+        self._half_holds = HeldModel(scaled, 0.5 * grid.dt * longest)
+        #: The model by half samples, for the flight of a plan.
+        self._half_samples = HeldModel(scaled, np.full(2 * count, 0.5 * grid.dt))
+        self._linear_gains, _ = gains_of(grid.at(0).linear, P)
         self._gain_flight = self._flight_of_gain()
         self._programs = self._all_programs()
 
@@ -169,10 +171,10 @@ class Planner:
         holds = self.grid.at(age)
         halves = 2 * holds.samples  # number of half samples of each hold
         ends = np.cumsum(halves)
-        # `_flights` has the half samples of the longest plan; those after this plan are not used.
-        inputs = np.zeros((len(self._flights.holds), v.shape[1]))
+        # The half samples are those of the longest plan; those after this plan are not used.
+        inputs = np.zeros((len(self._half_samples.holds), v.shape[1]))
         inputs[: ends[-1]] = np.repeat(v, halves, axis=0)
-        states = self._flights.flown(z, inputs)[: ends[-1] + 1]
+        states = self._half_samples.flown(z, inputs)[: ends[-1] + 1]
         nodes, middle = states[np.append(0, ends)], states[ends - halves // 2]
         with np.errstate(all="ignore"):
             both = np.hstack([nodes[:-1], v])
@@ -185,7 +187,7 @@ class Planner:
         """Return the penalty of exceeded soft limits at the ends of half samples, (K, n)."""
         soft = states[:, self.soft]
         slack = np.maximum(0.0, np.maximum(soft - room.most, room.least - soft))
-        penalties = (slack * (self._slopes + 0.5 * self._curvatures * slack)).sum()
+        penalties = (slack * (self._slack_slopes + 0.5 * self._slack_curvatures * slack)).sum()
         return float(0.5 * self.grid.dt * penalties)
 
     def cost_of_gain(self, K: np.ndarray, z: np.ndarray) -> float:
@@ -320,8 +322,8 @@ class Planner:
             v=plan.v,
             weights=holds.weights,
             P=self.P,
-            slack_slopes=seconds * self._slopes[limited],
-            slack_curvatures=seconds * self._curvatures[limited],
+            slack_slopes=seconds * self._slack_slopes[limited],
+            slack_curvatures=seconds * self._slack_curvatures[limited],
             value=plan.cost,
         )
         room = Room(
@@ -346,7 +348,7 @@ class Planner:
         """Return the programs with the limits at some places in `soft`, the smallest first."""
         # They are built before a flight: with no limits, with those of the fast states, with these
         # and those of one other state, and with all.
-        fast = set(self._fast.tolist())
+        fast = set(self._fast_limits.tolist())
         every = set(range(len(self.soft)))
         wanted = [set[int](), fast, *(fast | {one} for one in sorted(every - fast)), every]
         _, n, m = self.scaled.counts
@@ -355,7 +357,7 @@ class Planner:
             if places in wanted[:number]:
                 continue  # as where no state is fast, or one alone is not
             ordered = np.array(sorted(places), dtype=int)
-            of_fast = np.flatnonzero(np.isin(ordered, self._fast))
+            of_fast = np.flatnonzero(np.isin(ordered, self._fast_limits))
             program = PlanProgram(len(self.model.holds), n, m, self.soft[ordered], of_fast)
             programs.append((places, program))
         return programs
@@ -364,12 +366,12 @@ class Planner:
         """Return the derivatives of the states at the ends and middles of the holds."""
         holds = self.grid.at(plan.age)
         z, n = plan.z[:-1], plan.z.shape[1]
-        if not len(self._fast):
+        if not len(self._fast_limits):
             ends = self.model.moved_along(z, plan.v, holds.seconds)[1]
             return AlongHolds(ends, ends)  # middles are used of fast states only: here, none
         half = 0.5 * holds.seconds
-        middle, first_half = self._halves.moved_along(z, plan.v, half)
-        _, second_half = self._halves.moved_along(middle, plan.v, half)
+        middle, first_half = self._half_holds.moved_along(z, plan.v, half)
+        _, second_half = self._half_holds.moved_along(middle, plan.v, half)
         # Chain rule: the inputs act in the first half, through the middle, and in the second.
         whole = second_half[:, :, :n] @ first_half
         whole[:, :, n:] += second_half[:, :, n:]
@@ -391,7 +393,7 @@ class Planner:
     def _inputs_of_gains(self, z: np.ndarray, factor: float) -> np.ndarray:
         """Return the inputs of the linear optimum times a factor, within the limits, (N, m)."""
         inputs = []
-        for gain, samples in zip(self._gains, self.grid.at(0).samples, strict=True):
+        for gain, samples in zip(self._linear_gains, self.grid.at(0).samples, strict=True):
             inputs.append(np.clip(-factor * gain @ z, *self.scaled.input_limits))
             for _ in range(samples):
                 z = self.model.after(z, inputs[-1], self.grid.dt)

@@ -43,7 +43,8 @@ class FlightProblem:
     """Problem of minimizing ∫ z'Qz + v'Rv dt for flights to a trim within limits.
 
     z are the deviations of the linear model's k states from the trim. v are the deviations of the m
-    moving inputs.
+    moving inputs. The optimizer follows these states and then the carried ones: states outside the
+    linear model on which its rates depend, such as the altitude.
 
     linear: linear model at the trim, with the moving inputs only
     Q: weight of the linear model's states, (k, k)

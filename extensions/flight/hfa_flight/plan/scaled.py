@@ -112,7 +112,8 @@ class ScaledProblem:
     """Linear model, weights and limits of a problem, divided by nominal values.
 
     z (n,) are the deviations of the followed states, v (m,) those of the moving inputs. The first k
-    followed states are those of the linear model.
+    followed states are those of the linear model. The others are carried: states outside it on
+    which its rates depend, such as the altitude.
 
     problem: aircraft, trim, weights and limits
     """

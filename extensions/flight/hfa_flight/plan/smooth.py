@@ -95,10 +95,13 @@ class _Value(NamedTuple):
 
 @dataclass(frozen=True)
 class _Blend:
-    """Smoothing of one nonsmooth point, which is where the argument of an operation is 0."""
+    """Smoothing of one nonsmooth point, which is where the argument of an operation is 0.
 
-    width: float  # half-width of the blend, or 0 without a blend
-    # the two values of an argument that takes only two values, or None
+    width: half-width of the blend in the argument, or 0 without a blend
+    levels: the two values of an argument that takes only two values, or None
+    """
+
+    width: float
     levels: tuple[float, float] | None = None
 
     @staticmethod
@@ -154,14 +157,20 @@ class _Blend:
 
 @dataclass
 class _Replay:
-    """Evaluation of a function's instructions on symbols, with smoothed nonsmooth points."""
+    """Evaluation of a function's instructions on symbols, with smoothed nonsmooth points.
 
-    function: ca.Function  # CasADi SX function of a column (n,) with one result
-    symbol: ca.SX  # argument of the function, (n,)
-    # smoothing of each nonsmooth point, in the order of the instructions; None smooths none
+    function: CasADi SX function of a column (n,) with one result
+    symbol: argument of the function, (n,)
+    blends: smoothing of each nonsmooth point, in the order of the instructions; None smooths none
+    arguments: arguments of the nonsmooth points found so far
+    work: CasADi's work vector: place -> value of an instruction
+    """
+
+    function: ca.Function
+    symbol: ca.SX
     blends: list[_Blend] | None = None
-    arguments: list[ca.SX] = field(default_factory=list)  # of the nonsmooth points found so far
-    work: dict[int, _Value] = field(default_factory=dict)  # work vector, index -> value
+    arguments: list[ca.SX] = field(default_factory=list)
+    work: dict[int, _Value] = field(default_factory=dict)
 
     def run(self) -> ca.SX:
         """Evaluate all instructions of the function and return its result as a dense expression."""

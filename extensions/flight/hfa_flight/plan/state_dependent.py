@@ -110,6 +110,9 @@ class StateDependent(SampledPolicy):
 class RiccatiPolicy:
     """The policy of the state-dependent game in nominal units.
 
+    `measured` holds the samples of a flight, and `nearest` the inputs that keep the limits of some
+    rates, which have the indices `_kept`.
+
     scaled: the problem in nominal units
     dt: sample time, s
     E: disturbance matrix, (k, p)
@@ -376,7 +379,8 @@ class KeptInside(Policy):
 class _SamplesInside:
     """Samples of one flight of a `KeptInside`.
 
-    With a delay, a sampled policy too acts on the states when its command acts.
+    With a delay, a sampled policy too acts on the states when its command acts. `_measured`
+    predicts them, and `_held` are the held inputs since the last sample.
     """
 
     def __init__(self, kept: KeptInside) -> None:

@@ -86,6 +86,10 @@ class HeldInSample(NamedTuple):
 class SampledFlight:
     """Aircraft of a deployment over a sample, as a function of the state and of what is held.
 
+    The state of a flight is [X; memory; extremes]: the states of the aircraft, the last commands,
+    the latest first, and the lowest and highest X in the sample before. Held are [raw; trim; push]:
+    outputs of the network, (X0; U0; p), and rates of the disturbance pulse.
+
     deployed: the policy on its aircraft.
     dt, delay: sample time and delay, s.
     steps_per_sample: number of integration steps in a sample.
@@ -151,7 +155,7 @@ class SampledFlight:
         state, held = ca.MX.sym("state", sum(self.sizes)), ca.MX.sym("held", sum(self.held_sizes))
         X, memory, _ = (state[part] for part in self.slices)
         raw, trim, push = (held[part] for part in self.held_slices)
-        before = memory[-m:]  # commands in `memory`, the latest first; the oldest acts now
+        before = memory[-m:]  # the oldest command acts now
         commands_of = (
             commands_of_network(self.deployed) if self.commands_of is None else self.commands_of
         )

@@ -119,7 +119,8 @@ def _step_factor(ratio: float) -> float:
 class RungeKutta:
     """Integration of one flight by steps whose estimated errors are at most `TOLERANCE`.
 
-    A step over a jump of the rates is made although its error is larger.
+    A step over a jump of the rates is made although its error is larger. `_steps` are the steps
+    since `clear`, of which `_count` are filled. `_next` is the wanted length of the next step.
 
     step: `step_function` of the loop
     longest: longest step, s
@@ -239,6 +240,9 @@ _SHORTEST_STEP = 1 / 2
 
 class CompiledLoop:
     """A closed loop, compiled once and simulated many times.
+
+    A row of a flight has its time t, the state y of the loop, the held inputs and the observed
+    values, of which `places` holds the slices.
 
     flights: expected number of flights. With enough of them, machine code is compiled.
     """
@@ -377,7 +381,7 @@ class _Rows(NamedTuple):
 
 
 class _Commands(NamedTuple):
-    """Commands of a policy between two times, between which they are interpolated linearly."""
+    """Commands of a policy between two times, `first` at `begin` and `last` at `end`."""
 
     begin: float
     end: float
@@ -387,6 +391,10 @@ class _Commands(NamedTuple):
 
 class _Flying:
     """One flight of a closed loop under way: its state, and the inputs that are held.
+
+    `_y` is the state of the loop and `_held` the vector of held inputs, with views of its parts in
+    `_parts`. `_changes` are the times at which held inputs change. With a delay, `_commands` are
+    the commands of the policy that have not arrived yet.
 
     ticks: number of ticks of the flight
     window: number of ticks between two tests of whether the flight is over

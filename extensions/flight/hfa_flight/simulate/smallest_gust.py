@@ -242,13 +242,20 @@ def smallest_gusts(
 
 @dataclass
 class _Search:
-    """Search for the threshold of gusts of one length."""
+    """Search for the threshold of gusts of one length.
+
+    loop: the loop, whose flights begin at the trim
+    envelope: limits that a flight leaves
+    gust: gust of the length, whose peak is replaced
+    airspeed: largest peak of the search, in the unit of the peak
+    flights: number of gusts flown
+    """
 
     loop: CompiledLoop
     envelope: Limits
     gust: OneMinusCosine
-    airspeed: float  # in the unit of the peak
-    flights: int = 0  # number of gusts flown
+    airspeed: float
+    flights: int = 0
 
     def threshold(self, sign: float) -> GustThreshold:
         """Return the threshold of updrafts (1) or downdrafts (-1)."""
