@@ -32,13 +32,13 @@ class _Robustness(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LinearLoop:
-    """Linear loop u = -K z of a critic, and its section of the report, computed where it is shown.
+    """Linear loop u = -K z of a critic, and its section of the report, computed when first used.
 
     exact: solution of the game
     critic: the critic
     box: half-widths of the box of states, (n,)
-    is_exact: whether the critic equals the exact solution, which is then not shown beside it unless
-        the critic costs more than `NEAR` percent
+    is_exact: whether the critic equals the exact solution within the limit of errors; the exact
+        loop is then shown only if the critic costs more than `NEAR` percent above the optimum
     """
 
     exact: Solution
@@ -200,8 +200,9 @@ def state_text(exact: Solution, state: np.ndarray) -> str:
 def value_check(exact: Solution, P: np.ndarray, box: np.ndarray, limit: float) -> Check:
     """Return the check that P of a critic is not indefinite.
 
-    In units of the box, its smallest eigenvalue is at least 0, or that of P* as rounded if this is
-    below, minus the change that |P - P*| <= limit |P*| permits (Weyl).
+    In units of the box, its smallest eigenvalue must not be below 0 by more than the change that
+    |P - P*| <= limit |P*| permits (Weyl); if that of P* is negative by rounding, it takes the place
+    of 0.
 
     P: (n, n)
     box: half-widths of the box of states, (n,)

@@ -62,7 +62,7 @@ class DegreeError(Result):
 class NonlinearComparison(Result):
     """A critic compared with the nonlinear game: its coefficients, and flights.
 
-    A value is compared, and a policy that does not follow from it.
+    The coefficients are those of V, and of a policy that does not follow from V.
 
     errors: the errors of each degree
     limit: limit of each error
@@ -233,7 +233,7 @@ def _degree_error(
 
     of: "V", or "u" of a policy
     learned: weights of all M monomials of the degree, (1, M) of V, (m, M) of u
-    widths: half-widths of the set V2 <= 1, (n,)
+    widths: half-widths of the set V2 <= 1, (n,), with the quadratic part V2 of the exact V
     """
     names = expansion.game.names
     exponents = homogeneous(expansion.states, degree).exponents
@@ -286,8 +286,8 @@ def _terms(critic: Critic, widths: np.ndarray) -> dict[str, dict[int, np.ndarray
 
 def _terms_of_weights(critic: Critic) -> dict[int, np.ndarray]:
     """Return the weights of a polynomial, degree -> (1, M) of all monomials of the degree."""
-    assert critic.weights is not None  # the caller found them
-    assert critic.basis is not None  # as above
+    assert critic.weights is not None  # checked by the caller, as is the basis
+    assert critic.basis is not None
     n = critic.basis.states
     exponents = [tuple(row) for row in critic.basis.exponents.tolist()]
     given = dict(zip(exponents, critic.weights.tolist(), strict=True))

@@ -143,7 +143,7 @@ class Regeneration(ByValue, Result, Reported):
         farthest = {}
         for angle, pair in zip(angles, self.pairs, strict=True):
             ordered = sorted(pair.entries, key=lambda entry: -abs(entry.half_units))
-            # printed before the name of each entry
+            # The key is printed before the name of an entry: "10 deg, A(alpha, alpha)".
             farthest[f"{angle}, "] = ordered[:_FARTHEST]
         parts = (
             Table(("check", *angles, "limit", "verdict"), rows),

@@ -226,9 +226,11 @@ def grade_word(grade: str) -> str:
 
 
 def _exactness(verdict: Verdict, failed: Sequence[Check]) -> str:
-    """Return whether the critic is exact, as text; of a simulated critic, K is another finding."""
-    others = () if verdict.flights is None else _OF_K
-    errors = (check for check in failed if check.kind == "error" and check.name not in others)
+    """Return whether the critic is exact, as text, for a simulated critic without the errors of K,
+    which are a finding of their own (`_network_facts`).
+    """
+    excluded = () if verdict.flights is None else _OF_K
+    errors = (check for check in failed if check.kind == "error" and check.name not in excluded)
     wrong = next(errors, None)
     if wrong is not None:
         if verdict.critic.network and verdict.reason:
@@ -470,14 +472,13 @@ def _heat_map(
     axes.set_title(title)
     is_difference = size is None
     if size is None:
+        # The scale ends at the first power of ten that is at least twice the largest difference.
         size = 10.0 ** np.ceil(np.log10(2.0 * np.ma.filled(np.abs(matrix), 0.0).max()))
-        linear = size * _LINEAR_SHARE
         powers = size * np.array([1.0, 0.1, 0.01])
     else:
-        size = size or 1.0
-        linear = size * _LINEAR_SHARE
+        size = size or 1.0  # the exact matrix is 0
         powers = 10.0 ** (np.floor(np.log10(size)) - np.array([0.0, 1.0, 2.0]))
-    norm = SymLogNorm(linthresh=linear, vmin=-size, vmax=size)
+    norm = SymLogNorm(linthresh=size * _LINEAR_SHARE, vmin=-size, vmax=size)
     image = axes.imshow(matrix, cmap="RdBu_r", norm=norm, aspect="auto")
     ticks = [*-powers, 0.0, *powers[::-1]]
     bar = figure.colorbar(image, ax=axes, ticks=ticks, format="%g")

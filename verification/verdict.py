@@ -121,10 +121,10 @@ class Verdict(Checked, Result, Reported):
     def holds(self, limit_cost: float | None = None) -> bool:
         """Return whether the critic passes.
 
-        limit_cost: limit of the cost above the optimum, percent. With a limit, the cost decides, on
-            the nonlinear game also that of its flights from the box, if the loop is stable; V* at
-            an equilibrium off the trim must not exceed the limit either, in percent of V* in the
-            box. With None, all checks must pass, and the limit is `NEAR`.
+        limit_cost: limit of the cost above the optimum, percent. With a limit, the loop must be
+            stable, and the cost must be within the limit: that on the linear game, V* at an
+            equilibrium off the trim, in percent of V* in the box, and, on the nonlinear game, that
+            of flights from the box. With None, all checks must pass, and the limit is `NEAR`.
         """
         return self._grade(limit_cost) == "exact"
 
@@ -150,9 +150,9 @@ class Verdict(Checked, Result, Reported):
         """Grade of the critic: "exact", "near" or "fail".
 
         - "exact": every check passes, and the cost is at most `NEAR` percent above the optimum.
-        - "near": the cost is, and the only failed checks are those of errors and of the
-          equilibrium, with V* there at most `NEAR` percent of that in the box; or the critic passes
-          on the nonlinear game in a part of the box alone.
+        - "near": the cost is at most `NEAR` percent above the optimum, and the only failed checks
+          are those of errors and of the equilibrium, where V* is at most `NEAR` percent of V* in
+          the box; or the critic passes on the nonlinear game in a part of the box alone.
         - "fail": all other cases, and a critic that fails on the nonlinear game.
         """
         return self._grade()

@@ -185,7 +185,7 @@ class LearnRequest(Request, GameOptions, LearningOptions):
 def given_learning(request: LearnRequest) -> NamedGame:
     """Return the game on the plant of the options, or with A = 0 that of --data without a plant."""
     plants = (request.plant, request.aircraft, request.at, request.dihedral)
-    if plants != (None,) * 4 or not request.data:
+    if plants != (None,) * 4 or not request.data:  # a plant is given or required
         return given_game(request)
     refuse(request, OF_THE_TRIM, "applies only to the aircraft; remove this option")
     from controller.learning.recording import game_of_data

@@ -177,6 +177,8 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
         conditions.append(Condition(row.name, report, point))
     if len(refused) == len(conditions):  # no condition is valid
         raise refused[0]
+
+    # The overview: the title counts the results, and the table has a row for each condition.
     reports = [condition.report for condition in conditions]
     results = [condition.result for condition in conditions]
     failed = results.count(UNTRIMMED)

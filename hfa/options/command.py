@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 
 #: Seconds of work before the duration is estimated, and shortest duration that is announced.
-_TRIAL = 3.0
-_LONG = 60.0
+_SECONDS_OF_TRIAL = 3.0
+_SECONDS_OF_LONG_RUN = 60.0
 
 
 class ProgressLine:
@@ -49,14 +49,15 @@ class ProgressLine:
         what: current step, shown after the percentage
         """
         now = time.monotonic()
-        # Nothing is done in the preparation, and less than before when a next computation begins.
+        # The estimate begins anew until some work is done, and when a next computation begins: its
+        # amount done is smaller than that of the one before.
         if self._began is None or done < self._began[1] or not done:
             self._began = now, done
         start, done_before = self._began
-        if not self._is_announced and now - start >= _TRIAL and done > done_before:
+        if not self._is_announced and now - start >= _SECONDS_OF_TRIAL and done > done_before:
             self._is_announced = True
             seconds = (now - start) * (total - done) / (done - done_before)
-            if seconds > _LONG:
+            if seconds > _SECONDS_OF_LONG_RUN:
                 text = f"about {seconds / 60:.3g} minutes more; Ctrl-C ends it"
                 print_notes([f"{self._name}: {text}"])
         line = f"{self._name}: {int(100 * done / total):3d} %"

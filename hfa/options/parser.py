@@ -171,9 +171,9 @@ class Parser(argparse.ArgumentParser):
             if option.names[0].startswith("-"):
                 required = option.required
                 keywords |= {"dest": name, "default": argparse.SUPPRESS, "required": required}
-            if option.named:
+            if option.named:  # NAME=VALUE
                 keywords |= {"action": _Named, "const": option.kind, "metavar": option.form}
-            elif option.form:
+            elif option.form:  # with a value
                 keywords |= {"type": option.kind, "metavar": option.form}
                 if option.repeated:
                     keywords["action"] = "append"
@@ -181,7 +181,7 @@ class Parser(argparse.ArgumentParser):
                     keywords["nargs"] = option.count
                 if option.alone is not None:
                     keywords |= {"nargs": "?", "const": option.alone}
-            else:
+            else:  # a switch
                 keywords["action"] = "store_true"
             heading = option.group or (RARE if option.rare else "")
             if heading not in groups:

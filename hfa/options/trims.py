@@ -186,9 +186,7 @@ class TrimInput(NamedTuple):
 
     @property
     def notes_on_rows(self) -> list[str]:
-        """Notes on conditions that are those of an earlier row, and on cells that replace a value
-        of --hold.
-        """
+        """Notes on rows that repeat an earlier row, and on cells that replace a value of --hold."""
         names = [row.name or str(number) for number, row in enumerate(self.rows, start=1)]
         unnamed = [row._replace(name="", where="") for row in self.rows]
         firsts = [unnamed.index(condition) for condition in unnamed]  # place of the first alike
@@ -209,7 +207,7 @@ class TrimInput(NamedTuple):
 
     def stated(self, row: ListedCondition) -> StatedValues:
         """Return what a condition, of a file or of a grid, and the options state."""
-        if not self.rows:  # a point of a grid has the values of the options
+        if not self.rows:  # the row of a point of a grid already has the values of the options
             return StatedValues(row.values, self.free, self.limits)
         given = self.for_row(row)
         held = given.held()

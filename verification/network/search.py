@@ -211,6 +211,7 @@ def findings_of(
             why = f"a flight from the box is not decided within {clock}"
         costs = flown.cost_above_optimum_flown_percent
         checks.append(equilibrium_check(flown.rest_point, exact.P, b, limit))
+        # Every finite cost passes: only flights that do not converge have none.
         checks.append(below("cost_above_optimum_flown_percent", costs, math.inf, why, kind="cost"))
     section = nonlinear_section(critic, b, largest, flown, "step" if is_discrete else "second")
     return Findings(checks, flown, section, starts_of(critic) if critic.network else 0)
@@ -359,7 +360,7 @@ def nonlinear_section(
     outputs = [name for name in FUNCTIONS if name in functions]
     if "gradient" in outputs and "V" in outputs:
         outputs.remove("gradient")  # its derivative
-    if critic.implies_policy:
+    if critic.implies_policy:  # computed from V or its gradient
         outputs.remove("policy")
     output = " and ".join(outputs)
     value = np.array(functions[outputs[0]](b)).ravel()

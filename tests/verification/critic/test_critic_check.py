@@ -265,10 +265,10 @@ def test_errors_of_matrices_are_those_of_their_definitions():
     units = verify(COUPLED, exact).box.half_widths  # balanced ones
     K = exact.K + 0.1 * RNG.standard_normal((2, 3))
     change = RNG.uniform(0.1, 0.2, (3, 3)) * np.abs(exact.P)
-    part = exact.P + change + change.T  # z'Pz depends on the symmetric part alone
-    P = part + 0.1 * (change - change.T)
+    symmetric = exact.P + change + change.T  # z'Pz depends on the symmetric part alone
+    P = symmetric + 0.1 * (change - change.T)
 
-    def measured(matrix):
+    def balanced_norm(matrix):
         """Return the norm of R^(1/2) K U."""
         return float(np.sqrt(np.trace(units[:, None] * (matrix.T @ R @ matrix) * units)))
 
@@ -277,16 +277,18 @@ def test_errors_of_matrices_are_those_of_their_definitions():
     norm, box = np.linalg.norm, WIDTHS
     expected = {
         "K_rel_error": norm(K - exact.K) / norm(exact.K),
-        "K_balanced_error": measured(K - exact.K) / measured(exact.K),
+        "K_balanced_error": balanced_norm(K - exact.K) / balanced_norm(exact.K),
         "K_entry_error": entry((K - exact.K) * of_rows, exact.K * of_rows),
         "P_rel_error": norm(P - exact.P) / norm(exact.P),
         "P_balanced_error": norm((P - exact.P) * both) / norm(exact.P * both),
         "P_entry_error": entry((P - exact.P) * both, exact.P * both),
         "policy_rel_error": input_error(np.abs(K - exact.K) @ box),
-        "value_rel_error": (box @ (part - exact.P) @ box) / (box @ np.abs(exact.P) @ box),
-        "gradient_rel_error": entry(box * ((part - exact.P) @ box), box * (np.abs(exact.P) @ box)),
+        "value_rel_error": (box @ (symmetric - exact.P) @ box) / (box @ np.abs(exact.P) @ box),
+        "gradient_rel_error": entry(
+            box * ((symmetric - exact.P) @ box), box * (np.abs(exact.P) @ box)
+        ),
         "disturbance_rel_error": entry(
-            np.abs(E.T @ (part - exact.P)) @ box, np.abs(E.T @ exact.P) @ box
+            np.abs(E.T @ (symmetric - exact.P)) @ box, np.abs(E.T @ exact.P) @ box
         ),
     }
     found = over_the_box(COUPLED, Critic(K, P, "P and K"), box)
