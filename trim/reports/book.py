@@ -407,6 +407,7 @@ def matrix_figure(conditions: Sequence[Condition]) -> Figure:
     if not panels:
         raise BadInputError("no condition has an alpha, a used control or a static margin to draw")
     count = len(conditions)
+    # The label of a condition needs 0.2 inches, and a panel 1.3.
     figure = new_figure(max(_FIGURE_WIDTH, 0.2 * count), 1.2 + 1.3 * len(panels))
     all_axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (heading, lines) in zip(all_axes, panels.items(), strict=True):

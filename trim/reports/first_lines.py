@@ -70,7 +70,7 @@ def first_lines(trimmed: Trimmed, linearized: Sequence[Mode] | None = None) -> s
     lines += [*stall_lines(trimmed), *uniqueness_lines(trimmed), *changing_lines(trimmed)]
     lines += [f"Check: {warning}" for warning in warnings_of(trimmed)]
     if linearized is None:
-        lines += [f"Far out: {angle}" for angle in point._large_angles[:1]]
+        lines += [f"Far out: {angle}" for angle in point._large_angles[:1]]  # the sheet has all
         if point.initial_point:
             lines.append("Not from the default initial point")
     return "\n".join(lines)

@@ -239,6 +239,7 @@ def _drawing(aircraft: Model, point: OperatingPoint | None, scale: float) -> lis
     half = hfa_model.parameters_of(aircraft).panel_span / 2
     hinges = np.array([[-half, 0.0], [half, 0.0]])
     moment = float(hfa_model.loads(aircraft, point.states, point.inputs).hinge_moment)
+    # The sum with 0.0 prints -0.0 as 0.0.
     moment_text = f"{round(moment, 1) + 0.0:.1f}<br>{unit_of(aircraft, 'ft lbf')}"
     arrows: dict[str, list[np.ndarray]] = {"lift": [], "weight": []}
     labels = []  # position, text, and side of the position
