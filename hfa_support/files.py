@@ -134,7 +134,8 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def regular_file(path: str | Path) -> Path:
-    """Return a path after checking that it is a regular file of limited size, an input of the run.
+    """Return a path after checking that it is a regular file of limited size, and record the file
+    as an input of the run.
 
     Raises OSError for FIFOs and devices, whose reading may never end, and for folders, missing
     files, and files larger than `LARGEST` bytes.

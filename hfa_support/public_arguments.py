@@ -201,7 +201,7 @@ def _type_of(value: Any) -> str:
 
 @cache
 def _alternatives(annotation: str) -> tuple[_Alternative, ...]:
-    """Return the kinds in an annotation, "ArrayLike | None", of which a value is one."""
+    """Return the kinds in an annotation, "ArrayLike | None", one of which a value must have."""
     return (*_kinds_in(ast.parse(annotation, mode="eval").body),)
 
 

@@ -99,7 +99,9 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
 
 @cache
 def _origins(stub: str) -> dict[str, tuple[str, str]]:
-    """Return public name -> (module that defines it, its name there; "" for the module itself)."""
+    """Return public name -> (module that defines it, its name in the module). This name is "" if
+    the public name is that of the module itself.
+    """
     import ast
 
     origins = {}

@@ -269,7 +269,8 @@ def matrices(path: Path) -> dict[str, Any]:
 
 
 def _matrix_files(path: Path) -> dict[str, Path]:
-    """Return matrix -> its file; for a file named A also the other matrices of the plant beside it.
+    """Return matrix -> its file. For a file named A, the other matrices of the plant in the same
+    folder are included.
 
     Raises BadInputError for a file that is named after neither A nor a matrix of a critic.
     """

@@ -141,8 +141,8 @@ def _own_folder(folder: Path) -> Path:
 
 
 def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
-    """Return the library of a C text, `symbol-digest.so` in a folder, to which it is moved
-    complete.
+    """Compile a C text, and return the library, `symbol-digest.so` in a folder. The library is
+    moved there when it is complete.
 
     compiler: command line without files
     """
@@ -397,8 +397,8 @@ def _text(function: ca.Function, one_row: bool) -> str:
 
 
 def _registers() -> tuple[str, int]:
-    """Return a line of C that enables AVX2, or "" if the processor does not list it, and the number
-    of doubles in a register.
+    """Return the line of C that enables AVX2, and the number of doubles in a register. The line is
+    "" for a processor without AVX2.
     """
     try:
         features = Path("/proc/cpuinfo").read_text(encoding="utf-8").split()

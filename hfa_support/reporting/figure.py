@@ -92,7 +92,9 @@ def _take_literally(figure: Figure) -> None:
 
 
 def _caption(figure: Figure, text: str) -> None:
-    """Add small text below the picture of a figure, which is confined to the area above it."""
+    """Add small text below the picture of a figure, and confine the picture to the area above the
+    text.
+    """
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     # In this size an inch has 18 characters, and a line is 0.12 inches high.

@@ -214,7 +214,9 @@ def _class(names: list[str]) -> str:
 
 
 def _cell(cell: Any) -> str:
-    """Return the text of a table cell in Markdown; it begins no column, tag or link."""
+    """Return the text of a table cell in Markdown, without characters that would begin a column,
+    tag or link.
+    """
     text = re.sub(r"<(?=[A-Za-z/!])", "&lt;", printable(cell))
     return text.replace("|", "\\|").replace("](", "]\\(")
 

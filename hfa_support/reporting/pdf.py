@@ -180,7 +180,7 @@ def _widths(columns: Sequence[_Column], room: float) -> list[float]:
 
 
 def _grid(rows: list[list[Any]], widths: Sequence[Any], *rules: Any) -> Rows:
-    """Return rows, of which the first is repeated on each page, as a table of ReportLab.
+    """Return rows as a table of ReportLab. The first row is repeated on each page.
 
     rules: further styles of its cells
     """
@@ -229,8 +229,9 @@ def rows_of_group(group: Group) -> Iterator[Flowable]:
 
 
 def drawing(picture: Picture, width: float, height: float) -> Iterator[Flowable]:
-    """Yield a picture in its size, shrunk to the page. If at least half its height is left on a
-    page, the picture is shrunk further to what is left; otherwise it is drawn on the next one.
+    """Yield a picture in its size, shrunk to the page. If a page has room for at least half its
+    height, the picture is shrunk further to this room; otherwise the picture is drawn on the next
+    page.
 
     width, height: of a page, points
     """
@@ -361,7 +362,9 @@ def _story(report: Contents, level: int) -> Iterator[Flowable]:
 
 
 def _heading(report: Contents, level: int) -> Iterator[Flowable]:
-    """Yield the first line of the title as heading and in the outline, and the others below it."""
+    """Yield the first line of the title as heading and entry of the outline, and the other lines
+    below.
+    """
     first, _, others = flowing(report.title).partition("\n")
     if first:
         yield _Entry(printable(first), report.anchor, level)

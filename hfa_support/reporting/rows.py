@@ -349,7 +349,9 @@ class Sheet(ByName[Row]):
 
 
 def numbers_of(row: Row) -> Iterator[tuple[str, Any]]:
-    """Yield name and value of a row; of a complex number, name and value of each part."""
+    """Yield name and value of a row. A complex value has two names and values, of its real and its
+    imaginary part.
+    """
     if isinstance(row.value, complex):
         yield f"{row.name} real", row.value.real
         yield f"{row.name} imaginary", row.value.imag

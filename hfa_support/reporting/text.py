@@ -266,8 +266,8 @@ def eigenvalue_text(value: complex) -> str:
 
 
 def _entry_text(value: float) -> str:
-    """Return an entry of a matrix with four decimals, or with an exponent if these show only 0 and
-    it is not 0.
+    """Return an entry of a matrix with four decimals, or with an exponent if it is not 0 and its
+    four decimals are.
     """
     text = four_decimals(value)
     return f"{value:.1e}" if text == "0.0000" and without_rounding(value) else text

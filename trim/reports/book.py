@@ -296,7 +296,8 @@ def _used_controls(conditions: Sequence[Condition]) -> list[str]:
 def _matrix(
     conditions: Sequence[Condition], loaded: Sequence[Mapping[str, Quantity]]
 ) -> tuple[Table | str, ...]:
-    """Return the table of conditions, with sentences on those that are not plainly trimmed.
+    """Return the table of conditions, with sentences on failures, stalls, warnings, large angles
+    and variables that are not determined.
 
     loaded: configuration of each condition, {} without a trim
     """
@@ -395,9 +396,9 @@ def _figure_cells(condition: Condition, controls: Sequence[str]) -> dict[str, An
 
 
 def matrix_figure(conditions: Sequence[Condition]) -> Figure:
-    """Return a figure of alpha, of the used share of the travel of each control, and of the static
-    margin over the conditions. Conditions without a trim are grey, those that are stalled or
-    with a warning red.
+    """Return a figure over the conditions: alpha, the used share of the travel of each control, and
+    the static margin. A condition without a trim is grey, and a stalled trim or one with a warning
+    is red.
 
     Raises BadInputError if no condition has one of them.
     """

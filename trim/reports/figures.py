@@ -75,7 +75,9 @@ def airspeed_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
 
 
 def dynamic_pressure(trimmed: Trimmed) -> float | str:
-    """Return the dynamic pressure, N/m², or what is missing for it or for the Mach number."""
+    """Return the dynamic pressure, N/m², or what is missing for this pressure or for the Mach
+    number.
+    """
     if reason := trimmed.lacks(nonzero=("dynamic_pressure", "mach")):
         return reason
     unit = trimmed.unit("dynamic_pressure")
@@ -133,8 +135,9 @@ def same_as_the_table(trimmed: Trimmed) -> list[str]:
 
 
 def domain_rows(trimmed: Trimmed) -> Iterator[Row]:
-    """Yield the difference of each variable from its value at the condition for which a table of
-    derivatives was made, and for each range of validity whether the trim is in it.
+    """Yield a row for each variable of a table of derivatives, with its difference from the
+    condition of the table, and a row for each range of validity, with whether the trim is inside
+    the range.
     """
     model = trimmed.point.model
     for name, stated in model.domain.reference.items():
@@ -170,7 +173,7 @@ _SHOWN_LOAD_DIFFERENCE = 1e-3
 
 
 def performance_rows(trimmed: Trimmed) -> list[Row | Lacking]:
-    """Return the rows of loads; of an aircraft also L/D, thrust, climb, power and stall."""
+    """Return the rows of loads and, for an aircraft, of L/D, thrust, climb, power and stall."""
     rows: list[Row | Lacking] = [*output_rows(trimmed, _LOAD_OUTPUTS)]
     if {"speed", "alpha"} <= {*trimmed.roles}:
         rows += [*lift_and_drag(trimmed), *thrust(trimmed), *stall(trimmed)]
@@ -212,8 +215,9 @@ def lift_and_drag(trimmed: Trimmed) -> Iterator[Row | Lacking]:
 
 
 def thrust(trimmed: Trimmed) -> Iterator[Row | Lacking]:
-    """Yield the thrust with all engine inputs at their highest values, the excess over the thrust,
-    and the rate of climb that it allows at constant speed, excess V cos α / weight.
+    """Yield the thrust with all engine inputs at their highest values, its excess over the present
+    thrust, and the rate of climb that this excess permits at constant speed, excess V cos α /
+    weight.
     """
     available = trimmed.thrust_available
     if isinstance(available, str):
@@ -235,9 +239,10 @@ def thrust(trimmed: Trimmed) -> Iterator[Row | Lacking]:
 
 
 def stall(trimmed: Trimmed) -> Iterator[Row | Lacking]:
-    """Yield the largest lift coefficient, the speed over the stall speed at 1 g, the same at the
-    load factor of the trim if it is another one, and the stall speed at 1 g, V sqrt(W / largest
-    lift). Without a weight, the load factor is that of the lift.
+    """Yield the largest lift coefficient, the ratio of speed to stall speed, and the stall speed at
+    1 g, V sqrt(W / largest lift). The ratio is that at 1 g and, if the load factor of the trim
+    differs from 1, also that at this load factor; without a weight, it is that at the lift of the
+    trim.
     """
     largest = trimmed.largest_lift
     if isinstance(largest, str):

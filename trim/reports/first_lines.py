@@ -97,8 +97,8 @@ def uniqueness_lines(trimmed: Trimmed) -> list[str]:
 
 
 def changing_lines(trimmed: Trimmed) -> list[str]:
-    """Return a line on the states that change in a trim, such as positions and fuel; none on states
-    of the motion, the altitude and the heading, which may change in steady flight.
+    """Return a line on the states that change in a trim, such as positions and fuel. States of the
+    motion, the altitude and the heading are left out, because they may change in steady flight.
     """
     point, model = trimmed.point, trimmed.point.model
     of_flight = {*trimmed.roles.values(), "yaw"}
@@ -213,9 +213,10 @@ def _is_steady(trimmed: Trimmed, state: str) -> bool:
 
 
 def engines_without_power(trimmed: Trimmed) -> dict[str, str]:
-    """Return input or switch -> "engine 1 out (throttle1)" for each engine whose input is held at
-    its lowest value, at least 0, or whose switch, a parameter such as engine1, is 0, while that of
-    another one is not. The first engine is engine 1, whatever the number in its name (throttle0).
+    """Return input or switch -> "engine 1 out (throttle1)" for each engine without power while
+    another engine has power. The input of such an engine is held at its lowest value, at least 0,
+    or its switch, a parameter such as engine1, is 0. The first engine is engine 1, whatever the
+    number in its name (throttle0).
     """
     model = trimmed.point.model
     inputs = {name: trimmed.point[name] for name in model.inputs}

@@ -100,8 +100,8 @@ def chosen_airplane(trimmed: Trimmed, airplane: Airplane) -> Chosen:
 
 
 def _weight(trimmed: Trimmed) -> Quantity | None:
-    """Return the weight, else mass times standard gravity, in N of a metric mass and in lbf of
-    another one, or None if both are unknown.
+    """Return the weight or, without one, mass times standard gravity, in N for a metric unit of
+    mass and otherwise in lbf. The result is None if weight and mass are unknown.
     """
     if "weight" in trimmed.model.outputs:
         return Quantity(trimmed["weight"], trimmed.unit("weight"))
@@ -279,8 +279,8 @@ _OSCILLATING = ("short period", "phugoid", "dutch roll")
 
 
 def graded_modes(trimmed: Trimmed, airplane: Airplane) -> Iterator[tuple[Mode, list[Row]]]:
-    """Yield each mode with the handling qualities of its family and their levels; of several modes
-    of a family, the first one has all.
+    """Yield each mode with the handling qualities of its family and their levels. If a family has
+    several modes, the qualities are yielded with the first one.
     """
     qualities = [] if trimmed.fault else [*handling_qualities(trimmed)]
     if "speed" in trimmed.roles:
@@ -318,8 +318,8 @@ def mode_rows(trimmed: Trimmed, airplane: Airplane) -> list[Row]:
 
 
 def handling_qualities(trimmed: Trimmed) -> Iterator[Row]:
-    """Yield the handling qualities at a trim, as far as the model declares modes and outputs; none
-    with a `fault`.
+    """Yield the handling qualities at a trim, as far as the model declares modes and outputs. A
+    trim with a `fault` has none.
 
     - `short period`, `phugoid` and `dutch roll`: natural frequency and damping ratio, for two real
       eigenvalues from their product and sum
@@ -368,8 +368,8 @@ def handling_qualities(trimmed: Trimmed) -> Iterator[Row]:
 
 
 def _eigenvalues(trimmed: Trimmed, family: str) -> list[complex]:
-    """Return the eigenvalues, 1/s, of all modes of a family, one for each conjugate pair; none of a
-    family that the model does not declare.
+    """Return the eigenvalues, 1/s, of all modes of a family, one for each conjugate pair. The list
+    is empty for a family that the model does not declare.
     """
     if family not in trimmed.model.modes:
         return []
@@ -378,8 +378,9 @@ def _eigenvalues(trimmed: Trimmed, family: str) -> list[complex]:
 
 
 def _oscillation(trimmed: Trimmed, family: str) -> tuple[float, float] | None:
-    """Return natural frequency ω, rad/s, and damping ratio ζ of a family of modes, or None unless
-    it is a conjugate pair or two real eigenvalues of the same sign: s² + 2ζω s + ω² = 0.
+    """Return natural frequency ω, rad/s, and damping ratio ζ of a family with a conjugate pair, or
+    with two real eigenvalues of the same sign, the roots of s² + 2ζω s + ω² = 0. The result is None
+    for another family.
     """
     values = _eigenvalues(trimmed, family)
     if len(values) == 1 and values[0].imag:

@@ -152,8 +152,8 @@ class Conditions(StatesAndInputs, Result, Reported):
 
     @property
     def warnings(self) -> list[str]:
-        """Notes on the trims and linear models; those on nonsmooth points, which differ in values,
-        are represented by the first one.
+        """Notes on the trims and linear models. Notes on nonsmooth points differ only in values,
+        and the first one represents all.
         """
         known = [linear for linear in self.linear if linear is not None]
         nonsmooth = [linear.nonsmooth_points for linear in known if linear.nonsmooth_points]

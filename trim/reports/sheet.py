@@ -84,8 +84,8 @@ def variable_rows(trimmed: Trimmed) -> list[Row]:
 
 
 def _limits_text(margin: Margin, is_input: bool) -> str:
-    """Return the limits of an input as "±25, 12 % used", of another variable as "0* to 60*, margin
-    5", or "" if it has none. A star marks assumed limits.
+    """Return the limits of an input as "±25, 12 % used", and those of another variable as "0* to
+    60*, margin 5". The text is "" without limits. A star marks assumed limits.
     """
     if not margin.nearer:
         return ""
@@ -141,8 +141,8 @@ def _limit_of_the_largest_lift(trimmed: Trimmed, alpha: Margin) -> Margin | None
 
 
 def _rank(margin: Margin, is_input: bool) -> tuple[bool, bool, bool, float]:
-    """Return the key that sorts limits: first those that are reached, then declared ones, then
-    those of variables with two limits, then the nearest in shares of the range.
+    """Return the key that sorts limits: reached limits come first, then declared ones, then limits
+    of variables with two limits, and among equals the nearest limit in shares of the range.
     """
     has_one_limit = math.isinf(margin.highest - margin.lowest)
     share = margin.share
@@ -170,7 +170,9 @@ def limit_rows(limited: Sequence[Margin]) -> list[Row]:
 
 
 def _margin_row(margin: Margin) -> Row:
-    """Return the row of the margin of a variable to its nearer limit; rare unless it is reached."""
+    """Return the row of the margin of a variable to its nearer limit. Only a full sheet prints the
+    row of a limit that is not reached.
+    """
     verdict = _verdict(margin)
     note = [verdict, _limit_text(margin), "assumed" if margin.assumed else ""]
     return Row(
@@ -272,7 +274,7 @@ def sheet_of(point: OperatingPoint) -> Sheet:
 
 
 def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
-    """Return the sheet of a point; of one that is not a trim, without loads and modes."""
+    """Return the sheet of a point. A point that is not a trim has no loads and no modes."""
     point = trimmed.point
     same = ", ".join(same_as_the_table(trimmed))
     table_lines = [f"condition of the derivatives: {same} as in the table"] if same else []

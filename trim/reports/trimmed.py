@@ -294,8 +294,9 @@ class Trimmed:
         return self.coherent[name]
 
     def lacks(self, *names: str, nonzero: Sequence[str] = ()) -> str:
-        """Return why a figure cannot be computed of some outputs, or "" if it can: the model does
-        not have all, or one of `nonzero`, by which the figure divides, is 0 or not finite.
+        """Return why a figure cannot be computed from outputs, or "" if it can. A reason is that
+        the model does not have all outputs, or that an output in `nonzero`, by which the figure
+        divides, is 0 or not finite.
         """
         missing = [name for name in (*names, *nonzero) if name not in self.model.outputs]
         if missing:
@@ -382,7 +383,7 @@ class Trimmed:
 
     @cached_property
     def modes(self) -> ByName[Mode]:
-        """Modes of the linear model, fastest first; none with a `fault`."""
+        """Modes of the linear model, fastest first. A trim with a `fault` has none."""
         if self.fault:
             return ByName()
         return ByName(modes_of(self.linear_A, self.model.linear, self.model.modes))
@@ -407,8 +408,8 @@ class Trimmed:
         return Slopes(tuple(slopes.states[i] for i in kept), A, B, outputs)
 
     def _lags(self) -> list[int]:
-        """Return the indices of the lags: linear states that are no motion, such as those of
-        engines and unsteady lift; none if they have no steady state.
+        """Return the indices of the lags: linear states that are no states of motion, such as those
+        of engines and unsteady lift. The list is empty if the lags have no steady state.
         """
         # States of motion are those that `recognized` names, and each position with its rate: a
         # state whose rate depends on one other state alone.

@@ -87,7 +87,9 @@ def _inertia_line(trimmed: Trimmed) -> str:
 
 
 def _lever_angle(model: Model, name: str, value: Any) -> str:
-    """Return the angle of a lever, as that of flaps, as "15 of 40 deg"; "" of other signals."""
+    """Return the angle of a lever, such as that of flaps, as "15 of 40 deg", or "" for another
+    signal.
+    """
     signal = model.signals.get(name)
     if signal is None or not signal.full:  # angle at the value 1
         return ""
@@ -199,7 +201,7 @@ def _flight_options(trimmed: Trimmed) -> str:
 
 
 def _is_unstable_in_yaw(trimmed: Trimmed) -> bool:
-    """Return whether ∂N/∂β, of the yawing moment about the body's z-axis, is below 0."""
+    """Return whether the yawing moment N about the body's z-axis has a slope ∂N/∂β below 0."""
     # Without angular rates, N = Izz dr/dt - Ixz dp/dt. An unknown Ixz is 0.
     roles, states = trimmed.roles, trimmed.slopes.states
     by_sideslip = trimmed.slopes.A[:, states.index(roles["beta"])]
@@ -213,7 +215,7 @@ def _is_unstable_in_yaw(trimmed: Trimmed) -> bool:
 
 
 def _value_in(trimmed: Trimmed, name: str, unit: str) -> float:
-    """Return a value of the trim in a unit; nan if it is unknown or has another quantity."""
+    """Return a value of the trim in a unit, or nan if it is unknown or another quantity."""
     if name not in trimmed.known:
         return math.nan
     return trimmed[name] * (conversion_factor(trimmed.unit(name), unit) or math.nan)

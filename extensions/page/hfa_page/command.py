@@ -144,7 +144,7 @@ def report(request: ReportRequest) -> Outcome:
 
 
 def _swept(request: ReportRequest, model: Model, hold: Mapping[str, Any]) -> np.ndarray | None:
-    """Return the values of --sweep, of the scheduling variable, or None without this option.
+    """Return the values that --sweep gives to the scheduling variable, or None without this option.
 
     Raises BadInputError for a model without this variable, and if it is held or free.
     """
@@ -167,7 +167,7 @@ def _swept(request: ReportRequest, model: Model, hold: Mapping[str, Any]) -> np.
 
 def _paper_job(request: ReportRequest, asked: TrimInput, swept: np.ndarray | None) -> MainJob:
     """Return the results for the paper's aircraft: both printed pairs (A, B), regenerated at the
-    paper's condition, and trims, games and critics at that of the options.
+    paper's condition, and trims, games and critics at the condition of the options.
     """
     parameters = loaded_aircraft(request).parameters
     assert parameters is not None  # of the paper's aircraft

@@ -107,8 +107,8 @@ def _flights(data: dict[str, Any]) -> StoredFlights:
 def _are_same_models(
     models: Models, A_and_B: Mapping[float, tuple[np.ndarray, np.ndarray]]
 ) -> bool:
-    """Return whether linear models equal (A, B) at all angles that both have, of which there must
-    be one.
+    """Return whether linear models equal (A, B) at all angles that both have. The result is False
+    if they have no angle in common.
     """
     shared = [model for model in models if model[0] in A_and_B]
     return bool(shared) and all(
@@ -138,8 +138,8 @@ def flights_table(flights: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def _cost_cell(flight: Mapping[str, Any]) -> Cell:
-    """Return the cost of a policy's flight, its ratio to that of the best flight, and when the
-    flight leaves the limits.
+    """Return the cost of a policy's flight, the ratio of this cost to that of the best flight, and
+    the time at which the flight leaves the limits.
     """
     if flight["cost"] is None:  # the flight has not ended at the trim
         return Cell("not at the trim" if flight["departure"] is None else _left(flight))

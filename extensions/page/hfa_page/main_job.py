@@ -209,8 +209,8 @@ def values_about(point: OperatingPoint) -> np.ndarray:
 
 
 def with_game(angle: Position, weights: Mapping[str, Any] | None) -> Position:
-    """Return the results at a value with the solution of the game and, of the paper's game, the
-    verdict on a learned critic; or with the reason why they do not exist.
+    """Return the results at a value with the solution of the game and, for the paper's game, the
+    verdict on a learned critic. If these do not exist, the results have the reason.
 
     Without a trim or a weight, the results are returned unchanged.
 

@@ -148,7 +148,7 @@ def _figure(
 
 def pictures_over(slider: Slider) -> list[InteractivePlot]:
     """Return the pictures of an aircraft that follow its slider: the aircraft from the front, or
-    its variables between their limits, and the root locus; none without a trim.
+    its variables between their limits, and the root locus. Without a trim there are no pictures.
     """
     trims = [position.point for position in slider.points]
     if not any(trims):
@@ -194,8 +194,9 @@ def _limits_view(name: str, trims: Sequence[OperatingPoint | None]) -> Interacti
 
 
 def _front_view(name: str, trims: Sequence[OperatingPoint | None]) -> InteractivePlot:
-    """Return the front view of the aircraft at all trims, of which there is at least one, with the
-    same scale of the forces.
+    """Return the front view of the aircraft at all trims, with the same scale of the forces.
+
+    trims: trim at each position of the slider, or None; at least one exists
     """
     trimmed = [point for point in trims if point is not None]
     aircraft = trimmed[0].model
