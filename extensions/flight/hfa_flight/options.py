@@ -188,7 +188,7 @@ def check_policy(request: PolicyOptions, weights: Sequence[str] = ()) -> None:
 
     weights: options that weigh the cost of the flight, and so have an effect with any policy
     """
-    kind, options = request.kind, options_of(type(request))  # not every command has each option
+    kind, options = request.kind, options_of(type(request))  # those of this command
     if kind == DEPLOYMENT and "delay" in options and is_given(request, "delay"):
         raise BadInputError(
             f"--delay cannot be combined with a deployment; set delay in [timing] of "
@@ -196,7 +196,7 @@ def check_policy(request: PolicyOptions, weights: Sequence[str] = ()) -> None:
         )
     unused = [name for name in _UNUSED[kind] if name in options and name not in weights]
     whose = kind if isinstance(request.flown, Path) else f"--policy {kind}"
-    if kind == NONE and request.policy is None:
+    if kind == NONE and request.policy is None:  # no --policy, rather than --policy none
         refuse(request, unused, f"requires a policy; give --policy {EXACT}")
     refuse(request, unused, f"cannot be combined with {whose}; remove one of the two")
     if kind != PREDICTIVE:
@@ -335,7 +335,7 @@ def _gust(text: str) -> tuple[float, ...] | SmallestGust:
     if word == SMALLEST:
         return SmallestGust(tuple(listed_numbers(lengths)) if lengths else None)
     form = f"{_GUST} or {SMALLEST}[:LENGTH,...]"
-    return numbers(text, form=form, count=3, otherwise=(0.0,))
+    return numbers(text, form=form, count=3, otherwise=(0.0,))  # without BEGIN at 0 s
 
 
 def gust_at(typed: tuple[float, ...], point: OperatingPoint, duration: float) -> OneMinusCosine:

@@ -73,6 +73,7 @@ def gust_factors(model: Model, trim: Mapping[str, float]) -> dict[str, dict[str,
             heading = trim.get("yaw", 0.0) * (conversion_factor(model.unit("yaw"), "rad") or 1.0)
         cosine = float(np.cos(heading))
         sine = float(np.sin(heading))
+        # A declared forward or lateral gust has precedence over one by compass, and over headwind.
         declared.setdefault("u", {"gust_north": cosine, "gust_east": sine})
         declared.setdefault("v", {"gust_north": -sine, "gust_east": cosine})
     if "headwind" in model.disturbances:
@@ -171,10 +172,10 @@ def seen_in_air(
     """Return state -> value that a policy sees in moving air, of the speed and the flow angles.
 
     The flow angles are relative to the air, as a vane measures them. The speed is the component of
-    the velocity over the ground along the path of the trim. It lacks the w²/2V that an updraft w
-    adds to the speed of a path that follows it, and the w²/2V that it adds to the airspeed of one
-    that does not: a fast gain reacts to either. The result is empty if the model has no speed,
-    alpha and pitch as states, and without winds.
+    the velocity over the ground along the path of the trim: a fast gain would react to the w²/2V
+    that an updraft w adds, to the speed over the ground if the path follows it and else to the
+    airspeed. The result is empty if the model has no speed, alpha and pitch as states, and without
+    winds.
 
     values: state -> value over the ground, as number or expression, of all states
     trim: state -> value at the trim
@@ -244,6 +245,7 @@ class _InGusts:
         declared = record(names.disturbances)(*(getattr(w, name) for name in names.disturbances))
         gust = dict.fromkeys(ADDED, 0.0)  # the model's own equations have the declared ones
         gust |= {name: _SIGN.get(name, 1.0) * getattr(w, ADDED[name]) for name in self.added}
+
         # Motion over the ground, V and ω, and relative to the air, V_a and ω_a.
         standard = _standard_states(self.model)
         motion = {name: getattr(x, state.name) * state.size for name, state in standard.items()}
@@ -255,6 +257,7 @@ class _InGusts:
         in_air = _flow(velocity_in_air)
         in_air |= zip(_RATES.values(), ca.vertsplit(rates_in_air), strict=True)
         motion_in_air = {name: in_air.get(name, angle) for name, angle in motion.items()}
+
         # The model at V_a and ω_a.
         x_in_air = {name: getattr(x, name) for name in names.states}
         for name, state in standard.items():
@@ -262,6 +265,7 @@ class _InGusts:
         rates_of_model, outputs = self.model.equations(
             record(names.states)(*x_in_air.values()), u, p, declared
         )
+
         # From V' = a - ω_a x V_a of the model to V' = a - ω x V.
         acceleration = _acceleration(
             motion_in_air,
@@ -271,6 +275,7 @@ class _InGusts:
         flow_rates_over_ground = dict(
             zip(("speed", "alpha", "beta"), flow_rates(velocity, acceleration), strict=True)
         )
+
         # Angles and position change with V and ω, the speed and the flow angles with V'.
         rates_over_ground, _ = self.model.equations(x, u, p, declared)
         grounded = {state_of(self.model, name) or name for name in _OVER_GROUND}

@@ -75,8 +75,10 @@ def gust_speed(point: OperatingPoint) -> float:
     value = point.values.get(name)
     if value is None:  # an output
         value = model.outputs_at(point.states, point.inputs, [name])[name]
-    in_feet = conversion_factor(model.unit(name), "ft/s")  # None: not a unit of speed
-    return value if in_feet is None else value * in_feet * foot_in_length_unit(model)
+    feet_per_second = conversion_factor(model.unit(name), "ft/s")
+    if feet_per_second is None:  # not a unit of speed
+        return value
+    return value * feet_per_second * foot_in_length_unit(model)
 
 
 def foot_in_length_unit(model: Model) -> float:

@@ -40,7 +40,7 @@ def in_samples(delay: float, dt: float) -> Delay:
     """
     samples = delay / dt
     nearest = round(samples)
-    # Relative to a short delay, which is not rounded to 0.
+    # Below one sample the tolerance is relative to the delay: else a short one is rounded to 0.
     if abs(samples - nearest) <= _SAMPLES_TOLERANCE * min(samples, 1.0):
         return Delay(nearest, 0.0)
     whole = math.floor(samples)

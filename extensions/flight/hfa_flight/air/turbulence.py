@@ -163,23 +163,25 @@ class Turbulence:
                 "output speed in m/s"
             )
         feet = foot_in_length_unit(model)
+
+        # Altitudes in ft. In the model they may be in another unit of length than the speed.
         altitude_name = state_of(model, "altitude")
-        # The altitude may be in another unit of length than the speed.
         unit = model.unit(altitude_name) if altitude_name else ""
         foot_of_altitude = conversion_factor("ft", unit) or feet
         altitude = trimmed_at = None
         if altitude_name in model.states:
             trimmed_at = float(point.values[altitude_name]) / foot_of_altitude
+
         if isinstance(self.level, str):
-            typed = self._altitude_of_trim(point) if self.altitude is None else self.altitude
-            altitude = typed / foot_of_altitude
+            of_level = self._altitude_of_trim(point) if self.altitude is None else self.altitude
+            altitude = of_level / foot_of_altitude
             scales = scales_and_intensities(self.level, altitude, self.spectrum)
         else:
-            intensity, scale = self.level
+            intensity, scale = self.level  # in the model's units
             scales = Scales((scale / feet,) * 3, (intensity / feet,) * 3)
         return TurbulentAir(
             self,
-            *scales,
+            *scales,  # lengths and intensities
             altitude=altitude,
             feet=feet,
             speed=gust_speed(point) / feet,
@@ -312,6 +314,7 @@ def scales_and_intensities(level: str, altitude: float, spectrum: str) -> Scales
         )
     if altitude >= _HIGH:
         return Scales((high_length,) * 3, (high_intensity,) * 3)
+    # The formulas up to 1000 ft, and the interpolation from there to 2000 ft.
     height = min(altitude, _LOW)
     ratio = 0.177 + 0.000823 * height  # (vertical / horizontal intensity)^2.5
     intensity_w = 0.1 * _WIND_AT_20_FT[level]
@@ -480,6 +483,7 @@ class AirFilter:
         span = air.turbulence.span
         if span is not None:
             span = span / air.feet
+            # p = roll_gain / (1 + s / pole), with pole = πV/4b
             roll_gain = air.intensities[2] * np.sqrt(0.8 / air.speed)
             roll_gain *= (np.pi / (4 * span)) ** (1 / 6)
             roll_gain /= air.lengths[2] ** (1 / 3)
@@ -520,7 +524,7 @@ class AirFilter:
         """
         Phi, covariance = noise_of_sample(self.A, self.noise, self.interval)
         deviations = np.sqrt(np.diag(covariance))
-        deviations[deviations == 0.0] = 1.0
+        deviations[deviations == 0.0] = 1.0  # of a state without noise
         correlations = covariance / np.outer(deviations, deviations)
         values, vectors = np.linalg.eigh(correlations)
         root = vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T

@@ -190,12 +190,15 @@ def c_filter_texts(policy: FilteredPolicy, origin: str) -> dict[str, str]:
 
 
 def filter_sample(policy: FilteredPolicy) -> ca.Function:
-    """Return the function (memory, y) -> (U, memory) of a sample, absolute, as `sample_of`."""
+    """Return the function (memory, measured y) -> (commanded U, memory of the next sample), in
+    absolute values.
+    """
     kalman, point = policy.filter, policy.point
     memory = ca.SX.sym("memory", memory_size(kalman))
     y = ca.SX.sym("y", len(kalman.sensors))
     trim = np.array([getattr(point.states, name) for name in kalman.sensors])
-    u, later, _ = sample_of(policy, ca.SX(0.0), memory, y - trim)
+    t = ca.SX(0.0)  # an exported law does not depend on time
+    u, later, _ = sample_of(policy, t, memory, y - trim)
     return ca.Function("sample", [memory, y], [ca.densify(point.u + u), later], {"cse": True})
 
 

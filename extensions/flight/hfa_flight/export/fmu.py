@@ -71,6 +71,7 @@ def write_fmu(loop: ExportedLoop, path: Path, origin: Provenance) -> None:
         SOURCE: _source(loop, origin),
         WRAPPER: files(__package__).joinpath(WRAPPER).read_text("utf-8"),
     }
+    # The settings contain the identifier, so it identifies the other sources.
     guid = hashlib.sha256("".join(sources.values()).encode()).hexdigest()[:32]
     sources[SETTINGS] = _settings(loop, guid)
     folder, suffix = _FOLDERS.get(sys.platform, _FOLDERS["linux"])
@@ -123,9 +124,10 @@ def _settings(loop: ExportedLoop, guid: str) -> str:
         "STATES": len(loop.states),
         "OUTPUTS": len(loop.outputs),
         "INPUTS": len(loop.inputs),
-        "STATE_STARTS": braced([one.start for one in loop.states]),
-        "INPUT_STARTS": braced([one.start for one in loop.inputs]),
-        "NOMINALS": braced([one.size for one in loop.states]),
+        "STATE_STARTS": braced([state.start for state in loop.states]),
+        "INPUT_STARTS": braced([signal.start for signal in loop.inputs]),
+        "NOMINALS": braced([state.size for state in loop.states]),
+        # held commands and memory of a sampled policy
         "HELD": 0,
         "MEMORY": 0,
     }

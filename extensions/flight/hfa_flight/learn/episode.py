@@ -89,25 +89,28 @@ def surviving_boxes(
     boxes: half-widths about each trim, (N, k)
     action: (m,)
     """
+    # Tried states in half-widths: one state alone, corners (2^k of them), and drawn ones.
     k = boxes.shape[1]
     sides = np.vstack([np.eye(k), -np.eye(k)])
-    inside = np.random.default_rng(0).uniform(-1.0, 1.0, (_DRAWN, k))
     corners = np.array([*itertools.product((-1.0, 1.0), repeat=k)]) if k <= _CORNERS else sides
+    drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (_DRAWN, k))
+
     dt = max(flight.dt, _SAMPLE_TIMES[0])  # a constant action needs no shorter samples
     flight = replace(flight, dt=dt, steps_per_sample=parts_of_a_sample(points, dt, [*boxes]))
-    # The policy is the constant action, whatever the states are.
-    held = CompiledSamples(
+    # A network whose output is the constant action, whatever the states are.
+    constant = CompiledSamples(
         flight,
         entering=lambda states, _: [states],
         network=lambda rows: np.tile(action, (len(rows), 1)),
         stepper=Ticks(flight.tick(), dt, is_long=True),
     )
+
     reduced = []
     for point, box in zip(points, boxes, strict=True):
-        of_sides = _surviving_shares(held, point, box, sides)
+        of_sides = _surviving_shares(constant, point, box, sides)
         # A half-width is that of the worse of its two sides.
         alone = np.minimum(of_sides[:k], of_sides[k:]) * box
-        joint = _surviving_shares(held, point, alone, np.vstack([corners, inside]))
+        joint = _surviving_shares(constant, point, alone, np.vstack([corners, drawn]))
         reduced.append(_MARGIN * joint.min() * alone)
     return np.array(reduced)
 
@@ -132,6 +135,7 @@ def _surviving_shares(
     stays = stays.reshape(len(directions), len(_SHARES))
     # True where the flights of this share, and of all smaller ones, stay.
     up_to_share = np.logical_and.accumulate(stays[:, ::-1], axis=1)[:, ::-1]
+    # The largest share is the first that stays; if none does, the smallest share.
     return np.where(up_to_share.any(axis=1), _SHARES[up_to_share.argmax(axis=1)], _SHARES[-1])
 
 
@@ -413,6 +417,7 @@ class Episode:
         beyond = np.where(lowest < self.envelope.least, lowest, highest)
         if not self.envelope.within(beyond).all():
             return _departure_at(self.envelope, beyond, time)
+        # Inside its limits an episode is terminated only if a value is not a number.
         after = self._next_states()
         if np.isfinite(after).all():
             return f"the command is not a number at {time:.4g} s"

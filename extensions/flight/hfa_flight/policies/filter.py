@@ -36,7 +36,7 @@ class Filter(KalmanFilter):
         return FilteredPolicy.behind(self, law, fade)
 
 
-def filter(  # the field's word
+def filter(  # the field's word, although a builtin has it
     linear: LinearModel,
     noise: Mapping[str, float],
     turbulence: Turbulence | str | None = None,

@@ -355,7 +355,8 @@ class FilteredPolicy(SampledPolicy):
         is_expression = (
             not isinstance(law, (DeployedPolicy, SampledPolicy)) and law.sampler() is None
         )
-        if not is_expression or self.delay or self.ahead or len(law.held) > 1:
+        changes_in_time = len(law.held) > 1  # its inputs that are constant during a tick
+        if not is_expression or self.delay or self.ahead or changes_in_time:
             return None
         t = ca.SX.sym("t")
         memory = ca.SX.sym("memory", memory_size(self.filter))
@@ -503,6 +504,7 @@ def _law_of(policy: Policy, point: OperatingPoint, dt: float) -> _Law:
     if isinstance(policy, DeployedPolicy):
         commanded = policy.commander()
         return lambda sample, x, following: commanded(x)
+    # A policy that plans acts on the estimate and on what is known of the next sample.
     if isinstance(policy, SampledPolicy) and policy.plans:
         policy.reset()
 
@@ -514,6 +516,8 @@ def _law_of(policy: Policy, point: OperatingPoint, dt: float) -> _Law:
     sampler = policy.sampler()
     if sampler is not None:
         return lambda sample, x, following: sampler(sample, x)
+
+    # Other policies are expressions of time, linear states and held inputs.
     rows = point.model.state_places(point.model.linear)
     t, z = ca.SX.sym("t"), ca.SX.sym("z", len(rows))
     held = ca.SX.sym("held", policy.held.shape[1])

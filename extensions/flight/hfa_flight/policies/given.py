@@ -195,12 +195,12 @@ def command_steps(given: Mapping[str, Any]) -> CommandSteps:
             raise BadInputError(
                 f"the times of {name} are {times}; give increasing times of at least 0 s"
             )
-    times = sorted({time for pairs in steps.values() for time in pairs[:, 0].tolist()})
-    values = np.zeros((len(times), len(steps)))
+    all_times = sorted({time for pairs in steps.values() for time in pairs[:, 0].tolist()})
+    values = np.zeros((len(all_times), len(steps)))
     for column, pairs in enumerate(steps.values()):
         for time, value in pairs.tolist():
-            values[times.index(time) :, column] = value
-    return CommandSteps(tuple(steps), np.array(times), values)
+            values[all_times.index(time) :, column] = value
+    return CommandSteps(tuple(steps), np.array(all_times), values)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -74,9 +74,10 @@ class KalmanFilter(Result):
     A, B: model in continuous time, x' = A x + B u, (n, n), (n, m).
     Phi, Gamma, C: model of a sample, (n, n), (n, m), (p, n).
     Q, R: covariance of the disturbances in a sample, and of the noise.
-    air: part of Q that is due to turbulence, of the states of the air alone: winds are held in a
-        sample. What they add to the aircraft depends on its states, and a fast gain leaves its
-        limits in severe turbulence where Q has it as at the trim.
+    air: part of Q that is due to turbulence. It has only states of the air: winds are constant in a
+        sample. The change of the winds within a sample is left out, because its effect on the
+        aircraft depends on the states: with that at the trim, a fast gain leaves its limits in
+        severe turbulence.
     P: covariance of the error of the predicted states x.
     L: gain, (n, p).
     residual: residual of the Riccati equation of P, relative to P, in balanced units.
@@ -427,6 +428,7 @@ def _plant(
     noise_of_both[k:, k:] = air.noise
     C = np.zeros((len(noise), n))
     C[np.arange(len(noise)), [linear.states.index(name) for name in noise]] = 1.0
+    # Units of the linear states: the noise of their sensors, or without one a part of the nominal.
     units = [noise.get(name, _UNMEASURED * states[name].nominal) for name in linear.states]
     return _Plant(
         A=np.block([[linear.A, air.E], [np.zeros((of_air, k)), air.A]]),
@@ -466,7 +468,8 @@ def _unobservable(
     size = np.linalg.norm(A[:k, :k], 2)
     names = []
     for mode in modes_of(plant.A[:k, :k], states):
-        # A mode s is observable unless [A - s I; C] has a zero singular value (Popov, Hautus).
+        # A mode s is observable unless [A - s I; C] has a zero singular value (Popov, Hautus). C
+        # times the size of A is comparable with A.
         shifted = A[:k, :k] - mode.eigenvalue * np.eye(k)
         observed = np.linalg.svd(np.vstack([shifted, size * C[:, :k]]), compute_uv=False)[-1]
         if observed > _OBSERVED * size:

@@ -201,6 +201,7 @@ def _outcomes(plan: MonteCarlo, flown: Flown) -> dict[str, Any]:
     # variable in a limit cycle; -1 for none.
     left, cycle = flown["left"], flown["cycle"]
     inside = left < 0
+    departures = int((~inside).sum())
     limits = Limits.of(model, tuple(model.inputs))
     obeyed = limits.within(flown["lowest_input"]) & limits.within(flown["highest_input"])
     limited = limited_names(model, plan.scenario.moving_air)
@@ -218,9 +219,9 @@ def _outcomes(plan: MonteCarlo, flown: Flown) -> dict[str, Any]:
         "held": int(inside.sum()),
         "first_left": None if inside.all() else float(flown["flown"][~inside].min()),
         # more than 0 s, because all flights may leave at once
-        "left_an_hour": 3600.0 * int((~inside).sum()) / max(float(flown["flown"].sum()), 1e-9),
+        "left_an_hour": 3600.0 * departures / max(float(flown["flown"].sum()), 1e-9),
         "left": {name: int((left == index).sum()) for index, name in enumerate(limited)},
-        "left_95": outside_band(int((~inside).sum()), plan.members),
+        "left_95": outside_band(departures, plan.members),
         "exceeded": dict(zip(model.inputs, (~obeyed).sum(axis=0).tolist(), strict=True)),
         "limit_cycle": {
             name: int((cycle == index).sum()) for index, name in enumerate(oscillating)

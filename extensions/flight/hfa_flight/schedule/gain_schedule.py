@@ -116,13 +116,13 @@ def load_gain_schedule(path: Path, model: Model) -> GainSchedule:
     states, inputs = model.linear, tuple(model.inputs)
     plant = PlantNames(states, inputs, model.units(states), model.units(inputs))
     with prefix_errors(path):
-        refuse_other_step(stored, None)
+        refuse_other_step(stored, None)  # a table is flown in continuous time
         if "K" not in stored:
             raise BadInputError(
                 f"K is missing; add a K of {len(model.inputs)} x {len(model.linear)}, or one for "
                 f"each value of {model.schedule_key}"
             )
-        K = checked_matrix("K", stored["K"], LARGEST_CRITIC_ENTRY, None)
+        K = checked_matrix("K", stored["K"], LARGEST_CRITIC_ENTRY, ndim=None)
         scales = file_scales(stored, plant)
         if K.ndim != 3:
             return _single_gain(K, scales, model)

@@ -25,7 +25,7 @@ def read_deployment(path: str | Path) -> CriticFile:
     deployment = Deployment.load(path)
     return CriticFile(
         partial(_critic, path, deployment),
-        is_network=True,
+        is_network=True,  # `_critic` itself refuses the settings of networks
         inputs=tuple(deployment.action),
         cost=deployment.cost or {},
     )

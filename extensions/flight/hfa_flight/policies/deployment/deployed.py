@@ -189,7 +189,7 @@ class Deployed:
     def at_trim(self, trim: ca.SX) -> dict[str, ca.SX]:
         """Return the expressions of all states, inputs and outputs at the trim, by name."""
         n, m = len(self.model.states), len(self.model.inputs)
-        if self.varies:  # the trim is that of the original aircraft: its p
+        if self.varies:  # the trim values are those of the unchanged aircraft, with its p
             trim = ca.vertcat(trim[: n + m], self.model.p)
         return self.values(trim[:n], trim[n : n + m], trim)
 
@@ -383,7 +383,7 @@ def _refuse_undefined(
     Raises BadInputError that names an entry whose value or derivative is not finite.
     """
     values = np.array(function(*arguments)).ravel()
-    slopes = function.jacobian()(*arguments, function(*arguments))
+    slopes = function.jacobian()(*arguments, function(*arguments))  # also of the results (CasADi)
     by_varied = np.hstack([np.array(slopes[index]) for index in varied])
     is_defined = np.isfinite(values) & np.isfinite(by_varied).all(axis=1)
     for name, defined in zip(entries, is_defined.tolist(), strict=True):

@@ -147,7 +147,11 @@ class Deployment(Reported):
             self._check_policy()
             self._check_observation()
             self._check_action()
-            self._check_timing()
+            if self.delay > MOST_SAMPLES * self.dt:
+                raise BadInputError(
+                    f"timing.delay is {self.delay:g} s; give at most "
+                    f"{MOST_SAMPLES * self.dt:g} s ({MOST_SAMPLES} samples)"
+                )
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the tables of the deployment for pickling.
@@ -249,14 +253,6 @@ class Deployment(Reported):
                     f"action.{name}.box is {shown(box)}; give [lowest, highest] "
                     "with lowest < highest"
                 )
-
-    def _check_timing(self) -> None:
-        """Raise BadInputError for a delay that is too long to be assessed."""
-        if self.delay > MOST_SAMPLES * self.dt:
-            raise BadInputError(
-                f"timing.delay is {self.delay:g} s; give at most "
-                f"{MOST_SAMPLES * self.dt:g} s ({MOST_SAMPLES} samples)"
-            )
 
     @property
     def dt(self) -> float:

@@ -97,8 +97,8 @@ class DeployedPolicy(Policy):
         commanded = BoundFunction(self.deployed.command)
 
         def command(measured: np.ndarray) -> np.ndarray:
-            at = (states + measured, under_way.pop(0), trim)  # the input just before the sample
-            (U,) = commanded.at(*at)
+            before = under_way.pop(0)  # the input just before the sample
+            (U,) = commanded.at(states + measured, before, trim)
             under_way.append(np.array(U))
             return np.asarray(U - inputs)
 

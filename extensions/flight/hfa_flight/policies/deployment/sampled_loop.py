@@ -141,6 +141,7 @@ class EquilibriumSearch:
         """Return the equilibrium that Newton's method finds from the trim, or None."""
         here = self._residual_at(self.base)
         for _ in range(_MOST_STEPS):
+            # It goes on to a thousandth of the accepted residual.
             if here.size <= _STEADY * 1e-3 or not np.isfinite(here.jacobian).all():
                 break
             following = self._after_newton_step(here)
@@ -337,14 +338,21 @@ def chain_of(nominal: NominalLoop, dt: float, delay: float) -> Chain:
     plant = late_hold(nominal.A, nominal.B, dt, rest)
     n, m = nominal.B.shape
     size = n + (whole + 1) * m
-    newest, oldest = slice(n, n + m), slice(size - m, size)  # commands in s
+    # s: states, then the commands of earlier samples, the latest first
+    newest, oldest = slice(n, n + m), slice(size - m, size)
     F, G, C = np.zeros((size, size)), np.zeros((size, m)), np.zeros((m, size))
+
+    # Policy: the input just before a sample is the oldest command.
     C[:, :n] = -nominal.K
     C[:, oldest] += nominal.K_inputs
+
+    # Commands, a sample older.
+    F[n + m :, n : size - m] = np.eye(size - m - n)
+    G[newest] = np.eye(m)
+
+    # Aircraft: the oldest command acts for `rest` (`early`), then the next one (`late`).
     F[:n, :n] = plant.Phi
     F[:n, oldest] = plant.early
-    F[n + m :, n : size - m] = np.eye(size - m - n)  # a command is one sample older
-    G[newest] = np.eye(m)
     if whole:
         before_oldest = slice(size - 2 * m, size - m)
         F[:n, before_oldest] = plant.late
@@ -352,6 +360,7 @@ def chain_of(nominal: NominalLoop, dt: float, delay: float) -> Chain:
     else:
         G[:n] = plant.late
         late_input = C
+
     acting = [(rest, np.eye(size)[oldest]), (dt - rest, late_input)]
     parts = tuple(part for part in acting if part[0] > 0.0)
     return Chain(F, G, C, n, dt, np.eye(size, n), parts)
@@ -387,8 +396,8 @@ def searched_delays(nominal: NominalLoop, dt: float, deployed_delay: float) -> D
     for samples in range(most + 1):
         radii.append(chain_of(nominal, dt, samples * dt).radius)
         if samples >= first and radii[-1] >= 1.0:
-            return Delays(tuple(radii), samples * dt, samples * dt)
-    return Delays(tuple(radii), None, most * dt)
+            return Delays(tuple(radii), limit=samples * dt, searched=samples * dt)
+    return Delays(tuple(radii), limit=None, searched=most * dt)
 
 
 class Margins(NamedTuple):
