@@ -254,7 +254,8 @@ def _reason(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> s
     if not critic.network or critic.weights is not None:  # matrices, or a polynomial
         return reason_for(exact, critic, limit)
 
-    # A network: no slopes, what the policy does in the box, and then a mistake in K.
+    # Of a network, in this order: slopes that are all 0, what the policy does in the box, and a
+    # mistake in K.
     from verification.network.search import finding_of_policy
 
     if critic.P is not None:

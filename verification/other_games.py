@@ -151,12 +151,14 @@ def _nearest(
     errors_on_grid = [errors_at(logarithm) for logarithm in _GRID]
     best = int(np.argmin([*map(norm, errors_on_grid)]))
     if not (np.isfinite(norm(errors_on_grid[best])) and 0 < best < len(_GRID) - 1):
-        return None
-    logarithm, errors, longest = _GRID[best], errors_on_grid[best], _GRID[1] - _GRID[0]
+        return None  # no game has a value, or the nearest one is beyond an end of the grid
+    logarithm, errors, longest_step = _GRID[best], errors_on_grid[best], _GRID[1] - _GRID[0]
     for _ in range(_STEPS):  # of Gauss and Newton
         with np.errstate(all="ignore"):  # a slope of inf or 0 ends the search
             slope = (errors_at(logarithm + _DIFFERENCE) - errors) / _DIFFERENCE
-            step = np.clip(-np.vdot(slope, errors) / np.vdot(slope, slope), -longest, longest)
+            step = np.clip(
+                -np.vdot(slope, errors) / np.vdot(slope, slope), -longest_step, longest_step
+            )
         if not abs(step) > _ACCURACY:
             break
         for part in _PARTS:

@@ -215,6 +215,7 @@ def _gains(exact: Solution, K: np.ndarray, limit: float) -> Compared:
     weights = np.diag(exact.suboptimality_weight)
     inputs = np.sqrt(np.where(weights > 0.0, weights, 1.0))  # √R_ii
     in_units = exact.K * inputs[:, None] / states  # from √P_jj z_j to √R_ii u_i
+    # First the sizes of the columns, and then those of the rows relative to them.
     column_sizes = floored(np.linalg.norm(in_units, axis=0))
     row_sizes = floored(np.linalg.norm(in_units / column_sizes, axis=1))
     sizes = np.outer(row_sizes / inputs, column_sizes * states)
@@ -450,7 +451,7 @@ def _of_weights(critic: Critic) -> Iterator[Mistake]:
         mistakes = [mistake for mistake in (order, factor, cost) if mistake]
         if mistakes:
             placed = np.empty_like(weights)
-            placed[orders[order]] = weights
+            placed[orders[order]] = weights  # row by row
             rule = "; the order must be row by row, i <= j" if order else ""
             says = f"the weights {' and '.join(mistakes)}{rule}"
             yield Mistake(says, psi.matrix(costs[cost] * factors[factor] * placed))

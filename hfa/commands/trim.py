@@ -98,7 +98,7 @@ def _single(request: TrimRequest, given: TrimInput) -> Outcome:
     single = given.single()
     point = trimmed(single)
     name = given.rows[0].name if given.rows else ""
-    printed = None  # the whole sheet is printed
+    printed = None  # in place of the report, which has the whole sheet
     if not (request.full or request.json):
         printed = _with_name(brief(point, Airplane(request.class_, request.category)), name)
     report = printed

@@ -51,7 +51,7 @@ def _advised(given: GivenTrim, failure: TrimError) -> TrimError:
 
 
 def _advice(given: GivenTrim, failure: TrimError) -> str:
-    """Return the imposed values of which one must be free, so that a trim exists, or ""."""
+    """Return a sentence on the options with which a trim exists, or ""."""
     if failure.attempt._uncontrolled_rates:  # no input moves an angular rate: the model is at fault
         return ""
     if advice_on_inputs := _free_inputs(given):
@@ -74,6 +74,7 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
         try:
             point = trim(model, freed, given.start)
         except TrimError as obstacle:
+            # Without this rate, the equations balance, so that a limit is what prevents a trim.
             if is_rate and obstacle.required and not failure.required:
                 return f"with --free {name}, balanced only beyond a limit: {obstacle.required}"
             continue

@@ -302,6 +302,8 @@ def weighted_game(
         if isinstance(used.get(name), Mapping):
             used[name] = dict.fromkeys(not_moved, 1.0) | used[name]
     game = replace(game_of(linear, **used), names=plant_names(linear))
+
+    # Notes on the weights that no option gives.
     about = linear.model.about
     is_file = about.weights_source == "file"  # otherwise the HFA with the weights of the paper
     sources = weight_sources(weights, cost, about.weights if is_file else ())

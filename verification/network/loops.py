@@ -124,7 +124,8 @@ class Rates:
         """Return the rows after a tick, and the number of LSODA's steps."""
         from scipy.integrate import odeint
 
-        shares = np.abs(rows / self._sizes).max(axis=1, keepdims=True)  # the box is 1
+        # The distance of each flight, in boxes: tolerances decrease with a flight that converges.
+        distances = np.abs(rows / self._sizes).max(axis=1, keepdims=True)
         half_bandwidth = rows.shape[1] - 1  # of a block-diagonal Jacobian: flights are independent
         # The loops of all flights as one function, and the order of its numbers in memory.
         function, order = of_rows(self._closed, len(rows), len(rows) >= _MANY_ROWS)
@@ -138,7 +139,7 @@ class Rates:
         def rates(numbers: np.ndarray, _: float) -> np.ndarray:
             state[:] = numbers.reshape(rows.shape)
             bound.evaluate()
-            if not (bound.results[1] <= self._largest).all():  # V*, or nan
+            if not (bound.results[1] <= self._largest).all():  # V* is too large, or nan
                 raise FloatingPointError
             return rate.ravel()
 
@@ -152,7 +153,7 @@ class Rates:
                     ml=half_bandwidth,
                     mu=half_bandwidth,
                     rtol=_ACCURACY,
-                    atol=(_OF_BOX * shares * self._sizes).ravel(),
+                    atol=(_OF_BOX * distances * self._sizes).ravel(),
                     mxstep=most,
                 )
         except FloatingPointError:
@@ -287,12 +288,14 @@ def _linear_loop(
 
     A: (n, n), with the worst disturbance or without one
     b: half-widths of the box of states, (n,)
-    disturbance_gain: gain of the disturbance above the exact one, (k, n); None for the cost 0
+    disturbance_gain: gain of the disturbance minus that of the exact one, (k, n); None for a loop
+        without cost
     """
     game, z = exact.game, critic.symbols
     u = critic.policy(z)
     dynamics = ca.DM(A) @ z + ca.DM(game.B) @ u  # z', or z⁺ in discrete time
-    equilibrium = newton_equilibrium(z, dynamics - z if game.is_discrete else dynamics, b)
+    residual = dynamics - z if game.is_discrete else dynamics  # 0 at an equilibrium
+    equilibrium = newton_equilibrium(z, residual, b)
     cost = type(z)(0.0)
     if disturbance_gain is not None and equilibrium is not None:
         deviation, u_deviation = z - ca.DM(equilibrium), u - ca.DM(critic.u(equilibrium))

@@ -67,7 +67,8 @@ def finding_of_policy(
     u = critic.u(states)
     bias = critic.u(np.zeros(len(box)))
     sizes = np.maximum(np.abs(exact.K) @ box, np.finfo(float).tiny)  # of the largest exact u
-    errors = np.abs(u - bias + states @ exact.K.T) / sizes  # the exact u is -K z
+    # The exact u is -K z. The bias is a finding of its own, and subtracted.
+    errors = np.abs(u - bias + states @ exact.K.T) / sizes
     if np.all(u == u[0]):
         return Finding("the policy never moves an input: u is the same in the whole box")
     other_error = 0.0
