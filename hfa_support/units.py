@@ -103,6 +103,7 @@ def coherent_unit(unit: str, bases: tuple[str, str, str]) -> str:
     has_force = kg == 1 and s <= -2  # N = kg m/s²: a pressure is N/m², not kg/(m s²)
     if has_force:
         kg, m, s = kg - 1, m - 1, s + 2
+
     force_unit, length_unit, mass_unit = bases
     powers = {
         force_unit: int(has_force),
@@ -116,6 +117,7 @@ def coherent_unit(unit: str, bases: tuple[str, str, str]) -> str:
     above = " ".join(words[name] for name, power in powers.items() if power > 0) or "1"
     below = " ".join(words[name] for name, power in powers.items() if power < 0)
     coherent = f"{above}/{below}" if below else above
+
     # Equal units differ by roundings of at most a dozen factors, others by 1e-4 and more.
     factor = conversion_factor(unit, coherent) or 1.0
     return unit if math.isclose(factor, 1.0, rel_tol=1e-12) else coherent

@@ -214,6 +214,7 @@ def _names_and_units(tables: Mapping[str, _Table]) -> dict[str, list[str]]:
             stored[f"{kind}s"] = [label.name for label in labels]
         if labels and all(label.unit for label in labels):
             stored[f"{kind}_units"] = [label.unit for label in labels]
+
     state_names = stored.get("states", [])
     for matrix, of_matrix in sides.items():
         for side in _SIDES_OF_STATES.get(matrix, ()):

@@ -125,6 +125,7 @@ def c_function(
                 f"{name}: the operation {_name_of(operation)} cannot be written as C; write the "
                 "equations without this operation"
             )
+
     variables = dict.fromkeys(re.findall(r"\bw\d+", " ".join(lines)))
     if variables:
         declaration = f"{real} {textwrap.fill(', '.join(variables), 100)};"

@@ -358,10 +358,13 @@ def _derivatives(layout: Layout, free: tuple[int, ...], zero: tuple[int, ...]) -
     A = ca.densify(ca.jacobian(f, x)[LINEAR_ROWS, LINEAR_ROWS])
     B = ca.densify(ca.jacobian(f, u)[LINEAR_ROWS, :])
     entries = ca.vertcat(ca.vec(A), ca.vec(B))
+
+    # The same as functions of v and p.
     v = ca.SX.sym("v", len(layout.variables))
     values = {name: ca.SX(0) if i in zero else v[i] for i, name in enumerate(layout.variables)}
     trim_x, trim_u, *_ = layout.in_variables(values, p, ())
     entries, f = ca.substitute([entries, f], [x, u], [trim_x, trim_u])
+
     moving = ca.vertcat(*(v[i] for i in free))
     results = [
         entries,

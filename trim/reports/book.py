@@ -259,14 +259,16 @@ def _column(cells: Sequence[Any]) -> list[str]:
     """
     numbers = [cell for cell in cells if isinstance(cell, _Number)]
     shown = [float(shown_values(number.value, number.unit)) for number in numbers]
-    # The largest number has `figures` significant digits.
+    # Decimals with which the largest number has `figures` significant digits, as far as they show
+    # more than zeros.
     largest = max(filter(math.isfinite, map(abs, shown)), default=0.0)
     before_point = math.floor(math.log10(largest)) + 1 if largest else 0
     decimals = max(0, numbers[0].figures - before_point) if largest else 0
     while decimals and all(
         round(number, decimals) == round(number, decimals - 1) for number in shown
     ):
-        decimals -= 1  # all would end with 0
+        decimals -= 1
+
     texts = iter([f"{number:z.{decimals}f}" for number in shown])
     in_column = []
     for cell in cells:

@@ -348,6 +348,7 @@ def handling_qualities(trimmed: Trimmed) -> Iterator[Row]:
             yield from _bank_per_sideslip(trimmed)
         if name == "short period":
             yield from _anticipation(trimmed, frequency)
+
     values = {name: _eigenvalues(trimmed, name) for name in ("roll", "spiral")}
     real = {
         name: found[0].real
@@ -359,6 +360,8 @@ def handling_qualities(trimmed: Trimmed) -> Iterator[Row]:
     if spiral := real.get("spiral"):
         change = "double" if spiral > 0 else "half"
         yield Row(f"spiral time to {change}", math.log(2) / abs(spiral), "s")
+
+    # Roll and spiral coupled in an oscillation.
     for name, found in values.items():
         for value in found:
             if value.imag:

@@ -319,6 +319,8 @@ class Conditions(StatesAndInputs, Result, Reported):
         stacks = {name: getattr(self, name) for name in MATRICES} | self._vectors
         for name, (axes, _) in (MATRICES | _VECTORS).items():
             arrays[name] = axes, np.asarray(stacks[name])
+
+        # Eigenvalues at all conditions, with the names and levels of their modes.
         roots = np.full((len(self), n), complex(math.nan, math.nan))
         names = np.full((len(self), n), "", dtype=object)
         levels = np.full((len(self), n), math.nan)
@@ -457,6 +459,7 @@ def linear_models(
             progress(done, len(asked))
     if len(refused) == len(asked):
         raise BadInputError(refused[0])
+
     kept = tuple(states or model.linear)
     # All models have the same columns. Which disturbances act through lags is a property of the
     # equations, and thus the same at each trim.

@@ -329,12 +329,14 @@ def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane, *, whole: bool)
         }
         for title, _, lines in sheet.groups:
             said[f"on {title}"] = [line for line in lines if line != ASSUMED]
+
     rows = []
     for name, words in said.items():
         are_sentences = any(" " in word for word in words)
         separator = "; " if are_sentences else ", "
         if words:
             rows.append(Row(name, separator.join(words), rare=True))
+
     levels = {row.name: row for row in sheet if row.level is not None}
     if levels:
         chosen, why = chosen_airplane(trimmed, airplane)
@@ -510,12 +512,15 @@ def brief(point: OperatingPoint, airplane: Airplane) -> Report:
             ("modes and levels", [row for row in qualities if (row.level or 1) > 1], ()),
         ]
     sheet = Sheet.of(groups, first=VARIABLES)
+
     fault = trimmed.fault
     modes = f"no modes: {fault}" if fault else mode_lines(trimmed.modes, point.model)
+    # Notes on the trim are printed; those on the aircraft's file only with --full.
     of_the_file = without_line_numbers(point.model.about.notes)
     all_notes = without_line_numbers(point.warnings)
     notes = [note for note in all_notes if note not in of_the_file]
     adds = "rows" if len(notes) == len(all_notes) else "rows and notes"
+
     parts: list[Part] = [group for group in map(_shortened, sheet.groups) if group.rows]
     if modes:
         parts.append(modes)

@@ -319,6 +319,7 @@ class Trimmed:
         native = model.native
         configuration: dict[str, Quantity] = {}
         in_si = native is not model
+
         # `About.configuration` takes and returns units of the aircraft's file.
         if native.about.configuration is not None:
             vectors = (
@@ -333,6 +334,7 @@ class Trimmed:
                 factor = si_factor(unit) if in_si else 1.0
                 number = value if isinstance(value, str) else float(value) * factor
                 configuration[name] = Quantity(number, si_unit(unit) if in_si else unit)
+
         parameters = dict(zip(model.parameters, model.p.tolist(), strict=True))
         for name in ENTRIES:
             if name not in configuration and name in (*parameters, *model.outputs, *model.inputs):
@@ -553,6 +555,7 @@ class Trimmed:
                 return f"the thrust follows the state {state}"
         levers = [lever for lever, slope in zip(model.inputs, by_inputs, strict=True) if slope]
         full = self.coherent.inputs._replace(**{lever: model.inputs[lever].max for lever in levers})
+
         thrust = math.inf
         if levers and np.isfinite(full).all():
             thrust = model.outputs_at(self.coherent.states, full, (name,))[name]

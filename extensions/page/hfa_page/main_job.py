@@ -167,6 +167,7 @@ def slider_over(
             points.append(Position(value, at_value, reason=str(error)))
         else:
             points.append(Position(value, at_value, linearize(model, point, outputs=outputs)))
+
     # Axes of the arrays of a sweep: trims have all states, and linear models the linear ones.
     names = {"all states": model.state_names, "state": model.linear, "input": model.input_names}
     linear = [position.model for position in points]
