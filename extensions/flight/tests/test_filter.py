@@ -287,10 +287,11 @@ def samples_of(known, random):
         yield y
 
 
-def test_a_filter_uses_the_values_that_a_sample_has(point, known, gain):
-    """Gain and gate follow missing, frozen and impossible values as in the recursion of the test. The
-    estimate begins at the first sample and where most values are impossible, and commands are then
-    faded in. The gain sees the speed along the path and alpha in the air.
+def test_a_filter_of_faulty_samples_equals_a_recursion_of_the_test(point, known, gain):
+    """Commands and estimates are those of `Recursion`, a Kalman filter in NumPy, over samples with missing,
+    frozen and impossible values. The estimate begins at the first sample, and anew where most values
+    are impossible; commands are then faded in over 1 s. The gain acts on the speed along the
+    horizontal path and on alpha relative to the air.
     """
     limits = [(signal.min, signal.max) for signal in point.model.inputs.values()]
     lowest, highest = np.array(limits).T - point.u
@@ -307,8 +308,10 @@ def test_a_filter_uses_the_values_that_a_sample_has(point, known, gain):
     assert policy.unused == own.left_out > 50
 
 
-def test_a_gust_stronger_than_the_turbulence_is_estimated(point, known, gain):
-    """In an updraft of 26 ft/s, 5.6 standard deviations of the turbulence, no value is left out."""
+def test_a_gust_stronger_than_the_turbulence_is_not_taken_for_a_faulty_sensor(point, known, gain):
+    """In an updraft of 26 ft/s, 5.6 standard deviations of the turbulence, no measured value is left out
+    as impossible, and the flight stays inside the envelope.
+    """
     gust = OneMinusCosine(100.0, 26.0, point["speed"])
     policy, scenario = known.policy(gain).in_scenario(Scenario(1.5, gust=gust))
     flight = hfa.fly(point.model, point, policy, scenario=scenario, predict=False)
@@ -359,8 +362,9 @@ def measured(point, known):
 def test_the_first_command_behind_a_filter_is_that_of_the_corrected_estimate(
     point, known, gain, linear, measured
 ):
-    """Near known states at the trim, the command is -K (what is seen at L (y - y0)), of values by name
-    for a gain, and of values in order for the critic with this gain.
+    """A flight begins at known states, the trim. The first measurement is `small` off the trim: the
+    estimate is then L small, and the command is u0 - K S L small, where S (`sight`) makes speed and
+    alpha relative to the air. The gain is given values by name, the critic of this gain values in order.
     """
     small = 1e-4 * innovations_of(known)
     expected = point.u - gain @ known.sight @ known.L @ small
@@ -512,12 +516,11 @@ def test_a_law_that_plans_sees_the_air_that_it_flies_in(point, linear):
 
 
 @pytest.mark.parametrize("headwind", [pytest.param(-3.0, marks=pytest.mark.slow), 3.0])
-def test_a_law_that_plans_knows_what_the_air_along_the_path_adds_in_a_sample(
-    point, known, headwind
-):
-    """After two seconds in a steady headwind, without noise and integrated by the test, the shift of
-    the pitch rate is the difference of two samples of the test: one in the wind, and one in still
-    air from what a law sees.
+def test_a_law_that_plans_is_told_what_the_wind_adds_in_a_sample(point, known, headwind):
+    """A law that plans in still air is given speed and alpha relative to the air, and `shift`: what the
+    wind adds to the states within a sample. After two seconds in a steady headwind without noise,
+    the shift of the pitch rate is the difference of two samples that the test integrates: one in
+    the wind, and one in still air from the states that are given to the law.
     """
     law = Watching("watching", point, 0.01)
     policy, model = known.policy(law), point.model
@@ -537,7 +540,7 @@ def test_a_law_that_plans_knows_what_the_air_along_the_path_adds_in_a_sample(
         before, X = X, sample_later(X, headwind)
     V, path = before[0], before[3] - before[1]
     forward, up = V * np.cos(path), V * np.sin(path)
-    before[:2] = forward, before[3] - np.arctan2(up, forward + headwind)  # as a law sees them
+    before[:2] = forward, before[3] - np.arctan2(up, forward + headwind)  # as given to the law
     rate = list(model.states).index("pitch_rate")
     added = (X - sample_later(before, 0.0))[rate]
     assert abs(added) > 1e-4
@@ -564,7 +567,10 @@ def gtm_deployment(**tables):
 FILTERED = {"noise": GTM_NOISE, "turbulence": "light:1000"}
 
 
-def test_a_deployment_file_with_a_filter_flies_behind_the_filter_of_its_numbers(folder, gtm_point):
+def test_a_deployment_file_with_a_filter_flies_as_one_behind_hfa_filter(folder, gtm_point):
+    """A file with the noise and turbulence of its [filter] flies as the deployment without [filter]
+    behind `hfa.filter` of the same noise and turbulence.
+    """
     gtm_deployment(filter=FILTERED).save("filtered.toml")
     noisy = Scenario(0.2, tick=0.02, uncertainty=Uncertainty(noise=GTM_NOISE))
     scenario = noisy.drawn(1, 0, gtm_point)
@@ -576,8 +582,10 @@ def test_a_deployment_file_with_a_filter_flies_behind_the_filter_of_its_numbers(
     np.testing.assert_array_equal(by_file.states, by_hand.states)
 
 
-def test_the_filter_of_a_deployment_knows_its_delay_once(gtm_point):
-    """The scenario of the flight has the delay of the deployment, also if the policy flies again."""
+def test_the_delay_of_a_filtered_deployment_is_added_once(gtm_point):
+    """`in_scenario` adds the delay of the deployment, 0.03 s, to the scenario of a flight. Called again
+    with the policy and the scenario of this flight, it adds no delay.
+    """
     deployed = gtm_deployment(filter=FILTERED, timing={"dt": 0.02, "delay": 0.03})
     late = hfa.fly(gtm_point.model, gtm_point, deployed, 0.1, predict=False)
     assert (late.policy["filter"]["dt"], late.scenario["delay"]) == (0.02, 0.03)
@@ -585,11 +593,13 @@ def test_the_filter_of_a_deployment_knows_its_delay_once(gtm_point):
     assert again.delay == 0.03
 
 
-def test_a_filter_of_another_sample_time_and_c_of_a_deployment_with_one_are_refused(
-    folder, gtm_point
-):
+def test_a_filter_of_another_sample_time_than_the_deployment_is_refused(gtm_point):
+    """The samples of a filter are 10 ms apart by default, and those of the deployment 20 ms."""
     with pytest.raises(BadInputError, match=r"give the filter dt=0\.02"):
         hfa.filter(gtm_point.linearize(), GTM_NOISE).policy(gtm_deployment())
+
+
+def test_the_export_of_a_deployment_with_a_filter_is_refused(folder):
     gtm_deployment(filter=FILTERED).save("filtered.toml")
     words = f"export --aircraft {ROOT}/examples/gtm.py:GTM --policy filtered.toml --at 45 -o c"
     assert_refused(run(*words.split()), 2, "has a [filter]")
@@ -612,9 +622,10 @@ def test_wrong_arguments_of_a_filter_are_refused(linear, given, said):
         hfa.filter(linear, **given)
 
 
-def test_a_fast_gain_is_faded_in_for_longer(point, known, gain):
-    """The default is 3 s for the exact gain, with which the filter alone is unstable, and 1 s for a
-    hundredth of it. A wrong time and one that is longer than the flight are refused.
+def test_commands_of_a_fast_gain_are_faded_in_for_longer(point, known, gain):
+    """Commands are faded in over 3 s for the exact gain, because filter and gain alone, without the
+    aircraft, are unstable with it, and over 1 s for a hundredth of it. A negative `fade` and one that
+    is longer than the flight are refused.
     """
     policy = known.policy(gain)
     assert policy.margins.compensator_radius > 1.0
@@ -645,22 +656,25 @@ def test_a_delay_changes_neither_noise_nor_filter(folder, delay):
 
 
 @pytest.mark.parametrize("angle", [5.0, 15.0])
-def test_margins_of_a_filters_loop_are_where_it_is_unstable(angle):
-    """The map of a sample, with a factor on one input or with late commands, is stable on the one side
-    of each margin and unstable on the other. The test finds it column by column.
+def test_a_loop_behind_a_filter_is_stable_up_to_its_margins_and_not_beyond(angle):
+    """With a factor on one input, or commands that are later than the filter knows, the loop is stable
+    at 99 % of each margin and unstable at 101 %.
+
+    `radius` moves each unit vector of the loop's state by a sample: these are the columns of its map.
     """
     linear = hfa.trim(hfa.aircraft(), dihedral=angle * DEG).linearize()
     K = np.array(hfa.solve(hfa.paper.published_game(linear)).K)
     known = hfa.filter(linear, NOISE, AIR)
     found = known.policy(K).margins
-    gain = K @ known.sight
+    gain = K @ known.sight  # of the estimate: 6 states of the aircraft and 3 of the air
     kept = np.eye(9) - known.L @ known.C
-    both = np.zeros((14, 14))
+    both = np.zeros((14, 14))  # rates of these 9 states and of 5 held inputs
     both[:9] = np.hstack([known.A, known.B])
 
     def radius(factors, delay=0.0):
         whole, rest = divmod(delay, 0.01)
         whole = int(whole)
+        # The older command acts for `rest` of a sample, and the newer one for what remains of it.
         early, late = expm(both * rest)[:9], expm(both * (0.01 - rest))[:9]
 
         def after(state):
@@ -683,6 +697,7 @@ def test_margins_of_a_filters_loop_are_where_it_is_unstable(angle):
                 max(radius(1.0 + more * one_input) for one_input in np.eye(5)) < 1.0
             ) == is_stable
         assert (radius(np.ones(5), share * found.unknown_delay) < 1.0) == is_stable
+    # Filter and gain alone, without measured values.
     alone = np.linalg.eigvals((known.Phi - known.Gamma @ gain) @ kept)
     assert found.compensator_radius == pytest.approx(np.abs(alone).max(), rel=1e-9)
     sentence = (
@@ -707,11 +722,12 @@ def test_a_gain_whose_loop_is_unstable_is_flown_and_reported(point, known, gain)
 
 
 @pytest.mark.parametrize("lost", [0, 3, 5])
-def test_the_band_of_lost_flights_is_that_of_the_binomial(lost):
-    """If `lost` of 5 flights leave the envelope, as many or more have a probability of 2.5 % at the
-    lower end of the band, and as many or fewer at its upper end; 5 % if it has one end: none or all.
+def test_the_confidence_limits_of_the_departures_are_those_of_the_binomial(lost):
+    """`lost` of 5 flights leave the envelope. The 95 % confidence limits of the probability of a
+    departure are those at which as many departures or more (lower limit), and as many or fewer (upper
+    limit), have a probability of 2.5 %. None or all leave one limit, of 5 %.
 
-    The printed upper end is rounded up.
+    The printed upper limit is rounded up.
     """
     model = hfa.Model(
         "drift",
@@ -740,8 +756,9 @@ IN_AIR = (*f"fly --dihedral 10 --policy exact --filter --json --turbulence {AIR}
 
 
 def test_the_command_reports_flights_in_air():
-    """The report has the counts of two flights, the band of the lost share, the linear prediction,
-    and the same flights without control. None of two lost: the band ends at 1 - .05^(1/2).
+    """The report has the counts of two flights, the 95 % confidence limits of the probability of a
+    departure, the linear prediction, and the same flights without control. No departure in two
+    flights has a probability of 5 % at the upper limit p: (1 - p)² = .05.
     """
     flown = run(*IN_AIR, "--samples", "2", "--duration", "0.2")
     assert flown.code == 0

@@ -61,8 +61,10 @@ def test_a_table_is_linear_between_its_breakpoints_and_constant_beyond(tmp_path,
     np.testing.assert_array_equal(schedule.table.at(9.0), K[2])
 
 
-def test_a_cubic_table_has_its_breakpoints_first(tmp_path):
-    """K (2, 2, 2) of 2 levels, 2 inputs and 2 states fits both layouts: it is read as it is."""
+def test_the_first_axis_of_a_table_of_equal_axes_is_that_of_its_breakpoints(tmp_path):
+    """K (2, 2, 2) of 2 levels, 2 inputs and 2 states could have its levels first, or last as in MATLAB:
+    it is read with the levels first.
+    """
     cube = np.arange(8.0).reshape(2, 2, 2)
     two_inputs = Model("two", TANK.states, {"push": Signal("lbf"), "pull": Signal("lbf")},
                        lambda x, u, p, w: ({"level": u.push, "rate": u.pull}, {}),
@@ -81,8 +83,10 @@ def test_gains_are_converted_from_the_units_of_their_file(tmp_path):
     np.testing.assert_allclose(table.gains, K * FOOT / POUND)
 
 
-def test_only_a_single_gain_is_for_all_values(tmp_path):
-    """A table of angles, in files in degrees, is refused beyond its ends."""
+def test_a_gain_table_is_refused_beyond_its_ends_and_a_single_gain_is_not(tmp_path):
+    """A single gain applies at all values of the schedule variable. A table covers its breakpoints: these
+    are angles, which files have in degrees and the table in radians.
+    """
     load_gain_schedule(gains_file(tmp_path, K=K[0]), TANK).refuse_beyond(-9.0, 9.0)
     angles = gains_file(tmp_path, K=np.ones((2, 5, 6)), dihedral_deg=[10.0, 20.0])
     table = load_gain_schedule(angles, hfa.aircraft())

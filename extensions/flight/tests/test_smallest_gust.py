@@ -58,7 +58,9 @@ def test_thresholds_of_a_linear_aircraft_are_those_of_its_response():
 
 
 def test_peaks_are_in_the_unit_of_the_declared_updraft():
-    """With an updraft in kt beside a speed in ft/s, the same gusts leave, up to the same airspeed."""
+    """A kite that declares its updraft in kt, and its speed in ft/s, has thresholds in kt that are those
+    of the kite in ft/s.
+    """
     knot = 1852.0 / 0.3048 / 3600.0  # ft/s
 
     def equations(x, u, p, w):
@@ -75,9 +77,7 @@ def test_peaks_are_in_the_unit_of_the_declared_updraft():
 
 
 def fluttering():
-    """Return a kite whose load grows where v is 1.5 ft/s: a gust stays there only if it is its
-    largest v.
-    """
+    """Return a kite whose load grows while v is 1.5 ft/s: v stays there only at its maximum."""
     return hfa.Model(
         "fluttering kite",
         {"v": hfa.Signal("ft/s", min=-0.2, max=2.0), "load": hfa.Signal("1", max=0.4)},
@@ -96,8 +96,8 @@ def fluttering():
 
 
 def test_a_window_of_gusts_below_the_threshold_is_found():
-    """Gusts within 2 % of the one whose largest v is 1.5 ft/s leave by the load, weaker and stronger
-    ones stay, up to 2 ft/s.
+    """The load of this kite grows past its limit only if the largest v is within 2 % of 1.5 ft/s. Weaker
+    and stronger gusts, up to the limit of v, 2 ft/s, leave no limit. The search finds this window.
     """
     model = fluttering()
     found = smallest_gusts(model, hfa.trim(model), None, [5.0], scenario=COARSE)

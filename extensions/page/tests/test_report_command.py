@@ -39,8 +39,8 @@ def page_of(path):
     return html.replace(longest, "")
 
 
-def test_a_new_folder_is_written_whole(monkeypatch):
-    """If the command is interrupted when it writes into a new folder, this folder does not remain."""
+def test_an_interrupted_command_leaves_no_new_folder(monkeypatch):
+    """An interrupt while the files of a report are written removes the new folder that they are in."""
 
     def interrupted(path, _):
         assert path.parent.is_dir()
@@ -52,9 +52,9 @@ def test_a_new_folder_is_written_whole(monkeypatch):
     assert [*Path().iterdir()] == []
 
 
-def test_a_flight_that_is_not_on_the_page_has_a_sentence(monkeypatch):
-    """In place of a flight in turbulence, the page has the reason why there is no trim, or that the
-    package of flights is missing. The aircraft is irrelevant.
+def test_the_page_states_the_reason_for_a_missing_flight_in_turbulence(monkeypatch):
+    """In place of the flight, the page states why the trim is missing, or that the package of flights,
+    hidden here, is not installed. The UAV stands for any aircraft.
     """
     condition = usual_condition(load_model(UAV))
     nowhere = flight_in_turbulence(Position(0.2, condition, reason="no trim at 11 deg"))

@@ -246,7 +246,9 @@ def test_damaged_files_are_refused(folder, damaged, file, said):
     ("lost", "said"), [("clip_obs", "VecNormalize"), ("obs_rms", "no obs_rms"), ("var", "var")]
 )
 def test_a_normalizer_that_lacks_an_attribute_is_refused(folder, lost, said):
-    """The last letter of the attribute's name in the pickle, after opcode and length, is another."""
+    """The attribute `lost` of the VecNormalize is renamed in its pickle: the last letter becomes a z. In a
+    pickle, a name follows the opcode 8C and its length.
+    """
     content = (folder / "ppo_gtm.pkl").read_bytes()
     stored = b"\x8c" + bytes([len(lost)]) + lost.encode()
     (folder / "ppo_gtm.pkl").write_bytes(content.replace(stored, stored[:-1] + b"z", 1))
@@ -277,8 +279,10 @@ def with_activation(folder, name):
     rewrite_zip(folder, {"policy_kwargs": pickled(content)})
 
 
-def test_the_activation_of_a_zip_is_that_of_its_layers(folder):
-    """A zip that names ELU has the actions of its layers alone with this activation."""
+def test_a_zip_that_names_an_activation_has_the_actions_of_its_layers_with_it(folder):
+    """The actions of a zip whose policy_kwargs name ELU are those of its layers alone (policy.pth, which
+    names no activation) in a deployment with activation = "elu".
+    """
     with_activation(folder, "ELU")
     with zipfile.ZipFile(folder / "ppo_gtm.zip") as archive:
         archive.extract("policy.pth", folder)
@@ -414,9 +418,10 @@ def test_the_normalizer_of_a_checkpoint_is_that_of_the_deployment(tmp_path):
         _ = gtm_deployment({"file": path, "normalizer": NORMALIZED}).actor
 
 
-def test_a_normalizer_of_a_dictionary_is_in_the_order_of_its_space():
-    """A policy behind the normalizer acts as without it on observations that Stable-Baselines3 has
-    normalized (`VecNormalize.normalize_obs`, clip 1.5), and otherwise than without it.
+def test_a_normalizer_of_dictionary_observations_acts_as_that_of_stable_baselines3():
+    """The observations of this policy are a dictionary, whose entries are in the order of its space. With
+    the normalizer it acts as the policy alone does on observations that Stable-Baselines3 has
+    normalized (`VecNormalize.normalize_obs`, clip 1.5), and otherwise than alone on the same ones.
     """
     stored = json.loads((ZIPS / "actions.json").read_text())
     observed, normalized = stored["observations"], stored["normalized by sac_dict.pkl"]
@@ -430,9 +435,9 @@ def test_a_normalizer_of_a_dictionary_is_in_the_order_of_its_space():
     assert np.abs(actions - np.array(alone.act(np.transpose(observed)))).max() > 0.1
 
 
-def test_a_normalizer_that_saw_more_than_the_training_is_noted(folder):
-    """A normalizer of PPO has seen the steps of the training and at most one reset of each
-    environment. One that has seen more is noted, also in the report of `hfa verify`.
+def test_a_normalizer_that_saw_more_observations_than_the_training_is_noted(folder):
+    """A normalizer that was saved with a policy of PPO has seen an observation of each training step, and
+    at most one more of each environment. One that has seen more is noted, also by `hfa verify`.
     """
     steps = json.loads(zipfile.ZipFile(FOLDER / "ppo_gtm.zip").read("data"))["num_timesteps"]
     (folder / "deployment.toml").write_text(DEPLOYMENT)

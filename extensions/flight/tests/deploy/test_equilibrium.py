@@ -67,8 +67,9 @@ def equilibrium(*act, **settings):
 
 
 def test_the_equilibrium_balances_the_offset_of_the_policy():
-    """With u = c - K x, c = OFFSET, the equilibrium is x = -(A - B K)^-1 B c. Its slopes are those of
-    aircraft and policy.
+    """With u = c - K x, c = OFFSET, the equilibrium is x = -(A - B K)^-1 B c. `nominal` has A, B and K of
+    deviations that are divided by the nominal values X and U. No input follows itself: `K_inputs`, the
+    gain of the inputs of the last sample, is 0, and the gain of settled inputs is K.
     """
     found = equilibrium(lambda o: ca.DM(OFFSET) - ca.DM(K) @ o)
     x = -np.linalg.solve(A - B @ K, B @ OFFSET)
@@ -84,9 +85,9 @@ def test_the_equilibrium_balances_the_offset_of_the_policy():
 
 
 @pytest.mark.slow
-def test_inputs_that_follow_themselves_have_a_larger_gain():
-    """The elevator -K x + .5 of its value before has the settled gain 2 K, and -K x + its value
-    before, an integrator, K.
+def test_the_settled_gain_is_that_of_inputs_that_have_followed_a_constant_state():
+    """The elevator e = -K x + 0.5 (e of the last sample) settles at -2 K x. With the factor 1 it is an
+    integrator, which does not settle: K is reported.
     """
     names = ("alpha", "speed", "elevator")
     for share, factor in ((0.5, 2.0), (1.0, 1.0)):

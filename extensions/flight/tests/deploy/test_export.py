@@ -145,9 +145,11 @@ def test_exported_c_has_the_functions_of_networks(tmp_path):
         (["--delta", "9", "-o", "c"], "--delta cannot be combined with a deployment"),
     ],
 )
-def test_what_a_deployment_file_cannot_be_is_refused(words, named, tmp_path, monkeypatch, capsys):
-    """An FMU, which has neither sample time nor delay, and the weight of a game are refused in one
-    line, and nothing is written.
+def test_the_export_of_a_deployment_to_an_fmu_is_refused(
+    words, named, tmp_path, monkeypatch, capsys
+):
+    """A deployment is not exported as an FMU, which has neither sample time nor delay, nor with --delta,
+    the weight of a game. Each is refused in one line, and nothing is written.
     """
     monkeypatch.chdir(tmp_path)
     where = ["--policy", str(FOLDER / "ppo_gtm.toml"), "--aircraft", AIRCRAFT["ppo_gtm"][0]]

@@ -49,10 +49,12 @@ def test_a_deployment_that_agrees_with_the_file_of_its_gain_is_assessed(tmp_path
 
 
 def test_effects_are_those_of_the_exact_gain_and_reversed_with_an_action():
-    """The actions of the exact gain of the weights 1/nominal² have the exact effects, whose sum is the
-    shift of the sum of the poles.
+    """The effect of an action is its diagonal entry of K B, 1/s: its share in trace(B K), by which a gain
+    shifts the sum of the poles to the left. The actions of the exact gain of the weights 1/nominal²
+    have the exact effects, which sum up to this shift.
 
-    A reversed elevator has the opposite effect, and the throttle keeps its effect.
+    With this gain and a reversed elevator, the elevator has the opposite effect, and the throttle the
+    exact one.
     """
     model = model_of(GTM)
     point = hfa.trim(model, at=45.0)

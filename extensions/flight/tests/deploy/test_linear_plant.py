@@ -86,8 +86,8 @@ def test_a_linear_plant_is_assessed(assessed, tmp_path):
 
 
 def test_a_gain_alone_is_assessed(folder):
-    """A gain with a sample time, also in other units, has the spectral radius of a deployment of all
-    states and inputs.
+    """K.npz with --sample-time .05 has the spectral radius of a deployment file of K.npz with dt = .05 and
+    all states and inputs. So does the same gain in a file in deg and lbf ft, units.npz.
     """
     units = {"state_units": ["rad", "rad/s"], "input_units": ["N m"]}
     np.savez("plant.npz", **_PLANT, **units)

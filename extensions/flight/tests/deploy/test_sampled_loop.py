@@ -42,7 +42,8 @@ def zero_order_hold(A, B, dt):
 
 
 @pytest.fixture(scope="module")
-def case():
+def gtm_lqr():
+    """Return assessment, linear model and gain of `gain_case`, without a delay."""
     return gain_case()
 
 
@@ -60,9 +61,9 @@ def test_half_a_sample_delay_equals_twice_the_rate():
     assert found.radius == pytest.approx(np.abs(np.linalg.eigvals(twice)).max(), abs=1e-10)
 
 
-def test_margins_equal_python_control(case):
+def test_margins_equal_python_control(gtm_lqr):
     """Gain, phase and disk margins agree with python-control."""
-    assessed, linear, K = case
+    assessed, linear, K = gtm_lqr
     found = assessed.margins
     Phi, Gamma = zero_order_hold(linear.A, linear.B, DT)
     grid = np.geomspace(1e-3, math.pi / DT, 4000)
@@ -98,9 +99,12 @@ def integrated_weights(A, B, Q, R, dt):
     return total[:n, :n], total[:n, n:], total[n:, n:], *zero_order_hold(A, B, dt)
 
 
-def test_the_cost_of_an_observed_input_is_that_of_a_state_more(case):
-    """u = -K x + S u_before: the cost is SciPy's Lyapunov solution for the state (x, u_before)."""
-    _, linear, K = case
+def test_the_cost_of_a_policy_that_observes_an_input_is_that_of_scipy(gtm_lqr):
+    """The policy u = -K x + S u_before, S = diag(0.4, 0), observes the elevator of the last sample.
+    Its cost above the optimum, in %, is that of SciPy: by the Lyapunov equation of the loop with the
+    state (x, u_before), and by the Riccati equation of the optimum.
+    """
+    _, linear, K = gtm_lqr
     o = ca.SX.sym("o", 5)
     act = -ca.DM(K) @ o[:4] + ca.DM([[0.4], [0.0]]) @ o[4]
     deployment = gtm_deployment(
@@ -111,23 +115,25 @@ def test_the_cost_of_an_observed_input_is_that_of_a_state_more(case):
     )
     (loop,) = hfa.assess(model_of(GTM), deployment, [linear.point], samples=0).points
     game = hfa.game(linear, Q=Q, R=R)
-    cost, cross, price, Phi, Gamma = integrated_weights(game.A, game.B, game.Q, game.R, DT)
+    Q_DT, N_DT, R_DT, Phi, Gamma = integrated_weights(game.A, game.B, game.Q, game.R, DT)
     # With s = (x, u_before): u = command s, s⁺ = closed s, and (x, u) = both s.
     command = np.hstack([-K, np.diag([0.4, 0.0])])
     closed = np.vstack([np.hstack([Phi, np.zeros((4, 2))]) + Gamma @ command, command])
     both = np.vstack([np.eye(4, 6), command])
-    weight = both.T @ np.block([[cost, cross], [cross.T, price]]) @ both
-    value = solve_discrete_lyapunov(closed.T, weight)[:4, :4]
-    optimum = solve_discrete_are(Phi, Gamma, cost, price, s=cross)
-    shares = np.linalg.eigvals(np.linalg.solve(optimum, value)).real - 1.0
-    assert shares.max() > 0.05
-    assert loop.cost.worst == pytest.approx(100.0 * shares.max(), rel=1e-6)
-    assert loop.cost.mean == pytest.approx(100.0 * shares.mean(), rel=1e-6)
+    weight = both.T @ np.block([[Q_DT, N_DT], [N_DT.T, R_DT]]) @ both
+    P = solve_discrete_lyapunov(closed.T, weight)[:4, :4]  # the costs are x'Px, with u_before = 0
+    P_optimal = solve_discrete_are(Phi, Gamma, Q_DT, R_DT, s=N_DT)
+    above = np.linalg.eigvals(np.linalg.solve(P_optimal, P)).real - 1.0  # relative to the optimum
+    assert above.max() > 0.05
+    assert loop.cost.worst == pytest.approx(100.0 * above.max(), rel=1e-6)
+    assert loop.cost.mean == pytest.approx(100.0 * above.mean(), rel=1e-6)
 
 
-def test_delays_are_searched_upward(case):
-    """The delay limit is the first whole number of samples at which the loop is unstable."""
-    found, *_ = case
+def test_the_delay_limit_is_the_first_delay_of_whole_samples_that_is_unstable(gtm_lqr):
+    """Delays of 0, 1, 2, ... samples are tried: `radii` has their spectral radii, up to the first one
+    that is not below 1. Its delay is the limit.
+    """
+    found, *_ = gtm_lqr
     delays = found.delays
     limit = round(delays.limit / DT)
     assert len(delays.radii) == limit + 1
@@ -144,9 +150,10 @@ def nothing(folder):
 
 
 def test_limits_passed_between_two_samples_count(nothing):
-    """A limit that an oscillator passes only between the samples, every half period, is left.
+    """The sample time of .5 s is half the period of the oscillator of 1 Hz, which passes x = -1 m only
+    between samples. This departure is found.
 
-    Its amplitudes are up to 1.44 m with speeds of 9 m/s, and .96 m with 6 m/s.
+    Speeds up to 9 m/s give amplitudes up to 9 / (2 pi) = 1.44 m, and 6 m/s only .96 m: no departure.
     """
     passed, kept = (
         assess(oscillator(high), nothing, samples=4, box={"x": 0.1, "v": fastest}).points[0]
@@ -157,14 +164,14 @@ def test_limits_passed_between_two_samples_count(nothing):
     assert -1.44 <= left.value < -1.0
 
 
-def test_the_integration_error_is_that_of_deviations_to_either_side(nothing):
-    """The error of the largest deviation of x is the same if x is counted the other way. Both flights
-    begin with v < 0.
+def test_the_integration_error_does_not_depend_on_the_sign_of_a_state(nothing):
+    """The assessment estimates the integration error of the largest deviation of x. The estimate is
+    equal for the oscillator in -x, whose x deviates to the other side. Both flights begin with v < 0.
     """
     first, other = (
         assess(oscillator(1.0, sign), nothing, samples=1, seed=7, box={"x": 1e-9, "v": 3.0})
         for sign in (1.0, -1.0)
     )
-    errors = [told.points[0].integration for told in (first, other)]
+    errors = [assessment.points[0].integration for assessment in (first, other)]
     assert {error.figure for error in errors} == {"the largest deviation of x"}
     assert errors[0].change == pytest.approx(errors[1].change, rel=1e-5)

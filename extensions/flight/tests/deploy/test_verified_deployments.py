@@ -13,8 +13,8 @@ import hfa as toolchain
 from hfa import BadInputError
 from hfa.main import BAD_INPUT, FAILED
 
-STATED = FOLDER / "ppo_hfa.toml"
-#: Scales of the observations and factors of the maps in this file, in its order.
+PPO_FILE = FOLDER / "ppo_hfa.toml"
+#: Observation -> scale in this file, and moved input -> factor of its map, in the order of the file.
 SCALES = {
     **{"speed": 10.0, "alpha": 0.1, "pitch": 0.1, "pitch_rate": 0.2},
     **{"dihedral": 0.1, "dihedral_rate": 0.2},
@@ -26,14 +26,16 @@ MOVED = {
 AT_8 = ("verify", "--dihedral", "8")
 
 
-def test_a_zip_with_normalizer_is_read_behind_scales_and_maps():
-    """u(z) equals the stored outputs of Stable-Baselines3 in float64, and its slope at 0 is -K.
+def test_a_deployment_file_is_read_as_a_critic_of_deviations_and_inputs_in_their_units():
+    """The file's policy observes z / scale and returns actions, which its map multiplies by a factor. The
+    critic has u(z) of deviations z: at z = scale times a stored observation it is the factor times the
+    stored action of Stable-Baselines3 in float64. Its slope at 0 is -K.
 
-    The game has the four inputs that the file moves, MOVED, in the opposite order.
+    The game has the four inputs that the file moves, MOVED, in reversed order.
     """
     linear = toolchain.trim(toolchain.aircraft(), dihedral=np.radians(8.0)).linearize()
     game = toolchain.paper.published_game(linear).select(tuple(reversed(MOVED)))
-    critic = toolchain.read_critic(STATED, game, linear=linear)
+    critic = toolchain.read_critic(PPO_FILE, game, linear=linear)
     for entry in json.loads((FOLDER / "slopes.json").read_text())["ppo_hfa"]:
         values = entry["observation"] * np.array([*SCALES.values()])
         deviations = dict(zip(SCALES, values, strict=True))
@@ -60,11 +62,12 @@ def test_a_weight_of_an_option_replaces_that_of_the_deployment(folder):
 
 
 @pytest.mark.slow
-def test_the_command_judges_a_deployment_with_its_cost_and_inputs():
-    """`hfa verify` judges the game of the moved inputs, with the weights of the file, of which the
-    trained policy is not the solution. The same weights and inputs may be given as options.
+def test_the_command_verifies_a_deployment_in_the_game_of_its_cost_and_inputs():
+    """The game of `hfa verify --weights FILE.toml` has the four inputs that the file moves, MOVED, and the
+    weights of its [cost]. The trained policy is not the solution of this game: exit code FAILED. The
+    options --R and --inputs with the same numbers give the same R.
     """
-    words = (*AT_8, "--weights", str(STATED))
+    words = (*AT_8, "--weights", str(PPO_FILE))
     data = answer(*words, code=FAILED)
     assert data["inputs"] == list(MOVED)
     assert len(data["K_exact"]) == len(MOVED)

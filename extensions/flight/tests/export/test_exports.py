@@ -199,8 +199,9 @@ def test_an_fmu_behind_a_filter_simulates_the_flight(folder):
 
 
 def test_an_exported_filter_equals_the_policy_behind_it(folder):
-    """The C code commands what the policy does, to rounding, for random samples, impossible values
-    and values that are not numbers, switched on in flight and from known states.
+    """The C code gives the commands of the policy, to rounding, over 120 samples with random, impossible,
+    missing and frozen values. It is switched on in flight, where the states are not known, and from
+    sample 100 on flies from known states: its memory is 0 but for the entry KNOWN of the header, 1.
     """
     exported(*FILTER, "-o", "c")
     compiled(folder / "c", "-O0", "-shared", "-fPIC", "hfa_filter.c", "-o", "library.so")
@@ -209,7 +210,7 @@ def test_an_exported_filter_equals_the_policy_behind_it(folder):
     last = trim = np.array([linear.point[name] for name in policy.filter.sensors])
     random = np.random.default_rng(1)
     header = Path("c/hfa_filter.h").read_text("utf-8")
-    size, share = (
+    size, known = (
         int(re.search(rf"FILTER_{word} (\d+)", header)[1]) for word in ("MEMORY", "KNOWN")
     )
     memory, u = np.zeros(size), np.zeros(5)
@@ -225,7 +226,7 @@ def test_an_exported_filter_equals_the_policy_behind_it(folder):
             y = last  # frozen
         if number == 100:  # a flight from known states
             policy.begin(linear.point.x)
-            memory = np.eye(1, size, share).ravel()
+            memory = np.eye(1, size, known).ravel()
         last = y
         called(folder / "c", "hfa_filter", memory, y, u)
         np.testing.assert_allclose(u, policy(0.01 * number, y), rtol=1e-12, atol=1e-12)

@@ -157,10 +157,11 @@ def stiff_cost(v, K, sample):
 
 
 def test_costs_equal_scipys_integrals_of_the_same_flights():
-    """The costs of a policy at 5 Hz are right for an aircraft that is 121 times faster off the trim.
+    """v' = -v - 40 v³ + f is 121 times faster at v = 1 than at the trim. Still, the steps of the
+    assessment resolve the flight of its LQR held at 5 Hz, and its cost is that of SciPy.
 
-    The initial condition is not in the result: it is the one whose LQR cost by SciPy is the reported
-    one. From it, SciPy flies the policy. The assessment says that its steps resolve the flights.
+    The initial condition is not in the result: SciPy finds it as the one with the reported cost of the
+    LQR without a hold, and simulates the held policy from it.
     """
     model, deployment, K = stiff_case()
     (point,) = hfa.assess(model, deployment, samples=1).points
@@ -268,7 +269,8 @@ def test_unmet_requirements_are_listed():
 def test_a_finding_names_its_trims_or_their_range(sign, where):
     """The finding of unstable loops lists their trims, or gives the range of neighbouring ones.
 
-    v' = ±v is unstable outside or inside of 1.5 < s < 3.5, and s' = f - s.
+    v' = sign v is unstable outside of 1.5 < s < 3.5, where it is -sign v, or inside if sign = -1.
+    s is the schedule variable, the speed of the trims.
     """
     model = hfa.Model(
         "scheduled",

@@ -116,7 +116,9 @@ def costly():
 
 
 def test_the_reward_is_the_negative_cost_of_the_sample(costly):
-    """The sample begins 2 m/s and 0.03 rad off the trim, and moves the elevator by 0.3 * 0.5 rad."""
+    """The sample of 0.02 s begins 2 m/s and 0.03 rad of alpha off the trim, and moves the elevator by
+    0.3 * 0.5 rad. The weights of speed, alpha and elevator are 0.5, 8 and 2.
+    """
     costly.reset(options={"state": costly.point.x + START})
     _, reward, terminated, truncated, _ = costly.step(np.array([0.5]))
     paid = 0.02 * (0.5 * 2.0**2 + 8.0 * 0.03**2 + 2.0 * 0.15**2)
@@ -124,8 +126,8 @@ def test_the_reward_is_the_negative_cost_of_the_sample(costly):
 
 
 def test_an_episode_that_leaves_the_limits_is_charged_for_the_remaining_samples(costly):
-    """Each of 49 remaining samples costs as much as the sample in which alpha leaves, and as all states
-    at their farther limits.
+    """Alpha, of weight 8, leaves in the first of 50 samples of 0.02 s. Each of the 49 others is charged for
+    the same cost, and for speed and alpha, of weights 0.5 and 8, at their limits farthest from the trim.
     """
     model, point = costly.model, costly.point
     edge = model.states["alpha"].max - 1e-3
@@ -323,7 +325,10 @@ def test_episodes_with_equal_seeds_have_equal_turbulence():
 
 @pytest.mark.filterwarnings("ignore:turbulence without")
 def test_turbulence_during_a_sample_is_the_mean_of_its_ends():
-    """The means of neighbouring ends of nearly independent winds have the autocorrelation 1/2."""
+    """x' is the wind, so that x moves in a sample of 1 s by its mean wind, (begin + end) / 2. Winds at
+    different ends are nearly independent, and neighbouring samples share one: their means correlate by
+    1/2.
+    """
     model = hfa.Model(
         "drifting",
         {"x": hfa.Signal("ft", nominal=10.0), "speed": hfa.Signal("ft/s", start=100.0)},

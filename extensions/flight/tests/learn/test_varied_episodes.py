@@ -34,10 +34,11 @@ def flown(env, start):
 
 
 def test_a_varied_episode_is_that_of_the_changed_aircraft_at_the_original_trim():
-    """States and observations are those of an aircraft with the drawn lift and frozen trim values.
+    """A drawn lift slope changes the aircraft, and not the trim values that observations and costs are
+    deviations from. States and observations are therefore those of the changed aircraft if the
+    original trim values are numbers in its deployment (`frozen`).
 
-    The observations and rewards of the changed aircraft without frozen trim values differ, and its
-    states do not.
+    Without these numbers, load factors and rewards of the changed aircraft differ, and its states do not.
     """
     model = model_of(AIRCRAFT)
     point = trim(model, at=45.0)
@@ -59,8 +60,8 @@ def test_a_varied_episode_is_that_of_the_changed_aircraft_at_the_original_trim()
     expected, seen, _ = flown(environment(changed, frozen, [moved]), start)
     np.testing.assert_allclose(states, expected, rtol=1e-12)
     np.testing.assert_allclose(observations, seen, rtol=1e-6)
-    not_frozen, shifted, others = flown(environment(changed, DEPLOYMENT, [moved]), start)
-    np.testing.assert_allclose(not_frozen, states, rtol=1e-12)
+    unfrozen, shifted, others = flown(environment(changed, DEPLOYMENT, [moved]), start)
+    np.testing.assert_allclose(unfrozen, states, rtol=1e-12)
     load_factors = [*DEPLOYMENT.observation].index("load_factor")
     assert np.abs(observations - shifted)[:, load_factors].min() > 0.01
     assert np.abs(rewards - others).min() > 0.0

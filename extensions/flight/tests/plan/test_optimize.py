@@ -37,9 +37,10 @@ def test_the_hfa_leaves_the_envelope_with_exact_policy(dihedral, capsys):
 
 
 def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(folder, capsys):
-    """The best flight costs z'Pz; that of another gain z'Xz of SciPy's Lyapunov solution.
+    """The best flight costs z'Pz with P of SciPy's Riccati equation, and that of the gain K costs z'Xz of
+    SciPy's Lyapunov equation. `over_best` is the ratio of a policy's cost to that of the best flight.
 
-    The flight of a gain that destabilizes the plant has no cost, and fails.
+    The gain -K destabilizes the plant: its flight has no cost, and the command fails.
     """
     A, B = np.array([[0.0, 1.0], [-2.0, -0.3]]), np.array([[0.0], [3.0]])
     np.savez("plant.npz", A=A, B=B)

@@ -83,9 +83,10 @@ def gain_of_holds(A, B, holds):
     return K
 
 
-def test_the_gradient_at_the_trim_is_the_exact_gain_of_the_holds():
-    """The gradient of the first input is the exact gain of the plan's holds. K of the policy, which
-    takes over near the trim, is the gain of equal holds for ever, by `solve_discrete_are`.
+def test_the_gradient_at_the_trim_is_the_optimal_gain_of_held_inputs():
+    """A plan holds its inputs over intervals of growing length, `holds`. The gradient of its first input
+    is the optimal gain of these holds, by a backward Riccati recursion. K of the policy, which takes
+    over near the trim, is that of endless holds of dt, by `solve_discrete_are`.
     """
     linear = hfa.linearize(PENDULUM, UPRIGHT)
     policy = predictive(PENDULUM, UPRIGHT, *WEIGHTS)
@@ -207,11 +208,12 @@ def test_a_new_plan_replaces_one_that_diverges_after_a_jump():
     assert abs(x[0]) < 1e-3
 
 
-def test_the_exact_gain_waits_until_its_own_flight_costs_the_value():
-    """At x = 1 the plan costs the linear value, although the flight of u = -K x costs 16 % more. The
-    flight of the policy costs at most 1 % more than the plan.
+def test_the_linear_policy_takes_over_only_where_its_own_flight_costs_the_linear_value():
+    """The plan from x = 1 costs the linear value x'Px, but the flight of u = -K x would cost 16 % more:
+    the linear policy does not take over there, and the flight costs at most 1 % more than the plan.
     """
-    model = unstable(-3.0, 3.91)  # 3.91 makes the plan from x = 1 cost (1 + √2) x²
+    # x' = x - 3 x² + 3.91 x³ + u: 3.91 makes the plan from x = 1 cost x'Px = (1 + √2) x².
+    model = unstable(-3.0, 3.91)
     point = hfa.trim(model)
     policy = predictive(model, point, [[1.0]], [[1.0]])
     flight = hfa.fly(
@@ -219,8 +221,6 @@ def test_the_exact_gain_waits_until_its_own_flight_costs_the_value():
         weights=(np.eye(1), np.eye(1)),
     )  # fmt: skip
     plan = policy.samples.first
-    assert plan is not None
-    assert flight.cost is not None
     assert plan.cost == pytest.approx(1.0 + np.sqrt(2.0), rel=0.01)
     assert flight.cost < 1.01 * plan.cost
 
@@ -358,7 +358,7 @@ def test_a_long_horizon_is_cut():
         ("X has shape (1,)", lambda: made("state-dependent")(0.0, [0.0])),
     ],
 )
-def test_what_is_refused(says, refused):
+def test_wrong_settings_of_a_law_are_refused(says, refused):
     """Wrong settings of a law, and states of another shape, are refused in one line."""
     with pytest.raises((hfa.BadInputError, hfa.NoSolutionError)) as caught:
         refused()
@@ -409,7 +409,9 @@ def test_copies_made_in_flight_continue_it_like_the_policy(law):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_a_sample_adds_at_most_its_time_to_the_memory_of_a_policy(law):
-    """The pickle of a policy grows by less than 20 bytes a sample, those of one computing time."""
+    """The pickle of a policy grows by less than 20 bytes a sample, from sample 100 to 200: its memory keeps
+    the computing time of each sample, and no plan but the last one.
+    """
     policy = LAWS[law](PENDULUM, UPRIGHT, *WEIGHTS)
     sizes = []
     for number in range(200):
@@ -430,12 +432,14 @@ def test_a_moved_aircraft_is_believed_at_the_second_sample(law):
     assert forces[1] < -0.5
 
 
-def test_a_first_plan_before_the_flight_is_that_of_its_first_sample():
-    """A plan from the expected states is flown; from other states it is made anew."""
+def test_a_plan_made_before_the_flight_does_not_change_the_first_input():
+    """`begin` plans from the states that are expected. The first input is the same whether the first
+    sample has these states, or others (0.02 m or 6 m off), from which the plan is made anew.
+    """
     policy = made()
     expected = policy(0.0, [3.0, 0.1]).item()
-    for begun in ([3.0, 0.1], [3.02, 0.1], [-3.0, 0.5]):
-        policy.begin(begun)
+    for foreseen in ([3.0, 0.1], [3.02, 0.1], [-3.0, 0.5]):
+        policy.begin(foreseen)
         assert policy(0.0, [3.0, 0.1]).item() == pytest.approx(expected, abs=1e-3)
 
 

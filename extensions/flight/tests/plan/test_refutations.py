@@ -27,22 +27,25 @@ def best():
 
 
 def test_the_simulation_confirms_or_refutes_a_candidate(best):
-    """The simulation confirms a candidate, also one that promises 5 % more cost. It refutes one that
-    promises 5 % less, and one with wrong inputs.
-
-    A candidate is unfinished if the linear policy leaves the limits after its end.
+    """The flight of a candidate of the optimizer may cost as much as the candidate states, or less: it is
+    confirmed, also if 5 % is added to the stated cost. With 5 % less, or with other inputs, it is refuted.
     """
     candidate = best.found.candidate
-    search = BestFlights(best.problem)
-    flights = search.flights
+    flights = BestFlights(best.problem).flights
     flown = flights.follow(candidate, 1.25 * best.seconds)  # with the linear policy at the end
     assert refutation(flown, candidate) == ""
     assert "off the proposed" in refutation(flown, candidate._replace(cost=0.95 * candidate.cost))
     assert refutation(flown, candidate._replace(cost=1.05 * candidate.cost)) == ""
     wrong = candidate._replace(v=candidate.v + 0.2)
     assert refutation(flights.follow(wrong, 1.25 * best.seconds), wrong)
+
+
+def test_a_candidate_is_unfinished_if_the_linear_policy_leaves_the_limits_after_it(best):
+    """The candidate ends 0.2 m before the limit of the position, at 6 m/s, where the linear policy takes
+    over. Its cost of 1e9 is more than any flight's, so that the cost is not the reason.
+    """
+    candidate, search = best.found.candidate, BestFlights(best.problem)
     assert search._unfinished(candidate) == ""
-    # The plan ends 0.2 m before the limit of the position, at 6 m/s; 1e9 makes its cost no reason.
     z = candidate.z.copy()
     z[-1, -1] = [19.8, 6.0]
     assert "leaves the limits" in search._unfinished(candidate._replace(z=z, cost=1e9))
@@ -98,9 +101,9 @@ def test_without_a_flight_of_either_the_start_is_refused(monkeypatch):
         best_of_cart({"position": 15.0, "velocity": 6.0})
 
 
-def test_a_candidate_on_a_flight_that_leaves_is_solved_with_a_wider_margin(monkeypatch):
-    """If the flight of the first candidate leaves (planted), the next candidate keeps 3 margins, and
-    its flight is the best one.
+def test_a_candidate_whose_flight_leaves_is_solved_again_with_a_wider_margin(monkeypatch):
+    """A candidate keeps a margin to the limits. If its flight leaves them (planted: `beyond`), it is
+    solved again with 3 times the margin, and the flight of this one is the best one.
     """
     margins = []  # of the candidates, relative to the usual margin
     solve, follow = Transcription.solve, Flights.follow
