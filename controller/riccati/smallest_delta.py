@@ -31,6 +31,8 @@ BESIDE = 1.0 + 0.75 * TOLERANCE
 SAME = 1.0 - 0.1 * TOLERANCE
 #: Smallest delta of a game; the largest is its inverse.
 LEAST = LARGEST**-0.5
+#: Fraction of the delta at which the disturbance has an effect, below which delta_min may be 0.
+NEGLIGIBLE = 1e-12
 #: If delta exceeds delta_min by a smaller fraction, a larger one is advised.
 CLOSE = 0.01
 
@@ -53,7 +55,8 @@ INDEFINITE = 1e-2
 class DeltaMin(NamedTuple):
     """Proved bounds of delta_min = inf{δ : a value exists}: refused <= delta_min <= value.
 
-    value / refused is at most 1 + 1e-6. Both are 0 if the disturbance costs nothing.
+    value / refused is at most 1 + 1e-6. Both are 0 if the disturbance costs nothing, and `refused`
+    alone if it costs something, but no delta is refused.
 
     value: a delta with a value
     refused: a delta without a value
@@ -226,7 +229,12 @@ def _bracket(search: _Search, estimate: _Estimate) -> DeltaMin:
     w = guess / width
     while True:
         delta = w**-0.5
-        outcome = search.proved(w, frequency)
+        try:
+            outcome = search.proved(w, frequency)
+        except UndecidedError:
+            if refused > 0.0 or not value < NEGLIGIBLE * search.first_w() ** -0.5:
+                raise
+            return DeltaMin(value, 0.0)
         is_value = not isinstance(outcome, str)
         if isinstance(outcome, str):
             # The next smaller delta may be what was refused.

@@ -139,3 +139,20 @@ def test_many_states_with_few_inputs_are_solved():
     solution = solve(Game(A, rng.standard_normal((80, 3)), Q=np.eye(80), R=I3))
     assert solution.certificate.radius < 1e-16
     assert np.linalg.eigvals(A - solution.game.B @ solution.K).real.max() < 0.0
+
+
+def test_a_disturbance_that_only_costs_its_player_has_no_smallest_delta():
+    """Where each delta has a value, the search for the smallest one ends, and can be printed."""
+    game = Game(
+        np.diag([0.0, -1.0]),
+        [[-2.0, -2.0], [-2.0, 1.0]],
+        E=[[2.0], [2.0]],
+        Q=[1.0, 0.0],
+        R=[1.0, 1.0],
+        N=[[0.0, -0.5], [-1.0, -0.5]],
+        delta=1.5,
+    )
+    found = minimum_delta(game)
+    assert found.refused == 0.0
+    assert found.value < 1e-12
+    assert "smallest possible" in str(solve(game).report())
