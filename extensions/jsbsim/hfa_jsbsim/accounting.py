@@ -65,7 +65,8 @@ def explain(
         reasons = ["no input of the pilot changes a force or a moment"]
     else:
         reasons = [*_of_thrust(parts, throttles, solve), *of_engine_files(parts)]
-        if not (reasons or "elevator" in inputs or has_free_command):  # which may pitch it
+        # A command that nothing in the files sets may be that of an elevator.
+        if not (reasons or "elevator" in inputs or has_free_command):
             reasons = ["no input changes pitch_rate"]
         reasons = reasons or [*_of_lift(throttles, imposed, solve)] or [*_of_moment(solve)]
     return "; ".join([*reasons, advice] if held else reasons)
@@ -135,10 +136,8 @@ def _greatest_lift(throttles: Sequence[str], solve: Solve, free: tuple[str, ...]
 
 
 def _of_moment(solve: Solve) -> Iterator[str]:
-    """Yield a sentence on the unbalanced pitching moment if all other equations have a solution.
-
-    The thrust is not balanced either if it cannot be.
-    """
+    """Yield a sentence on the unbalanced pitching moment if all other equations have a solution."""
+    # If they have none, the equation of the speed is dropped too.
     for free in (("pitch_rate_dot",), ("pitch_rate_dot", "speed_dot")):
         values = solve({}, free)
         if values is not None:
@@ -200,7 +199,7 @@ _IDLE = (
     *("position/terrain-elevation", "inertia/print-mass-properties", "simulation/write-state-file"),
 )
 #: JSBSim's properties that are 0 until a file or a pilot sets them.
-_STORED = ("fcs/", "gear/tailhook", "gear/wing-fold")
+_ZERO_UNTIL_SET = ("fcs/", "gear/tailhook", "gear/wing-fold")
 #: JSBSim's properties that a file may set without effect, and the reason.
 _NOTED = {
     **dict.fromkeys(
@@ -235,12 +234,11 @@ def notes_on_omitted(parts: Parts, equations: Equations) -> list[Note]:
     Raises BadInputError, with file and line, for an unsupported element, attribute or property that
     affects the forces.
     """
-    reached = equations.properties
     notes = _notes_on_writers(parts, equations)
     notes += _notes_on_constants(parts, equations)
     if any(file.feeds and file.kind != "electric_engine" for file in parts.engines):
         notes.append(Note(_NO_BURN, rank=MOTION))
-    for component, what, is_always in reached.left_out.values():
+    for component, what, is_always in equations.properties.left_out.values():
         name = shortened(component.attributes.get("name", ""))
         subject = f"<{component.name}> {name}: {what}"
         statement = _NEVER if is_always else _OF_FILTERS
@@ -260,8 +258,8 @@ def _notes_on_constants(parts: Parts, equations: Equations) -> list[Note]:
             notes.append(Note(_FROZEN, f"{shortened(full_name)} ({start:g})", where))
         if symbol.element_hash() not in used:
             continue
-        is_stored = full_name.startswith(_STORED) and not of_component(full_name)  # 0 until set
-        if access(full_name, parts.thrusters) and not is_stored:
+        is_zero_until_set = full_name.startswith(_ZERO_UNTIL_SET) and not of_component(full_name)
+        if access(full_name, parts.thrusters) and not is_zero_until_set:
             raise BadInputError(
                 f"{where}: {shortened(full_name)} is a property that JSBSim computes internally, "
                 "which is not supported; use another property"
@@ -302,9 +300,9 @@ def _reason_to_omit(parent: Element, child: Element) -> str:
         return _NO_FORCE  # it sets properties that are not read
     is_named = parent.name in ("function", "table", "t")
     if is_named and not any(inner.taken for inner in parent.children):
-        return _NO_FORCE  # one of an engine, marked as read by name only
+        return _NO_FORCE  # the parent was found by its name, but not evaluated
     if any(other.name == name and other.taken for other in parent.children):
-        # Of most kinds, JSBSim reads the first only.
+        # Another child of this name was read. Of most kinds, JSBSim reads only the first.
         return _NOT_READ if name not in _REPEATED else _NO_FORCE
     known = _elements().get(parent.name)
     if known is None:
@@ -341,20 +339,24 @@ def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
     properties = equations.properties
     notes = []
     for name, writers in properties.writers.items():
-        rights = access(name, parts.thrusters)
+        access_rights = access(name, parts.thrusters)
         in_files = [writer for writer in writers if writer.is_of_file]
-        if not rights or not in_files:
+        if not access_rights or not in_files:
             continue
-        if rights == "R" and name in properties.names_read:
+        if access_rights == "R" and name in properties.names_read:
             raise _refusal(in_files[-1], f"{shortened(name)} is a read-only JSBSim property")
+
+        # Settings without effect.
         unnumbered = without_numbers(name)
         reason = next((why for prefix, why in _NOTED.items() if unnumbered.startswith(prefix)), "")
-        reason = _COMPUTED if rights == "R" else reason
+        reason = _COMPUTED if access_rights == "R" else reason
         if reason:
             notes.append(Note(f"set {reason}", shortened(name), in_files[-1].where, MOTION))
             continue
-        if of_component(name):  # 0 is no failure
-            if not all(is_zero(writer.compute()) for writer in in_files):
+
+        # Settings whose effect is not supported.
+        if of_component(name):
+            if not all(is_zero(writer.compute()) for writer in in_files):  # 0: no failure
                 fault = (
                     f"{shortened(name)} is a failure or limit of a component, which cannot be set"
                 )
@@ -365,6 +367,7 @@ def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
                 in_files[-1],
                 f"{shortened(name)} moves a force in JSBSim and cannot be set here",
             )
+
         is_also_of_pilot = "-cmd-norm" in name and len(writers) > len(in_files)
         if is_also_of_pilot and name in properties.names_read:
             notes.append(Note(_SET_TWICE, shortened(name), in_files[-1].where))

@@ -121,7 +121,7 @@ class Aerodynamics:
         return ca.SX.eye(3)
 
     def _force(self, at_center: bool) -> ca.SX:
-        """Return the force that acts at the center of gravity, or the other one, body axes."""
+        """Return the sum of the forces at the center of gravity, or of all others, body axes."""
         # Except in the frame BODY, the first component is positive aft and the third up.
         sums = ca.vertcat(*(self._sum(component, at_center) for component in range(3)))
         if self._force_frame != "BODY":
@@ -235,7 +235,7 @@ class Reactions:
 
         axes: letters of the components, "xyz" or "lmn"
         """
-        # Without a magnitude, no frame is used. Then the attribute is not an unsupported one.
+        # The attribute counts as read, because a force whose magnitude is 0 does not use its frame.
         element.attributes.taken.add("frame")
         magnitude = f"{_prefix(element)}/{_magnitude_name(element)}"
         if not self._properties.is_known(magnitude):

@@ -201,6 +201,7 @@ class Equations:
         self.parameters = {name: ca.SX.sym(name) for name in self._parameter_names()}
         self.gusts = {name: ca.SX.sym(name) for name in GUSTS}
         self._time = ca.SX.sym("time")
+        # Forces may depend on the rates of alpha and beta: `_solve_rates_of_angles` replaces these.
         self.rate_symbols = [ca.SX.sym("alpha_rate"), ca.SX.sym("beta_rate")]
 
     def _define_motion(self, x: SimpleNamespace) -> None:
@@ -250,14 +251,14 @@ class Equations:
         read = partial(self.properties.read_or, where=str(self.parts.path))
         bodies = []
         for number, point in enumerate(self.parts.points):
-            held = self.parameters[f"pointmass{number}"]
-            weight = read(f"inertia/pointmass-weight-lbs[{number}]", held)
+            parameter = self.parameters[f"pointmass{number}"]
+            weight = read(f"inertia/pointmass-weight-lbs[{number}]", parameter)
             names = [f"inertia/pointmass-location-{axis}-inches[{number}]" for axis in "XYZ"]
             place = [read(name, own) for name, own in zip(names, point.location, strict=True)]
             bodies.append(Body(weight, place, point.inertia_at(weight)))
         for number, tank in enumerate(self.parts.tanks):
-            held = self.parameters[f"tank{number}"]
-            contents = read(f"propulsion/tank[{number}]/contents-lbs", held)
+            parameter = self.parameters[f"tank{number}"]
+            contents = read(f"propulsion/tank[{number}]/contents-lbs", parameter)
             bodies.append(tank.body(ca.fmin(contents, tank.capacity)))
         return mass_of(self.parts.empty, bodies)
 
@@ -419,7 +420,8 @@ class Equations:
             symbol = own.compute() if own is not None and not own.is_of_file else None
             parameter = next((name for name, p in self.parameters.items() if p is symbol), "")
             is_command = any(pilot_input.symbol is symbol for pilot_input in self.inputs.values())
-            if parameter and parameter not in ("mixture", "advance"):  # engines run best with 1
+            # Mixture and advance stay 1, with which engines run best.
+            if parameter and parameter not in ("mixture", "advance"):
                 self.starts[parameter] = value
             if not (parameter or is_command):
                 writer = Writer(lambda: value, element.where, 0, is_of_file=True)
@@ -452,7 +454,7 @@ class Equations:
             self.properties.add_writer(full_name, writer)
 
     def _effects(self) -> list[Effect]:
-        """Return the effect of each engine."""
+        """Return the force, moment and power of each engine."""
         return [
             self.properties.value_of(writer, file.full_name("thrust"), file.mount.where)
             for file, writer in zip(self.parts.engines, self._engines, strict=True)
@@ -487,7 +489,7 @@ class Equations:
             "gamma": self.properties.read("flight-path/gamma-rad", ""),
             "turn_rate": turn_rate(x),
             "load_factor": load_factor(motion.alpha, specific_force, self.parameters["gravity"]),
-            "lift_to_weight": -wind_force[2] / weight,
+            "lift_to_weight": -wind_force[2] / weight,  # at the present rates of alpha and beta
             "thrust": sum((effect.thrust for effect in self.effects), start=ca.SX(0.0)),
             "weight": mass.weight,
             "angle_of_attack": ca.SX(motion.alpha),
@@ -548,7 +550,7 @@ class Equations:
         axes = [axis for axis, command in _TURNED_BY.items() if command not in used]
         turning = ca.vertcat(*(self.rates[axis] for axis in axes))  # that no command changes
         for full_name, constant in constants.items():
-            if full_name in self.properties.frozen:
+            if full_name in self.properties.frozen:  # then the parameter has no effect, and goes
                 self._substitute(constant.symbol, ca.SX(constant.start))
             taken = (*self.states, *self.inputs, *self.parameters, *self.outputs)
             name = identifier(full_name, "constant", taken)

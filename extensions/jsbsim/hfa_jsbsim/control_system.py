@@ -398,15 +398,16 @@ def _switch(component: Element, properties: Properties) -> Any:
                 "attribute value, or remove the <test>"
             )
         holds = _holds(test, properties)
-        at_start = properties.at_start(holds)  # with the values in the files; None if it varies
+        # 1 or 0 with the values in the files, or None if the test depends on states or inputs.
+        at_start = properties.at_start(holds)
         if is_constant(holds) and not at_start:
             continue
         try:
             of_test = properties.value(test.attributes["value"], test)
-        except LoopError:  # the loop is closed only if the test may be true
+        except LoopError:  # a loop only while the test is true
             if at_start != 0.0:
                 raise
-            properties.freeze(holds)
+            properties.freeze(holds)  # so that the test stays false
             continue
         value = of_test if is_constant(holds) else ca.if_else(holds, of_test, value)
     return value
@@ -493,7 +494,8 @@ def _integral(
         rate = ca.if_else(ca.fabs(trigger) < 1e-6, gain * value, 0.0)
         properties.set_rate(state, lambda: rate)
         return state
-    if ca.depends_on(value, commands) and not properties.centered:  # the stick may be held
+    # A command that the pilot holds would move the integral without end.
+    if ca.depends_on(value, commands) and not properties.reads_loops_as_zero:
         raise LoopError(component.where, "the integrator has no steady-state value")
     properties.leave_out(component, "its integral is 0")
     return 0.0

@@ -279,10 +279,10 @@ def _fed(mounted: MountedEngine, kind: str) -> ca.SX:
         if tank.kind != kind:
             continue
         prefix = f"propulsion/tank[{number}]"
-        held = mounted.parameters[f"tank{number}"]
+        parameter = mounted.parameters[f"tank{number}"]
         read = partial(mounted.properties.read_or, where=mounted.mount.where)
         priority = ca.SX(read(f"{prefix}/priority", float(tank.priority)))
-        contents = ca.SX(read(f"{prefix}/contents-lbs", held))
+        contents = ca.SX(read(f"{prefix}/contents-lbs", parameter))
         is_open = ca.logic_and(priority >= 1.0, priority <= len(mounted.tanks))
         fed = ca.logic_or(fed, ca.logic_and(is_open, contents > tank.unusable))
     return fed
@@ -371,7 +371,8 @@ def lag_rates(mounted: MountedEngine) -> dict[str, Any]:
     if mounted.kind == "turbine_engine":
         if state is not None:
             rates[mounted.lag] = _spool_rate(mounted, state)
-        # Functions on which no force depends, so that `accounting.py` lists them as omitted.
+        # No force depends on N1Spool..., and on N2Spool... only if the lag is a state. Marked as
+        # not read, functions are listed by `accounting.py` as omitted.
         unread = ("N1Spool",) if rates else ("N1Spool", "N2Spool")
         for function in mounted.engine.children:
             if function.attributes.get("name", "").rsplit("/", 1)[-1].startswith(unread):

@@ -209,8 +209,6 @@ def _mixture_efficiency(mounted: MountedEngine, fuel_share: Any) -> Any:
 
 def _boosted(mounted: MountedEngine, throttled: Any, ambient: Any, speed: Any) -> Any:
     """Return the manifold pressure behind the supercharger, Pa, `throttled` without one."""
-    # The gear of the supercharger depends on the ambient pressure, or on the boost lever if
-    # boostmanual is 1.
     # throttled, ambient: pressures behind the throttle and of the air, Pa
     # speed: speed of the engine, rpm
     gears = _gears(mounted.engine)
@@ -221,6 +219,8 @@ def _boosted(mounted: MountedEngine, throttled: Any, ambient: Any, speed: Any) -
     takeoff = engine.value_of("takeoffboost", 0.0, "PSI")
     first_boost = engine.value_of("ratedboost1", 0.0, "PSI")
     throttle = mounted.throttle
+
+    # Manifold pressure in each gear, limited by the boost control.
     manifolds = []
     for gear in gears:
         manifold = throttled * ((gear.multiplier - 1.0) / gear.rated_speed * speed + 1.0)
@@ -228,9 +228,11 @@ def _boosted(mounted: MountedEngine, throttled: Any, ambient: Any, speed: Any) -
             cap: Any = gear.rated_pressure
             if takeoff > first_boost:
                 at_takeoff = gear.rated_pressure + (takeoff - first_boost) * _PSI_TO_PA
-                cap = ca.if_else(throttle > 0.98, at_takeoff, cap)
+                cap = ca.if_else(throttle > 0.98, at_takeoff, cap)  # 0.98 as in JSBSim
             manifold = ca.fmin(manifold, cap)
         manifolds.append(manifold)
+
+    # The boost lever selects the gear if boostmanual is 1, otherwise the ambient pressure does.
     if int(engine.value_of("boostmanual", 0.0)) == 1:
         chosen = ca.SX(mounted.own("boost-speed", 0.0))  # 0 to 1: the first gear
         result = manifolds[-1]
@@ -261,7 +263,7 @@ _INVALID_GEAR = _Gear(1.0, 2500.0, 100000.0, 0.0)
 
 def _gears(engine: Element) -> list[_Gear]:
     """Return the gears of a supercharger, or an empty list without one."""
-    # From an invalid gear on, all are `_INVALID_GEAR`, and their number is reduced by one.
+    # As in JSBSim, all gears from an invalid one on are `_INVALID_GEAR`, and one less in number.
     count = int(engine.value_of("numboostspeeds", 0.0))
     gears: list[_Gear] = []
     last_altitude = 0.0
@@ -275,7 +277,7 @@ def _gears(engine: Element) -> list[_Gear]:
         multiplier = rated_pressure / (_standard_pressure(altitude) * _PSF_TO_PA)
         rated_speed = engine.value_of(f"ratedrpm{number}", 2500.0)
         switch = 0.0
-        if number < count:
+        if number < count:  # the next gear is used from 1000 ft above the rated altitude on
             switch = _standard_pressure(altitude + 1000.0 if altitude > 0.0 else 0.0) * _PSF_TO_PA
         gears.append(_Gear(multiplier, rated_speed, rated_pressure, switch))
         last_altitude = altitude
@@ -342,8 +344,8 @@ def propeller_effect(mounted: MountedEngine, power: Any) -> Effect:
         moment,
         thrust,
         power / HP,
-        {f"rpm{mounted.number}": speed_rate, **blade_rates},
-        {
+        rates={f"rpm{mounted.number}": speed_rate, **blade_rates},
+        properties={
             "propeller-torque-ftlb": -sense * power / omega,
             "thrust-coefficient": thrust_coefficient,
             "advance-ratio": flow.advance,
@@ -471,18 +473,19 @@ def engine_effect(mounted: MountedEngine) -> Effect:
 
 def _effect_without_lag(mounted: MountedEngine) -> Effect:
     """Return the `Effect` of an engine, without the rates of `lag_rates`."""
-    drive = propeller_effect if mounted.has_propeller else jet  # of ft lb/s, or of lb
+    # A propeller requires a power, ft lb/s, and a jet a thrust, lb. As in JSBSim, the number of an
+    # engine that does not match its thruster is used in the other unit.
+    thruster_effect = propeller_effect if mounted.has_propeller else jet
     if mounted.kind == "turbine_engine":
-        # On a propeller, its lb count as ft lb/s. On a jet, ft lb/s of other engines count as lb.
-        return drive(mounted, turbine_thrust(mounted))
+        return thruster_effect(mounted, turbine_thrust(mounted))
     if mounted.kind == "rocket_engine":
         return jet(mounted, rocket_thrust(mounted))
     if mounted.kind == "turboprop_engine":
-        return drive(mounted, turboprop_power(mounted) * HP)
+        return thruster_effect(mounted, turboprop_power(mounted) * HP)
     if mounted.kind == "electric_engine":
-        return drive(mounted, electric_power(mounted) * HP)
+        return thruster_effect(mounted, electric_power(mounted) * HP)
     piston = piston_power(mounted)
-    effect = drive(mounted, piston.horsepower * HP)
+    effect = thruster_effect(mounted, piston.horsepower * HP)
     effect.properties |= piston.properties
     effect.rates |= piston.rates
     return effect

@@ -196,8 +196,8 @@ class Properties:
     in_control: those of them that components of the control system read.
     notes: notes for the user.
     interpolate: interpolation of tables.
-    centered: whether a value that depends on itself reads 0 for itself, instead of raising
-        LoopError.
+    reads_loops_as_zero: whether a value that depends on itself reads 0 for itself, instead of
+        raising LoopError.
     has_filter_states: whether dynamic components have states.
     travels: (component, target) of each <kinematic> that takes time to move.
     names_read: names of the properties that were read.
@@ -224,7 +224,7 @@ class Properties:
         # Place of the running writer in the order of evaluation: `read` prefers earlier writers.
         self._order = AFTER_ALL
         self._running: list[Writer] = []
-        self.centered = False
+        self.reads_loops_as_zero = False
 
     def define(self, name: str, value: Any) -> None:
         """Add a value of a property that components of the control system may override."""
@@ -326,7 +326,7 @@ class Properties:
         """Return the initial value of a property that nothing sets, by default a new constant."""
         if key not in self._initial:
             if key.startswith(_OF_ALL_FORCES):  # such as accelerations/
-                if not self.centered:
+                if not self.reads_loops_as_zero:
                     raise LoopError(where, f"the property {shortened(key)} depends on all forces")
             elif not _ON_GROUND.fullmatch(key):  # those of wheels are 0 in flight
                 self.define_constant(key, 0.0, where)
@@ -337,7 +337,7 @@ class Properties:
     def value_of(self, writer: Writer, name: str, where: str) -> Any:
         """Return the value that a writer gives to a property, computed only once.
 
-        With `centered`, a value that depends on itself reads 0 for itself.
+        With `reads_loops_as_zero`, a value that depends on itself reads 0 for itself.
 
         name: name of the property, for messages
         where: file and line, for messages
@@ -346,7 +346,7 @@ class Properties:
         the value depends on itself through functions alone, or if functions are nested too deeply.
         """
         if writer in self._running:
-            if self.centered:
+            if self.reads_loops_as_zero:
                 return 0.0
             loop = self._running[self._running.index(writer) :]  # from this writer to itself
             place = writer.where or where
@@ -393,11 +393,11 @@ class Properties:
         """
         every = [writer for writers in self.writers.values() for writer in writers]
         values = [writer.value for writer in every]
-        self.centered = True  # loops and integrals read 0
+        self.reads_loops_as_zero = True  # integrals too
         try:
             value = ca.SX(self.read(name, ""))
-        finally:  # the values that were computed with `centered` are forgotten
-            self.centered = False
+        finally:  # the values that were computed with it are forgotten
+            self.reads_loops_as_zero = False
             for writer, before in zip(every, values, strict=True):
                 writer.value = before
         return ca.substitute(value, commands, ca.SX.zeros(commands.numel()))

@@ -82,9 +82,9 @@ _ADVANCE_RATIO = 0.72
 #: relative to the usual speed.
 _SPEEDS_TRIED = 121
 _FASTEST = 3.0
-#: Number of nodes from which common subexpressions are not searched, because the table would be too
-#: large.
-_LARGE = 200_000
+#: Number of nodes from which common subexpressions are not searched (`ca.cse`), because their table
+#: would be too large.
+_TOO_LARGE_FOR_CSE = 200_000
 _MODES = {
     "short period": ("alpha", "pitch_rate"),
     "phugoid": ("speed", "pitch"),
@@ -236,7 +236,9 @@ class _Declaration:
         def is_moved(values: list[float]) -> bool:
             """Return whether a rate differs between idle and full throttle, for parameters p."""
             idle, full = (
-                self._still(x, [end * (name in throttles) for name in self.inputs], values)[0]
+                self._in_still_air(x, [end * (name in throttles) for name in self.inputs], values)[
+                    0
+                ]
                 for end in (0.0, 1.0)
             )
             return not ca.is_equal(idle, full)
@@ -245,12 +247,11 @@ class _Declaration:
             return ""
         full_names = {name: full_name for full_name, name in self.equations.constants.items()}
         for place, name in enumerate(self.parameters):
-            other = 1.0 - p[place]  # 0 for 1, 1 for 0
-            is_switch = name in full_names or name.startswith("engine")
-            if is_switch and is_moved([*p[:place], other, *p[place + 1 :]]):
-                return (
-                    f"the throttle moves no thrust: --hold {full_names.get(name, name)}={other:g}"
-                )
+            switched = 1.0 - p[place]  # 0 for 1, 1 for 0
+            may_be_switch = name in full_names or name.startswith("engine")
+            if may_be_switch and is_moved([*p[:place], switched, *p[place + 1 :]]):
+                switch = full_names.get(name, name)
+                return f"the throttle moves no thrust: --hold {switch}={switched:g}"
         return "the throttle moves no thrust"
 
     def _configuration(self) -> Callable[..., dict[str, tuple[float, str]]]:
@@ -308,6 +309,7 @@ class _Declaration:
 
     def _states(self) -> dict[str, Signal]:
         """Return the signals of the states, by name."""
+        # Signal(unit, nominal, min, max, start, rate)
         angle = Signal("rad", 0.1, -3.1, 3.1)
         rate = Signal("rad/s", 0.1, rate=1.0)
         signals = {
@@ -325,7 +327,8 @@ class _Declaration:
         ordered = {name: signals[name]._replace(assumed=True) for name in STATES}
         for file in self.parts.engines:
             if file.has_propeller:
-                ordered[f"rpm{file.number}"] = self._rpm(file, len(self.parts.engines) == 1)
+                is_single = len(self.parts.engines) == 1
+                ordered[f"rpm{file.number}"] = self._rpm(file, is_single)
             if file.governed:
                 lowest = file.thruster.value_of("minpitch", 0.0)
                 highest = file.thruster.value_of("maxpitch", 0.0)
@@ -337,13 +340,14 @@ class _Declaration:
         filters = [state.symbol.name() for state in self.equations.properties.filters]
         return ordered | dict.fromkeys(filters, Signal())
 
-    def _rpm(self, file: EngineFile, is_alone: bool) -> Signal:
+    def _rpm(self, file: EngineFile, is_single: bool) -> Signal:
         """Return the signal of a propeller's speed, without a highest speed.
 
-        is_alone: whether the aircraft has no other engine
+        is_single: whether the aircraft has one engine
         """
-        lowest = 10.0 if is_alone else 0.0  # one of several engines may stand still
-        if is_alone and file.kind == "piston_engine":
+        # One of several engines may stand still. A single engine runs, also a little below idle.
+        lowest = 10.0 if is_single else 0.0
+        if is_single and file.kind == "piston_engine":
             lowest = 0.8 * file.engine.value_of("idlerpm", 600.0) / file.gear_ratio
         usual = _stated_speed(file) or _usual_propeller_speed(file, self.usual_speed)
         return Signal("rpm", 0.1 * usual, lowest, start=0.9 * usual, rate=usual)
@@ -355,7 +359,7 @@ class _Declaration:
             is_throttle = name.startswith("throttle")
             start = self.equations.starts.get(name, 0.6 if is_throttle else 0.0)
             note = self._note_on_engines(name) if is_throttle else self._note_on_kinematics(name)
-            signals[name] = Signal(
+            signals[name] = Signal(  # unit, nominal, min, max, start
                 pilot_input.unit, 0.1, *pilot_input.limits, start, omitted_dynamics=note
             )
         return signals
@@ -390,26 +394,26 @@ class _Declaration:
 
     def _parameters(self) -> dict[str, Signal]:
         """Return the signals of the parameters, by name."""
-        starts = {"mixture": 1.0, "advance": 1.0}
-        signals = {name: Signal(start=starts.get(name, 0.0)) for name in self.parameters}
-        for name in (*LEVERS, *starts):
-            if name in signals:
-                lowest = -1.0 if name.endswith("_trim") else 0.0
-                full = self._angle_at_full(name)
-                signals[name] = signals[name]._replace(min=lowest, max=1.0, full=full)
-        special = dict.fromkeys(WINDS, Signal("ft/s", 10.0)) | {ISA: DEVIATION}
+        # Signal(unit, nominal, min, max, start)
+        known = dict.fromkeys(WINDS, Signal("ft/s", 10.0)) | {ISA: DEVIATION}
+        known["gravity"] = Signal("ft/s^2", 32.0, start=SLUG_TO_LB)
+        for lever in (*LEVERS, "mixture", "advance"):
+            if lever in self.parameters:
+                lowest = -1.0 if lever.endswith("_trim") else 0.0
+                start = 0.0 if lever in LEVERS else 1.0
+                full = self._angle_at_full(lever)
+                known[lever] = Signal(min=lowest, max=1.0, start=start, full=full)
         for number, tank in enumerate(self.parts.tanks):
-            special[f"tank{number}"] = Signal("lbf", 100.0, 0.0, tank.capacity, tank.contents)
+            known[f"tank{number}"] = Signal("lbf", 100.0, 0.0, tank.capacity, tank.contents)
         for number, point in enumerate(self.parts.points):
-            special[f"pointmass{number}"] = Signal("lbf", 100.0, start=point.weight)
+            known[f"pointmass{number}"] = Signal("lbf", 100.0, start=point.weight)
         for file in self.parts.engines:
-            special[f"engine{file.number}"] = Signal(min=0.0, max=1.0, start=1.0)
-            special[f"feather{file.number}"] = Signal(min=0.0, max=1.0, start=0.0)
-        special["gravity"] = Signal("ft/s^2", 32.0, start=SLUG_TO_LB)
-        signals = {name: special.get(name, signal) for name, signal in signals.items()}
-        for name, value in self.equations.starts.items():
-            if name in signals:
-                signals[name] = signals[name]._replace(start=value)
+            known[f"engine{file.number}"] = Signal(min=0.0, max=1.0, start=1.0)
+            known[f"feather{file.number}"] = Signal(min=0.0, max=1.0)
+        signals = {}
+        for name in self.parameters:  # the others are constants of the files
+            signal = known.get(name, Signal())
+            signals[name] = signal._replace(start=self.equations.starts.get(name, signal.start))
         return signals
 
     def _angle_at_full(self, lever: str) -> float:
@@ -481,10 +485,10 @@ class _Declaration:
             tables = [np.tile(np.reshape(column, (-1, 1)), len(speeds)) for column in columns]
             states, *_ = tables
             states[row] = speeds
-            derivatives, *_ = self._still.map(len(speeds)).call(tables)
+            derivatives, *_ = self._in_still_air.map(len(speeds)).call(tables)
             return np.asarray(derivatives)[row]
 
-        fastest = _FASTEST * self._rpm(file, True).start
+        fastest = _FASTEST * self._rpm(file, is_single=False).start
         speeds = fastest * np.linspace(1.0, 0.0, _SPEEDS_TRIED) ** 2  # finer near 0
         (not_slowing,) = np.nonzero(rates(speeds) >= 0.0)
         if len(not_slowing) == 0:
@@ -506,8 +510,8 @@ class _Declaration:
             self._add_outputs(equations)
             return self._function(equations, outputs, list(equations.gusts.values()))
 
-        self._still = self._function(self.equations, outputs)
-        return EquationsOfMotion(self._still, gusty, list(self.equations.rates), outputs)
+        self._in_still_air = self._function(self.equations, outputs)
+        return EquationsOfMotion(self._in_still_air, gusty, list(self.equations.rates), outputs)
 
     def _function(
         self, equations: Equations, outputs: list[str], gusts: list[ca.SX] | None = None
@@ -520,29 +524,26 @@ class _Declaration:
         if gusts is not None:
             vectors = [*vectors, ca.vertcat(*gusts)]
         values = ca.substitute([rates, others], [arguments.left_out], [arguments.constants])
-        if ca.n_nodes(ca.vertcat(*values)) < _LARGE:
+        if ca.n_nodes(ca.vertcat(*values)) < _TOO_LARGE_FOR_CSE:
             values = ca.cse(values)
         values = [ca.densify(part) for part in values]
         return ca.Function("jsbsim", vectors, values)
 
     def _arguments(self, equations: Equations) -> _Arguments:
         """Return the arguments x, u and p of the aircraft's functions."""
-        # Inputs and parameters without an effect are replaced by constants. Commands that surface
-        # positions replace as inputs are 0 in the filters that they still reach.
-        others = {name: pilot_input.symbol for name, pilot_input in equations.inputs.items()}
-        kept_inputs = [others.pop(name) for name in self.inputs]
-        others |= equations.parameters
-        kept_parameters = [others.pop(name) for name in self.parameters]
+        # Inputs and parameters without an effect are replaced by constants: their values in the
+        # files, 0, or 1 for the switch of an engine, which is on. Commands that surface positions
+        # replace as inputs are 0 in the filters that they still reach.
+        unused = {name: pilot_input.symbol for name, pilot_input in equations.inputs.items()}
+        u = [unused.pop(name) for name in self.inputs]
+        unused |= equations.parameters
+        p = [unused.pop(name) for name in self.parameters]
         starts = self.equations.starts
-        constants = [1.0 if name.startswith("engine") else starts.get(name, 0.0) for name in others]
+        constants = [1.0 if name.startswith("engine") else starts.get(name, 0.0) for name in unused]
         zeros = [*equations.rate_symbols, *equations.replaced_commands]
-        left_out = [*others.values(), *zeros]
+        left_out = [*unused.values(), *zeros]
         constants += [0.0] * len(zeros)
-        vectors = [
-            column(equations.states.values()),
-            column(kept_inputs),
-            ca.vertcat(*kept_parameters),
-        ]
+        vectors = [column(equations.states.values()), column(u), ca.vertcat(*p)]
         return _Arguments(vectors, column(left_out), ca.SX(constants))
 
     def _trim(self) -> dict[str, float]:
@@ -573,7 +574,7 @@ class _Declaration:
         for name, full_name in _POSITIONS.items():
             command = name.removesuffix("_position").removeprefix("left_").removeprefix("right_")
             is_set = self.equations.properties.writer(full_name) is not None
-            # Another unit is that of a surface position as the input itself.
+            # Its unit is rad if the surface position itself is the input.
             if is_set and command in self.inputs and self.inputs[command].unit == "1":
                 yield name
 
@@ -627,8 +628,9 @@ class _Declaration:
             for file in propellers:
                 rpm = _usual_propeller_speed(file, speed)
                 stated = _stated_speed(file)
-                within = np.clip(rpm, 0.45 * stated, 0.99 * stated) if stated else rpm
-                values[f"rpm{file.number}"] = within
+                if stated:  # within the usual range of a running propeller
+                    rpm = np.clip(rpm, 0.45 * stated, 0.99 * stated)
+                values[f"rpm{file.number}"] = rpm
             values |= coordinated(GRAVITY["english"], imposed)
             return values | self._start_of_stopped_engines({**imposed, **values})
 
@@ -655,6 +657,7 @@ def _stated_speed(file: EngineFile) -> float:
     stated = file.thruster.value_of("maxrpm", 0.0)
     if stated or file.kind != "piston_engine":
         return stated
+    # 0.85 is assumed. Only the scale of the speed and the start of a search depend on it.
     return 0.85 * file.engine.value_of("maxrpm", 2800.0) / file.gear_ratio
 
 
