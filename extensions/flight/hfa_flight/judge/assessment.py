@@ -183,7 +183,7 @@ class Assessment(Result, Reported):
 
     def _where_it_holds(self) -> str:
         """Return the trims at which the policy holds, or the worst failure."""
-        if self.holds and not self.ok:
+        if self.holds and not self.ok:  # as for a requirement that is not satisfied
             return self.findings[0].text
         rate = f" at {1.0 / self.deployed.deployment.dt:.4g} Hz"
         failing = [point for point in self.points if not point.holds]

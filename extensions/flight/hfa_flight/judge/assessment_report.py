@@ -368,7 +368,7 @@ def _actions(points: Sequence[AssessedPoint]) -> list[Group]:
 
 
 def _least_relative_effect(point: AssessedPoint) -> float:
-    """Return the least effect of an action relative to that of the exact gain, 0 if both are 0."""
+    """Return the least effect of an action relative to the exact gain's, 0 if the latter is 0."""
     effects = [(action.effect, action.exact_effect) for action in point.actions]
     return min(effect / exact if exact else 0.0 for effect, exact in effects)
 

@@ -219,7 +219,9 @@ def divergence(
     after = np.abs(flight.errors[times >= end - quarter]).max(axis=0)
     model = point.model
     nominal = model.nominal(model.linear)
-    grows_by_e = growth * (end - begin) > 1.0  # a slower mode does not show in this flight
+    # With an unstable mode, growth beyond a drift at a constant rate is that of the mode; without a
+    # known one, only growth beyond that of t^4 counts. A slower mode does not show in this flight.
+    grows_by_e = growth * (end - begin) > 1.0
     factor = _FACTOR_IF_UNSTABLE if grows_by_e else _FACTOR_IF_STABLE
     sizes = np.where(after > factor * before, after / nominal, 0.0)
     index = int(np.argmax(sizes))
