@@ -139,9 +139,9 @@ def cost_rate(deployed: Deployed) -> ca.Function:
     """
     Q, R = cost_weights(deployed)
     X, U, trim = deployed.symbols()
-    here = deployed.values(X, U, trim)
-    there = deployed.at_trim(trim)
-    terms = [weight * (here[name] - there[name]) ** 2 for name, weight in {**Q, **R}.items()]
+    at_state = deployed.values(X, U, trim)
+    at_trim = deployed.at_trim(trim)
+    terms = [weight * (at_state[name] - at_trim[name]) ** 2 for name, weight in {**Q, **R}.items()]
     return ca.Function("cost_rate", [X, U, trim], [ca.densify(ca.SX(sum(terms)))])
 
 

@@ -249,10 +249,10 @@ class CaseFlights:
         if window == self._windows - _LAST_WINDOWS:  # for the growth of the distance up to the end
             self._earlier[flying] = self.nearest[flying]
         self.nearest[flying] = self.distance(flown)
-        left = self._mark_departures(flown)
-        self.ends[flying[left]] = FlightOutcome.LEFT
+        has_left = self._mark_departures(flown)
+        self.ends[flying[has_left]] = FlightOutcome.LEFT
         mask = np.zeros(flown.states.shape[:2], dtype=bool)
-        mask[:, -1] = left
+        mask[:, -1] = has_left
         return mask
 
     def _mark_departures(self, flown: History) -> np.ndarray:
@@ -265,8 +265,8 @@ class CaseFlights:
         least, most = self._least[flown.flights, None], self._most[flown.flights, None]
         within = is_within(lows, least, most) & is_within(highs, least, most)
         inside = within & np.isfinite(states).all(axis=2)
-        left: np.ndarray = ~inside.all(axis=1)
-        for row in np.flatnonzero(left):
+        has_left: np.ndarray = ~inside.all(axis=1)
+        for row in np.flatnonzero(has_left):
             step = int(inside[row].argmin())
             flight = flown.flights[row]
             self.left_at[flight] = flown.first + step
@@ -276,7 +276,7 @@ class CaseFlights:
             extreme = np.where((low < least[row, 0]) | np.isneginf(low), low, high)
             # A flight that leaves within the limits has a state that is not a number.
             self.left_with[flight] = states[row, step] if within[row, step] else extreme
-        return left
+        return has_left
 
     def distance(self, flown: History) -> np.ndarray:
         """Return the largest distance of each flight from its equilibrium in a window, (N,).
@@ -299,18 +299,18 @@ class CaseFlights:
         case = self.cases[owner]
         flights = np.flatnonzero(self.owners == owner)
         ends = self.ends[flights]
-        left = flights[ends == FlightOutcome.LEFT]
+        departed = flights[ends == FlightOutcome.LEFT]
         # The worst flight is the first to leave, or without one the farthest in its last window.
         first_departure = None
         worst = int(flights[np.argmax(self.nearest[flights])])
-        if left.size:
-            worst = int(left[np.argmin(self.left_at[left])])
+        if departed.size:
+            worst = int(departed[np.argmin(self.left_at[departed])])
             first_departure = self._departure(worst, case)
         at_start = self.first[worst][self.linear]
         return Outcomes(
             starts=len(flights),
             converged=int((ends == FlightOutcome.CONVERGED).sum()),
-            left_envelope=len(left),
+            left_envelope=len(departed),
             worst_initial=dict(zip(case.point.model.linear, at_start.tolist(), strict=True)),
             seconds=self.seconds,
             departure=first_departure,

@@ -88,7 +88,7 @@ def tracking_rows(problem: FlightProblem, candidate: CandidateFlight, tick: floa
     seconds = float(candidate.lengths.sum())
     ticks = step_count(seconds, tick)
     z, v = candidate.at(tick / STEPS * np.arange(ticks * STEPS + 1))
-    both = np.hstack([z[:, : len(problem.states)], v])
+    z_and_v = np.hstack([z[:, : len(problem.states)], v])
     # Numbers of the ends of the steps of each tick, of which the last is the first of the next one.
     knots = STEPS * np.arange(ticks)[:, None] + np.arange(STEPS + 1)
     begins = tick * np.arange(ticks)
@@ -96,7 +96,7 @@ def tracking_rows(problem: FlightProblem, candidate: CandidateFlight, tick: floa
     # The gain of the interval in which a tick begins, its columns one after the other.
     interval = np.searchsorted(candidate.ends[1:], begins, side="right")
     K = gains[np.minimum(interval, len(gains) - 1)].transpose(0, 2, 1).reshape(ticks, -1)
-    rows = np.hstack([begins[:, None], both[knots].reshape(ticks, -1), K])
+    rows = np.hstack([begins[:, None], z_and_v[knots].reshape(ticks, -1), K])
     last = np.zeros(rows.shape[1])
     last[-K.shape[1] :] = problem.K.ravel(order="F")
     return np.vstack([rows, last])
@@ -402,17 +402,17 @@ class Flights:
         z = rows.states[:, problem.places]
         inputs = rows.inputs + problem.point.u
         states = rows.states + trim
-        left = departure(problem.envelope, rows.times, states, moving_air=False)
+        first_departure = departure(problem.envelope, rows.times, states, moving_air=False)
         with np.errstate(over="ignore", invalid="ignore"):  # the flight may diverge
             cost = float(rows.cost[-1]) + float(z[-1] @ problem.P @ z[-1])
         is_back = has_returned(problem.model, z[-1:], problem.P, rows.cost[-1:]).all()
-        if left is not None or not is_back:
+        if first_departure is not None or not is_back:
             cost = math.inf
         shares = share_at_limits(problem.model, inputs)
         return SimulatedFlight(
             policy=policy.name,
             cost=cost,
-            departure=left,
+            departure=first_departure,
             saturated=tuple(name for name in problem.inputs if shares[name] > 0.0),
             seconds=float(rows.times[-1]),
             integration_error=rows.integration_error,

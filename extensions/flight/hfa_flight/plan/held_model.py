@@ -52,10 +52,10 @@ class HeldModel:
     def slopes(self) -> ca.Function:
         """Function (z, v) -> rates, and their derivatives by (z, v)."""
         _, n, m = self.scaled.counts
-        both = ca.SX.sym("both", n + m)
-        rates = self._rates(both)
-        slopes = ca.densify(ca.jacobian(rates, both))
-        return ca.Function("slopes", [both], [rates, slopes], {"cse": True})
+        z_and_v = ca.SX.sym("z_and_v", n + m)
+        rates = self._rates(z_and_v)
+        slopes = ca.densify(ca.jacobian(rates, z_and_v))
+        return ca.Function("slopes", [z_and_v], [rates, slopes], {"cse": True})
 
     @cached_property
     def _step(self) -> ca.Function:

@@ -224,8 +224,8 @@ def _numbers_of_values(
 
 def _gradient(cost: PlanCost) -> np.ndarray:
     """Return the derivatives of the cost by the unknowns, at no change and no slack."""
-    both = np.hstack([cost.z[:-1], cost.v])
-    of_holds = 2.0 * np.einsum("kij,kj->ki", cost.weights, both)
+    z_and_v = np.hstack([cost.z[:-1], cost.v])
+    of_holds = 2.0 * np.einsum("kij,kj->ki", cost.weights, z_and_v)
     return np.append(np.hstack([of_holds, cost.slack_slopes]).ravel(), 2.0 * cost.P @ cost.z[-1])
 
 

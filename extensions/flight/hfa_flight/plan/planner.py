@@ -177,8 +177,8 @@ class Planner:
         states = self._half_samples.flown(z, inputs)[: ends[-1] + 1]
         nodes, middle = states[np.append(0, ends)], states[ends - halves // 2]
         with np.errstate(all="ignore"):
-            both = np.hstack([nodes[:-1], v])
-            cost = np.einsum("ki,kij,kj->", both, holds.weights, both) + self.value(nodes[-1])
+            z_and_v = np.hstack([nodes[:-1], v])
+            cost = np.einsum("ki,kij,kj->", z_and_v, holds.weights, z_and_v) + self.value(nodes[-1])
             penalty = self._penalty(states[1:], room)
             cost = float(cost + penalty)
         return Plan(room, nodes, middle, v, cost if cost < _INFINITE else np.inf, penalty, age)
@@ -216,9 +216,9 @@ class Planner:
         z, cost, excess = begin[:n], begin[n], begin[n + 1]
         least, most = (ca.DM(limit) for limit in self.scaled.input_limits)
         v = ca.fmin(ca.fmax(-ca.reshape(K, k, m).T @ z[:k], least), most)
-        both = ca.vertcat(z, v)
+        z_and_v = ca.vertcat(z, v)
         after = self.model.sample(z, v, self.grid.dt)
-        cost += ca.bilin(ca.DM(self.grid.at(0).weights[0]), both, both)
+        cost += ca.bilin(ca.DM(self.grid.at(0).weights[0]), z_and_v, z_and_v)
         soft = ca.vec(after[self.soft.tolist()])
         lows, highs = (ca.DM(limit) for limit in self.room)
         excess = ca.mmax(ca.vertcat(excess, soft - highs, lows - soft))
@@ -229,8 +229,8 @@ class Planner:
 
     def cost_of_sample(self, plan: Plan) -> float:
         """Return the cost of the first hold of a plan."""
-        both = np.concatenate([plan.z[0], plan.v[0]])
-        return float(both @ self.grid.at(plan.age).weights[0] @ both)
+        z_and_v = np.concatenate([plan.z[0], plan.v[0]])
+        return float(z_and_v @ self.grid.at(plan.age).weights[0] @ z_and_v)
 
     def improved(self, plan: Plan, tries: int, until: float = np.inf) -> Improved:
         """Return a plan of at most the cost of the given one.
@@ -262,8 +262,8 @@ class Planner:
         # difference of the flight from its linear prediction. Shorter steps then follow a parabola
         # that begins along the first step and ends at that of the second program.
         slopes = self._slopes_along(plan)
-        none = np.zeros(plan.middle.shape)
-        first = self._proposed(plan, slopes, AlongHolds(none, none))
+        no_correction = np.zeros(plan.middle.shape)
+        first = self._proposed(plan, slopes, AlongHolds(no_correction, no_correction))
         unsolved = int(not first.is_solved)
         if not np.isfinite(first.v).all():
             return None, unsolved
@@ -281,9 +281,9 @@ class Planner:
             and promised > _WORTH_A_SECOND * plan.cost
             and time.thread_time() < until
         ):
-            both = np.hstack([first.z[:-1], first.v])
+            z_and_v = np.hstack([first.z[:-1], first.v])
             ends = full.z[1:] - plan.z[1:] - first.z[1:]
-            middles = full.middle - plan.middle - np.einsum("nij,nj->ni", slopes.middles, both)
+            middles = full.middle - plan.middle - np.einsum("nij,nj->ni", slopes.middles, z_and_v)
             second = self._proposed(plan, slopes, AlongHolds(ends, middles))
             unsolved += not second.is_solved
             bend = np.where(np.isfinite(second.v), second.v - first.v, 0.0)
@@ -425,7 +425,7 @@ class Planner:
         costs = []
         for v in inputs:
             (after,), _ = self._nearest.model.moved_along(z[None], v[None])
-            both = np.concatenate([z, v])
+            z_and_v = np.concatenate([z, v])
             penalty = self._penalty(after[None], room)
-            costs.append(both @ hold.W @ both + self.value(after) + penalty)
+            costs.append(z_and_v @ hold.W @ z_and_v + self.value(after) + penalty)
         return inputs[int(np.argmin(costs))]

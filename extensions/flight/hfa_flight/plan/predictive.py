@@ -115,34 +115,34 @@ class Predictive(SampledPolicy):
         They contain the counts of `FlownSamples`, the number of wrong samples in whose place the
         prediction was used, quantiles of the computing times in s, and the cost `first_plan`.
         """
-        done = self.samples
+        samples = self.samples
         median = high = None
-        if len(done.seconds):
-            median, high = np.quantile(done.seconds, (0.5, 0.99)).tolist()
-        samples = {
-            "planned": done.planned,
-            "refused": done.refused,
-            "unsolved": done.unsolved,
-            "late": done.late,
-            "linear": done.linear,
+        if len(samples.seconds):
+            median, high = np.quantile(samples.seconds, (0.5, 0.99)).tolist()
+        entries = {
+            "planned": samples.planned,
+            "refused": samples.refused,
+            "unsolved": samples.unsolved,
+            "late": samples.late,
+            "linear": samples.linear,
             "wrong": self.controller.measured.wrong,
             "median_seconds": median,
             "seconds_99": high,
             "first_plan": self.first_plan,
         }
-        return {**super().data(model), "dt": self.dt, "holds": self.holds, "samples": samples}
+        return {**super().data(model), "dt": self.dt, "holds": self.holds, "samples": entries}
 
     def notes(self) -> tuple[str, ...]:
         """Return what the samples of the last flight needed, and what they found."""
-        done = self.samples
+        samples = self.samples
         lines = [
             f"Plans minimize the {self.problem.weights_text()}.",
             f"Plans of {self.holds.sum():.3g} s in {len(self.holds)} holds, one every "
             f"{self.dt:g} s; not proved to converge or to stay inside.",
             f"Limits of states narrowed by {100 * self.controller.planner.margin:.3g} % of their "
             "distance from the trim (margin).",
-            f"{done.planned} samples with a plan, {done.linear} with the exact gain for a "
-            f"zero-order hold; {done.refused} steps of the quadratic program refused.",
+            f"{samples.planned} samples with a plan, {samples.linear} with the exact gain for a "
+            f"zero-order hold; {samples.refused} steps of the quadratic program refused.",
         ]
         asked = self.controller.planner.grid.asked
         if asked is not None:
@@ -154,13 +154,14 @@ class Predictive(SampledPolicy):
             when = "made before" if self.initial is not None else "made in the first sample of"
             lines.append(
                 f"First plan: cost {self.first_plan:.6g}, {when} the flight in "
-                f"{1e3 * done.first_seconds:.3g} ms."
+                f"{1e3 * samples.first_seconds:.3g} ms."
             )
-        if len(done.seconds):
+        if len(samples.seconds):
             lines.append(self._time_text())
-        if done.unsolved:
+        if samples.unsolved:
             lines.append(
-                f"HPIPM ended {done.unsolved} programs before its tolerance. Flights judged them."
+                f"HPIPM ended {samples.unsolved} programs before its tolerance. Flights judged "
+                "them."
             )
         return (*lines, *wrong_samples_note(self.controller.measured.wrong))
 

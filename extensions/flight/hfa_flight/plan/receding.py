@@ -133,17 +133,17 @@ class RecedingHorizon:
         """
         began = time.thread_time()
         memory = self._memory
-        now: np.ndarray | None = z
+        z_now: np.ndarray | None = z
         if following is None:
-            now = self.measured.checked(z)
+            z_now = self.measured.checked(z)
         else:
             memory.room = self.planner.room_of(following)
         planned_before, first_plan = memory.samples.planned, memory.samples.first
         v = np.zeros(self.planner.scaled.counts.inputs)  # trim, if nothing is known of the states
-        if now is not None:
+        if z_now is not None:
             with np.errstate(over="ignore", invalid="ignore"):  # the flight may diverge
-                then = self.measured.when_acting(now)
-                v = self._input(then, began + self.budget)
+                z_when_acting = self.measured.when_acting(z_now)
+                v = self._input(z_when_acting, began + self.budget)
         self.measured.command(v)
         # The time of the sample with the first plan is recorded apart, as `first_seconds`.
         if memory.samples.planned > planned_before and first_plan is not None:

@@ -288,8 +288,8 @@ class Grid:
         first_sample = age
         for _ in range(self._count):
             # At most 2 / fine of the number of samples since the begin of the plan.
-            wanted = max(1, 2 * (first_sample - age) // self._fine)
-            power_of_two = 1 << (wanted.bit_length() - 1)  # the largest up to `wanted`
+            allowed = max(1, 2 * (first_sample - age) // self._fine)
+            power_of_two = 1 << (allowed.bit_length() - 1)  # the largest up to `allowed`
             length = min(power_of_two, self._longest)
             # A hold begins and ends at a multiple of its length, so that later plans have it, too.
             while first_sample % length:
@@ -370,21 +370,21 @@ def grid_of(scaled: ScaledProblem, dt: float | None, horizon: float | None) -> G
             f"the horizon is {shown(horizon)} s; with samples of {dt:g} s, give at least {dt:g} s"
         )
     growing = float(scaled.poles.real.max(initial=0.0))
-    most = _UNSTABLE_HORIZON / growing if growing > 0.0 else math.inf
+    longest_horizon = _UNSTABLE_HORIZON / growing if growing > 0.0 else math.inf
     slowest = float(np.abs(scaled.loop_poles.real).min())
-    wanted = min(most, _HORIZON / slowest if horizon is None else horizon)
+    wanted_horizon = min(longest_horizon, _HORIZON / slowest if horizon is None else horizon)
     count = HOLDS * (2 if dt >= _SLOW_SAMPLE else 1)
     longest = _longest_hold(scaled, dt)
     # The coarsest grid comes first; all holds of the last one are samples.
     grids = [Grid(scaled, dt, fine, count, longest) for fine in (*_FINE, count)]
     if horizon is not None:
         # The finest grid that lasts long enough, or else the longest.
-        long_enough = [grid for grid in grids if grid.horizon >= wanted * (1.0 - 1e-9)]
-        grid = (long_enough[-1] if long_enough else grids[0]).cut(wanted)
+        long_enough = [grid for grid in grids if grid.horizon >= wanted_horizon * (1.0 - 1e-9)]
+        grid = (long_enough[-1] if long_enough else grids[0]).cut(wanted_horizon)
         grid.asked = horizon if grid.horizon < horizon - dt else None
         return grid
     for grid in grids:
-        fitting = grid.cut(wanted)
+        fitting = grid.cut(wanted_horizon)
         if scaled.suboptimality_weight(gains_of(fitting.at(0).linear, scaled.P)[1]) <= _GRID_PRICE:
             break
     return fitting

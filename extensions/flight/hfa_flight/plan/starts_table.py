@@ -202,8 +202,8 @@ class StartsTable(OfProblem, Result, Reported):
         rows = []
         for best in self.flights:
             costs = [row.cost if row.converges else None for row in best.policies]
-            found = (best.cost, best.linear_cost, *costs)
-            rows.append((*(best.start[name] for name in states), *found))
+            all_costs = (best.cost, best.linear_cost, *costs)
+            rows.append((*(best.start[name] for name in states), *all_costs))
         return Table((*states, "best", "linear_model", *policies), rows)
 
 

@@ -162,14 +162,15 @@ class RiccatiPolicy:
     def __call__(self, z: np.ndarray) -> np.ndarray:
         """Return the inputs (m,) from the measured states z (n,)."""
         # The states of this sample, or their prediction if the sample is wrong.
-        now = self.measured.checked(z)
+        z_now = self.measured.checked(z)
         v = np.zeros(self._scaled.counts.inputs)  # trim, while nothing is known about the states
-        if now is not None:
-            then = self.measured.when_acting(now)  # states when v acts, after the delay
-            K = self.gain_at(then)
-            of_linear_model = then[: K.shape[1]]  # the first states; carried ones have no gain
+        if z_now is not None:
+            z_when_acting = self.measured.when_acting(z_now)  # when v acts, after the delay
+            K = self.gain_at(z_when_acting)
+            # The first states are those of the linear model; carried ones have no gain.
+            of_linear_model = z_when_acting[: K.shape[1]]
             v = np.clip(-K @ of_linear_model, *self._scaled.input_limits)
-            v = self.nearest(then, v)
+            v = self.nearest(z_when_acting, v)
         self.measured.command(v)
         return v
 

@@ -152,13 +152,13 @@ def fly_within(
     if invalid is not None:
         _refuse_invalid(point, flight, invalid)
     limited = flight.limited + point.x
-    left_at = departure(envelope, flight.times, limited, loop.scenario.moving_air)
-    if left_at is None and not is_limited(envelope):
-        left_at = divergence(flight, point, growth, loop.driven_until)
+    first_departure = departure(envelope, flight.times, limited, loop.scenario.moving_air)
+    if first_departure is None and not is_limited(envelope):
+        first_departure = divergence(flight, point, growth, loop.driven_until)
     cycle = None
-    if left_at is None:
+    if first_departure is None:
         cycle = limit_cycle(point.model, flight, loop.scenario.driven_until)
-    return Flight(envelope, loop, flight, left_at, cycle)
+    return Flight(envelope, loop, flight, first_departure, cycle)
 
 
 def _refuse_invalid(

@@ -111,8 +111,8 @@ class SmallestGusts(Result, Reported):
     @property
     def smallest(self) -> GustThreshold | None:
         """The smallest gust of all lengths, or None if no flight leaves."""
-        left = [threshold for threshold in self.thresholds if threshold.peak is not None]
-        return min(left, key=lambda threshold: abs(threshold.peak or 0.0), default=None)
+        known = [threshold for threshold in self.thresholds if threshold.peak is not None]
+        return min(known, key=lambda threshold: abs(threshold.peak or 0.0), default=None)
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
