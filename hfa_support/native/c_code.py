@@ -140,8 +140,9 @@ def c_function(
 
 
 def _callees(function: ca.Function, name: str) -> dict[tuple[int, int], str]:
-    """Return (number of arguments, number of results) -> name in C of each Function that a Function
-    calls. Raises BadInputError for one that is no SX Function, and for two of equal numbers.
+    """Return (entries of the argument, entries of the result) -> name in C of each Function that a
+    Function calls. Raises BadInputError for one that is no SX Function, and for two of equal sizes,
+    which instructions do not distinguish.
 
     name: name of the calling function in C
     """

@@ -251,7 +251,7 @@ def has_bands(values: Parameters) -> bool:
 def entry_bands(parameters: ParameterSet, condition: TrimCondition, model: LinearModel) -> Bands:
     """Return the error bands of the entries of a linear model with the paper's six states.
 
-    The half-widths are
+    The half-widths are two standard errors,
     2 sqrt(diag(J C J')),  J = ∂(A, B)/∂p + ∂(A, B)/∂v dv/dp,  dv/dp = -(∂f/∂v)⁻¹ ∂f/∂p.
 
     C is the covariance of the identified parameters p, and v are the free variables of the trim.
@@ -336,6 +336,8 @@ def entries_at(
         """Return derivatives, stored column by column, as a matrix."""
         return derivatives.reshape(-1, columns, order="F")
 
+    # More rates are balanced than variables are free, because pitch and dihedral angle are steady
+    # without any equation: their rows are 0 in both matrices, which least squares permit.
     k, P = len(free), len(p)
     free_by_p = -np.linalg.lstsq(
         matrix(rates_by_free, k)[balanced], matrix(rates_by_p, P)[balanced]

@@ -66,7 +66,7 @@ def report_of_linear(model: LinearModel, *, responses: bool, beside: Beside | No
     responses: whether to add the frequency responses at the natural frequencies of the modes
     beside: what is known from elsewhere, or None
     """
-    signals = model.model
+    aircraft = model.model
     trimmed = Trimmed(model.point)
     blocks = _blocks(model)
     parts: list[Part] = [_matrix(block) for block in blocks]
@@ -74,21 +74,21 @@ def report_of_linear(model: LinearModel, *, responses: bool, beside: Beside | No
     if beside is not None:
         parts.append(beside.accuracy)
         data |= beside.data
-    parts += [_offsets_table(model), modes_table(model.modes, signals.time_unit)]
+    parts += [_offsets_table(model), modes_table(model.modes, aircraft.time_unit)]
     if beside is not None:
         parts += beside.others
     qualities = tuple(handling_qualities(trimmed))
     if qualities:
         title = "handling qualities"
-        if len(model.states) < len(signals.linear):  # they are those of the whole linear model
-            title += f", all {len(signals.linear)} states"
+        if len(model.states) < len(aircraft.linear):  # they are those of the whole linear model
+            title += f", all {len(aircraft.linear)} states"
         parts.append(Group(title, qualities))
         data["handling_qualities"] = {row.name: row for row in qualities}
     if responses:
         from trim.linear.frequency import responses_at_modes, responses_table
 
         at_modes = responses_at_modes(model)
-        parts.append(responses_table(at_modes, signals.time_unit))
+        parts.append(responses_table(at_modes, aircraft.time_unit))
         data |= {"frequencies": at_modes.frequencies, "responses": at_modes.by_channel}
     if beside is not None:
         parts += beside.printed
@@ -147,7 +147,7 @@ def _records(
         for name in names:
             rows.append((offset, name, "", model.point.values[name], unit_of(name), ""))
     header = ("matrix", "row", "column", "value", "unit", "band")
-    width = len(header) - (bands is None)
+    width = len(header) - (bands is None)  # without the last column, or with it
     return Table(header[:width], [row[:width] for row in rows])
 
 
@@ -193,13 +193,13 @@ def _matrix(block: Block) -> Table:
 
 def _blocks(model: LinearModel) -> list[Block]:
     """Return the reported matrices: A and B, and C and D if the outputs are not the states."""
-    signals = model.model
+    aircraft = model.model
     of_states = (model.states, model.state_units)  # names and units of a side of a matrix
     of_inputs = (model.inputs, model.input_units)
-    rates = (model.states, tuple(signals.rate_unit(name) for name in model.states))
+    rates = (model.states, tuple(aircraft.rate_unit(name) for name in model.states))
     blocks = [Block("A", *rates, *of_states, model.A), Block("B", *rates, *of_inputs, model.B)]
     if model.outputs != model.states:
-        outputs = (model.outputs, signals.units(model.outputs))
+        outputs = (model.outputs, aircraft.units(model.outputs))
         blocks.append(Block("C", *outputs, *of_states, model.C))
         blocks.append(Block("D", *outputs, *of_inputs, model.D))
     return blocks
