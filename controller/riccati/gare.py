@@ -287,8 +287,10 @@ def solve(game: Game) -> Solution:
             raise NoSolutionError(enclosure)
         advice = minimum_delta(game).advice(game.delta)
         raise NoSolutionError(f"no value of the game: {enclosure}; {advice}")
-    certificate = Certificate(enclosure, data_change(enclosure))
-    return Solution(game, enclosure, certificate, _rounded(enclosure.P), _rounded(enclosure.K))
+    P, K = _rounded(enclosure.P), _rounded(enclosure.K)
+    if not (np.isfinite(P).all() and np.isfinite(K).all()):
+        raise NoSolutionError("P or K is beyond the range of doubles; choose other units")
+    return Solution(game, enclosure, Certificate(enclosure, data_change(enclosure)), P, K)
 
 
 def _rounded(matrix: arb_mat) -> np.ndarray:

@@ -527,15 +527,19 @@ def free_states(game: Game) -> FreeStates | None:
     """Return the states without optimal cost, or None if there are none or they are not known.
 
     The states are not known for more than `MOST_STATES` states, or if an eigenvalue of the loop on
-    the largest output-nulling subspace may be on the boundary of stability.
+    the largest output-nulling subspace may be on the boundary of stability, or if its eigenvectors
+    may be dependent.
     """
     found = _states_held_without_cost(game)
-    stable = None if found is None else _stable_subspace(_balls(found.loop), game)
-    if found is None or stable is None:
+    try:
+        stable = None if found is None else _stable_subspace(_balls(found.loop), game)
+        if found is None or stable is None:
+            return None
+        free, gains = _balls(found.states) * stable, -_balls(found.inputs) * stable
+        pivots = _far_from_dependent(midpoints(free))
+        to_identity = ball_matrix([free.tolist()[row] for row in pivots]).inv()
+    except ZeroDivisionError:
         return None
-    free, gains = _balls(found.states) * stable, -_balls(found.inputs) * stable
-    pivots = _far_from_dependent(midpoints(free))
-    to_identity = ball_matrix([free.tolist()[row] for row in pivots]).inv()
     return FreeStates(free * to_identity, gains * to_identity, pivots)
 
 

@@ -142,6 +142,12 @@ def test_extreme_numbers_have_their_exact_solution(name, factor):
     assert (solution.P[0, 1], solution.K[0, 1]) == (0.0, 0.0)
 
 
+def test_a_solution_beyond_the_range_of_doubles_is_refused():
+    """P is 2.4e600 where the input moves the state by 1e-300."""
+    with pytest.raises(NoSolutionError, match="beyond the range of doubles"):
+        solve(Game([[1.2]], [[1e-300]], Q=[1.0], R=[1.0]))
+
+
 def test_the_bracket_of_minimum_delta_is_narrow(game):
     """The bounds of the smallest delta differ by 1e-6, and just below them the game is refused.
 

@@ -193,6 +193,17 @@ def test_states_without_cost_need_not_be_rational():
     assert off.from_free == pytest.approx(z @ off.matrix @ z)
 
 
+def test_states_without_cost_may_have_nearly_dependent_eigenvectors():
+    """Where the states without cost are not known, the cost of a gain is not called infinite."""
+    A = np.diag([-1.0, -1.0, -1.0, 1.0]) + np.diag([1.0, 1.0, 1.0], 1)
+    A[2, 0] = 2.0**-300
+    game = Game(A, np.ones((4, 1)), Q=np.zeros((4, 4)), R=[1.0])
+    solution = solve(game)
+    found = suboptimality_of(solution.enclosure, solution.K * 1.1, np.ones(4))
+    assert (found.low, found.high) != (math.inf, math.inf)
+    assert found.is_stable
+
+
 def test_a_gain_beyond_delta_has_infinite_cost():
     """The suboptimality is infinite if the L2 gain is above delta, and if K destabilizes."""
     tight = GAME.with_delta(151.0)
