@@ -22,7 +22,7 @@ def equations(x, u, p, w):
     return {"speed": along, "pitch": turning, "bank": u.roll_rate}, {}
 
 STATES = {"speed": Signal("m/s"), "pitch": Signal("rad"), "bank": Signal("rad")}
-INPUTS = {"thrust": Signal("m/s^2", 1.0, 0.0, 5.0), "lift": Signal("m/s^2", 1.0, 0.0, 10.0)}
+INPUTS = {"thrust": Signal("m/s^2", nominal=1.0, min=0.0, max=5.0), "lift": Signal("m/s^2", nominal=1.0, min=0.0, max=10.0)}
 INPUTS["roll_rate"] = Signal("rad/s")
 TRIM = {"speed": 50.0, "pitch": 0.0, "bank": 0.0}
 GLIDER = Model("glider", STATES, INPUTS, equations, trim=TRIM)
@@ -101,10 +101,11 @@ def test_a_held_rate_of_climb_frees_the_path_and_stays_held():
 
 
 def test_rates_of_position_and_fuel_are_freed_together_and_fuel_is_not_negative(folder):
-    """The advice frees the rates of position and of fuel together, and the first lines of the trim
-    contain both: 50 m/s, and -thrust = -1.5 kg/s with a drag of 1 + 0.01 * 50.
+    """The glider has a position, a fuel that burns at the rate of the thrust, and a drag of
+    1 + 0.01 fuel. The advice frees the rates of both together, and the first lines of the trim state
+    them: 50 m/s, and -1.5 kg/s, as the thrust balances the drag of 50 kg of fuel.
 
-    With thrust = 0.5, only a fuel of -50 kg balances: refused, though no limit is declared.
+    A thrust of 0.5 would balance the drag of -50 kg: refused, though no limit of fuel is declared.
     """
     text = GLIDER.replace("1.0 - 9.81", "(1.0 + 0.01 * x.fuel) - 9.81")
     text = text.replace(
@@ -155,6 +156,7 @@ def test_a_pull_up_is_advised_and_its_first_line_says_so():
     """
     words = ("trim", "--aircraft", UAV, "--hold", "load_factor=2")
     assert "--free pitch_dot" in command(*words).err
+    # The second line begins with "unstable".
     first = command(*words, "--free", "pitch_dot").out.partition("unstable")[0]
     assert "accelerated" in first
     for steady in ((), ("--hold", "gamma=5")):

@@ -144,4 +144,5 @@ def test_the_json_contains_the_whole_condition(heavy):
     assert set(data["condition"]["limits"]) == set(data["condition"]["free"])
     assert data["condition"]["limits"]["throttle"] == [0.0, 60.0]
     assert data["command"].startswith("hfa linearize --dihedral 12 --hold speed=66")
+    # The tests set the date.
     assert (data["date"], data["dynamics"]) == ("2026-09-21T14:13:20Z", "published")

@@ -81,6 +81,7 @@ def test_a_full_disk_leaves_no_result(small_disk, words, free_kb):
 
     The command is refused in one line.
     """
+    # The disk has 400 KB.
     (small_disk / "full").write_bytes(b"x" * (400 - free_kb) * 1024)
     done = hfa_process(*words.split(), folder=small_disk)
     assert (done.code, done.err) == (

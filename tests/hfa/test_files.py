@@ -83,7 +83,10 @@ def plain(value):
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_npz_files_contain_every_number_and_name(tmp_path, name):
-    """A .npz file contains exactly the numbers and texts of the JSON, and no pickled object."""
+    """A .npz file contains exactly the numbers and texts of the JSON, and no pickled object.
+
+    name: key of `COMMANDS`
+    """
     path, data = written(tmp_path, name, "npz")
     assert data["schema"].startswith("hfa.")
     with np.load(path, allow_pickle=False) as archive:
@@ -135,7 +138,10 @@ def test_the_point_is_the_last_index_of_matrices_in_a_mat_file(tmp_path):
     ],
 )
 def test_two_runs_write_the_same_bytes(tmp_path, monkeypatch, name, suffix):
-    """Two runs at different times write equal bytes, because files contain no time of writing."""
+    """Two runs at different times write equal bytes, because files contain no time of writing.
+
+    name: key of `COMMANDS`
+    """
     first, data = written(tmp_path / "first", name, suffix)
     # The second run is on another day. Files must not contain the time of writing.
     monkeypatch.setattr(time, "asctime", lambda *_: "Thu Jan  1 00:00:00 1970")

@@ -38,12 +38,11 @@ THREE_STATES = {
 @pytest.mark.parametrize(
     "changes",
     [{"delta": math.inf}, THREE_STATES],
-    ids=["delta inf", "two free states"],
+    ids=["delta inf", "no E, two states without cost"],
 )
 def test_commands_accept_plants_with_missing_entries(changes):
-    """`hfa solve`, `learn` and `verify` accept plants without E, delta or cost of some states.
-
-    The learned value is the exact one within 1e-12.
+    """`hfa solve`, `learn` and `verify` accept a plant with delta inf, and one without E whose second
+    and third state have no cost. The learned value is the exact one within 1e-12.
     """
     plant = small("plant.json", **changes)
     assert answer("solve", "--model", plant)["certificate"]["ok"] is True
@@ -100,8 +99,10 @@ LEARNED = {
     [pytest.param(case, marks=[pytest.mark.slow] * (case == "published")) for case in LEARNED],
 )
 def test_the_verdict_on_a_learned_file_is_that_of_the_learning(case):
-    """`verify` of the file of `learn` has its exit code and its checks; the file contains the last
-    weights W alone, and no iterates.
+    """`verify` of the file that `learn` writes has the exit code and the checks of `learn`, also if the
+    law learns wrongly; the file contains the last weights W alone, and no iterates.
+
+    case: key of `LEARNED`, whose entry has options and the plant
     """
     options, entries = LEARNED[case]
     plant = stored("plant.json", **entries)

@@ -146,7 +146,10 @@ for package, module in first.items():
 
 @pytest.mark.parametrize("line", LOADED)
 def test_commands_load_only_the_packages_that_they_need(line, folder):
-    """A command loads no package that `LOADED` does not list for it."""
+    """A command loads no package that `LOADED` does not list for it.
+
+    `LOADER` runs the command and prints a line "loads PACKAGE by MODULE" for each loaded package.
+    """
     np.savez("K.npz", K=np.zeros((5, 6)))
     run = [sys.executable, "-c", LOADER, *line.split()]
     done = subprocess.run(run, capture_output=True, text=True, timeout=60, check=True)

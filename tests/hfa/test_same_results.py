@@ -49,7 +49,9 @@ RESULTS = {
     ],
 )
 def test_command_file_and_python_have_the_same_numbers(words):
-    """Every entry of the result in Python is that of the command, bit by bit."""
+    """Every entry of the result in Python, of the function `RESULTS[words]`, is that which the command
+    prints and writes, bit by bit.
+    """
     if "K.npz" in words:
         assert command("solve", "--dihedral", "10", "-o", "K.npz").code == 0
     printed = answer(*words.split(), "-o", "result.json")

@@ -103,7 +103,8 @@ def test_a_policy_with_wrong_terms_of_degree_9_fails_by_its_flights():
     found only by flights from the box: they diverge, or cost more than 5 % more. The cost is that of
     a simulation by DOP853.
 
-    The exact policy passes, and would be NEAR if only half the box were flown.
+    The exact policy passes, and would be NEAR if only half the box were flown. `judged` returns the
+    verdict on the exact V with the exact policy plus a change, and this policy.
     """
     linear, game, expansion = mixed_game(4)
     z = ca.SX.sym("z", 2)

@@ -146,8 +146,8 @@ def in_each_time(kinds):
 
 @pytest.mark.parametrize(("way", "time"), in_each_time(RIGHT))
 def test_a_right_critic_passes(way, time):
-    """A right critic passes without a reason, however it is given. Only networks, functions and
-    listed bases are simulated.
+    """A right critic passes without a reason, in whichever way of `RIGHT` it is given. Only networks,
+    functions and listed bases (`FLOWN`) are simulated.
     """
     case = case_of(time)
     verdict = hfa.verify(case.game, RIGHT[way](case), flights=FAST)
@@ -159,8 +159,8 @@ def test_a_right_critic_passes(way, time):
 
 @pytest.mark.parametrize(("mistake", "time"), in_each_time(WRONG))
 def test_a_wrong_critic_fails_for_the_right_reason(mistake, time):
-    """A wrong critic fails, and the reason contains one of the words of `WRONG`, or is "" without
-    words.
+    """A critic with a mistake fails, and its reason contains one of the words that `WRONG` lists for
+    the mistake, or is "" if it lists none.
     """
     case = case_of(time)
     critic, reasons = WRONG[mistake]

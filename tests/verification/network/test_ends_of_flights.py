@@ -65,7 +65,7 @@ def test_a_policy_that_is_slow_at_its_limit_has_the_cost_of_its_flight(game, cos
 
 @pytest.mark.parametrize("game", [FLOW, STEP])
 def test_a_limit_below_what_the_box_needs_has_no_bounded_cost(game):
-    """At z = 1, inputs within 0.9 do not stop the unstable plant, which needs |u| > 1."""
+    """At z = 1, inputs within 0.9 do not stop the unstable plant z' = z + u, which needs |u| > 1."""
     K = solve(game).K.item()
     verdict = judged(game, -0.9 * ca.tanh(K * Z / 0.9))
     assert verdict.cost_above_optimum_percent == math.inf
@@ -74,8 +74,9 @@ def test_a_limit_below_what_the_box_needs_has_no_bounded_cost(game):
 
 @pytest.mark.parametrize(("game", "unit"), [(FLOW, " s"), (STEP, " steps")])
 def test_a_flight_that_neither_converges_nor_diverges_is_not_decided(game, unit):
-    """A policy is -K z near the trim, but beyond z = 0.5 it leads to another equilibrium, z = 0.8:
-    the flight from z = 1 neither converges to 0 nor diverges. Its cost is nan, and it fails.
+    """A policy of the plant z' = z + u, or z⁺ = 1.1 z + 0.1 u, is -K z near the trim, but beyond
+    z = 0.5 it leads to another equilibrium, z = 0.8: the flight from z = 1 neither converges to 0
+    nor diverges. Its cost is nan, and it fails.
     """
     K = solve(game).K.item()
     far = 1.0 / (1.0 + ca.exp(-200.0 * (Z - 0.5)))
@@ -96,6 +97,7 @@ def test_a_flight_that_runs_out_of_steps_ends_with_its_last_whole_tick():
     """
     x = ca.SX.sym("x", 3)
     closed = ca.Function("closed", [x], [ca.vertcat(50.0 * x[1], -50.0 * x[0], 0.0), x[0] ** 2])
+    # No flight diverges (inf), and the sizes of states and cost are 1; at most 20 000 steps.
     start, tick = np.array([[1.0, 0.0]]), 2.0
     simulator = Rates(closed, math.inf, np.ones(3), tick, 20_000)
     _, steps = simulator.after(np.array([[1.0, 0.0, 0.0]]), 0.0, 20_000)

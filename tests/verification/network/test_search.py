@@ -18,8 +18,8 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 def test_a_network_right_only_at_the_origin_fails(game):
     """The policy u = -K z + 5 z_1³/7³ e_1 has the exact K, and fails by the search alone: the error
-    found is the largest in the box, 5 at z_1 = 7, relative to the largest exact input, in units of
-    1/√R.
+    found is the largest in the box, 5 at its edge z_1 = 7, relative to the largest exact input, with
+    inputs in units of 1/√R.
     """
     z = ca.SX.sym("z", 6)
     u = -ca.DM(gain(game)) @ z + 5.0 * (z[0] / 7.0) ** 3 * ca.DM(np.eye(5)[0])
@@ -84,8 +84,8 @@ def test_a_biased_exact_gain_is_stable_about_another_equilibrium(game):
 
 @pytest.mark.parametrize("factor", [1.0, 1.5])
 def test_only_the_clipping_of_an_exact_gain_is_named(factor):
-    """The reason of clip(-K z, ±0.3) with the exact K is the clipping, in 88 % of the box, and that
-    the policy is exact otherwise. It is not so of 1.5 K.
+    """The reason of the policy clip(-K z, ±0.3) with the exact K is that it is clipped in 88 % of the
+    box and otherwise exact. The reason of the same policy with 1.5 K is another.
 
     In z' = z + u with Q = 1, R = 1, K = 1 + √2: |K z| >= 0.3 on 1 - 0.3/K of the box |z| <= 1.
     """
