@@ -259,12 +259,12 @@ def title_with_controls(trimmed: Trimmed, rows: Iterable[Row]) -> str:
     moved = [
         name for name in model.inputs if without_rounding(margins[name].value, margins[name].scale)
     ]
-    words += [_of_limits(margins[name]) for name in moved or model.inputs]
+    words += [_input_text(margins[name]) for name in moved or model.inputs]
     words += [f"L/D {digits(row.value)}" for row in rows if row.name == "L/D"]
     return f"{first_lines(trimmed)}\n{_listed(words, ', ')}".rstrip()
 
 
-def _of_limits(margin: Margin) -> str:
+def _input_text(margin: Margin) -> str:
     """Return an input with its limits as text: "elevator -1.37 of ±30 deg"."""
     reached = without_rounding(margin.value, margin.scale)
     numbers = (reached, margin.lowest, margin.highest)

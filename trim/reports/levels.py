@@ -310,7 +310,7 @@ def mode_rows(trimmed: Trimmed, airplane: Airplane) -> list[Row]:
             times.append(f"time to double {mode.time_to_double:.4g} {time}")
         rows.append(Row(f"{mode.name} eigenvalue", mode.eigenvalue, f"1/{time}", ", ".join(times)))
         rows += qualities
-        if mode.eigenvalue.imag and not qualities:
+        if mode.eigenvalue.imag and not qualities:  # the qualities begin with these figures
             unit = f"rad/{time}"
             rows.append(Row(f"{mode.name} frequency", mode.frequency, unit, in_degrees=False))
             rows.append(Row(f"{mode.name} damping", mode.damping))

@@ -130,6 +130,7 @@ def _limit_of_the_largest_lift(trimmed: Trimmed, alpha: Margin) -> Margin | None
     """
     if "speed" not in trimmed.roles or not trimmed.point.ok:
         return None
+    # A stalled trim is beyond this limit, and `stall_lines` reports the stall.
     largest = trimmed.largest_lift
     if isinstance(largest, str) or largest.trim_is_beyond or not math.isfinite(largest.alpha):
         return None

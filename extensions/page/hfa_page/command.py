@@ -200,7 +200,8 @@ def _own_job(request: ReportRequest, asked: TrimInput, swept: np.ndarray | None)
     refuse(request, ["flights"], "has flights of the paper's aircraft; remove it or --aircraft")
     model, hold = asked.model, asked.held()
     at = None if asked.at is None else np.unique(array_of("--at", asked.at, MOST_ASKED))
-    # What no option states follows from the trim, that of the model or at the first value of --at.
+    # Values without --at or --sweep follow from a trim: that of the model's default condition or,
+    # with --at, that at its first value.
     if at is None or swept is None:
         point = trimmed(asked.trim(None if at is None else float(at[0]), hold))
         swept = values_about(point) if swept is None else swept

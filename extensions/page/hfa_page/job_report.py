@@ -387,17 +387,17 @@ def slider_html(slider: Slider, drawn: Report, verdicts: str) -> str:
         beside.append(f'<section class="point" {place}>{shown.beside.html(3)}</section>')
         below.append(f'<section class="point below" {place}>{shown.sheet.html(3)}</section>')
         below.append(f'<section class="point" {place}>{shown.pair.html(3)}</section>')
-    # The aircraft, if there is something to draw, and the root locus.
+    # The aircraft is beside the modes or, if nothing of it can be drawn, the root locus.
     plots = [part.html() for part in drawn.parts if isinstance(part, InteractivePlot)]
-    aircraft, locus = "".join(plots[:1]), "".join(plots[1:])
+    beside_modes, others = "".join(plots[:1]), "".join(plots[1:])
     label = slider.points[slider.first].label
     name = html.escape(slider.sweep.model.schedule)
     return f"""<div><h2>{html.escape(drawn.title)}</h2>
 <p class="slider"><label for="slider-{name}">{name}</label>
 <input type="range" id="slider-{name}" min="0" max="{len(slider.points) - 1}" value="{slider.first}" aria-valuetext="{label}">
 <output for="slider-{name}">{label}</output> <span class="noscript">The slider needs scripts.</span></p>
-<div class="first"><div>{aircraft}</div><div>{"".join(beside)}{verdicts}</div></div>
-{locus}
+<div class="first"><div>{beside_modes}</div><div>{"".join(beside)}{verdicts}</div></div>
+{others}
 {"".join(below)}</div>"""
 
 

@@ -138,9 +138,9 @@ def _figure(
         "showlegend": legend,
         "legend": {"orientation": "h", "yanchor": "bottom", "y": 1.02},
     }
-    numbers = list(range(len(traces) - len(at_positions[0]), len(traces)))
+    changing = list(range(len(traces) - len(at_positions[0]), len(traces)))  # numbers of traces
     frames = [
-        {"name": str(i), "data": list(changed), "traces": numbers}
+        {"name": str(i), "data": list(changed), "traces": changing}
         for i, changed in enumerate(at_positions)
     ]
     return {"data": list(traces), "layout": layout, "frames": frames}
