@@ -33,7 +33,7 @@ INPUTS = ("linear", "steps")
 #: Pairs of estimates with a larger correlation are reported.
 _CORRELATED = 0.9
 #: Number of samples from which machine code is faster, including its compilation.
-_MANY = 2000
+_WORTH_COMPILING = 2000
 #: A parameter is not determined if the half-width of its band exceeds its value by this factor.
 _WIDE = 2.0
 
@@ -85,7 +85,7 @@ def identify(
     measured = tuple(dict.fromkeys(name for record in read for name in record.measured))
     names = _free_names(model, free, fixed, measured)
     responses = Responses(model, names, measured)
-    if sum(len(record.time) for record in read) > _MANY:
+    if sum(len(record.time) for record in read) > _WORTH_COMPILING:
         responses.compile()
     guesses = [_initial_state(model, record, held) for record in read]
     try:

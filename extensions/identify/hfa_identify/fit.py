@@ -250,12 +250,12 @@ class OutputError:
         """
         low, high = self.bounds.T
         for trial in range(first, len(_TRIALS)):
-            damping, part = _TRIALS[trial]
+            damping, fraction = _TRIALS[trial]
             try:
                 step = self._step(current, damping) if damping else undamped
-                theta = np.clip(current.theta + part * step.theta, low, high)
+                theta = np.clip(current.theta + fraction * step.theta, low, high)
                 starts = [
-                    start + part * change
+                    start + fraction * change
                     for start, change in zip(current.starts, step.starts, strict=True)
                 ]
                 lower = self.at(theta, tuple(starts), number)

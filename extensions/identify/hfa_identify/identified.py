@@ -30,7 +30,7 @@ _FAR = 8.0
 #: A smaller factor is reported as no widening of the bands.
 _WIDENED = 1.05
 #: With a larger factor the bands are not reliable, because the noise is slower than the maneuver.
-_BEYOND = 8.0
+_LARGEST_WIDENING = 8.0
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ class Identified(Result, Reported):
         if self.unexplained:
             yield f"the model does not explain {', '.join(self.unexplained)}"
         yield from map(self._misfit_text, self.misfits)
-        if self.coloured > _BEYOND:
+        if self.coloured > _LARGEST_WIDENING:
             yield "residuals are colored beyond the correction of the bands"
         if self.at_bounds:
             yield f"at a limit of the model: {', '.join(self.at_bounds)}"
@@ -167,15 +167,14 @@ class Identified(Result, Reported):
     @property
     def first_line(self) -> str:
         """The first line of the report: FAIL with at most two findings, or PASS."""
-        stated = self._stated
-        if stated:
-            return f"FAIL: {'; '.join(stated)}"
+        if self._first_findings:
+            return f"FAIL: {'; '.join(self._first_findings)}"
         parameters = "parameter" if len(self.parameters) == 1 else "parameters"
         records = "record" if len(self.records) == 1 else "records"
         return f"PASS: {len(self.parameters)} {parameters} of {len(self.records)} {records}"
 
     @property
-    def _stated(self) -> list[str]:
+    def _first_findings(self) -> list[str]:
         """The findings for the first line: two, or one if the line is too long."""
         findings = list(self.findings)[:2]
         line = f"FAIL: {'; '.join(findings)}"
@@ -211,7 +210,7 @@ class Identified(Result, Reported):
 
     def report(self) -> Report:
         """Return the report: estimates, quality of the fit, and findings."""
-        further = list(self.findings)[len(self._stated) :]
+        further = list(self.findings)[len(self._first_findings) :]
         parts: list[Any] = [self._estimates(), self._explained()]
         if self.far:
             values = ", ".join(

@@ -218,20 +218,20 @@ def _head(path: str | Path, cell: str, model: Model) -> _Head:
             f"{path}: {shown(cell)} in the first row is not a column name; write names with or"
             ' without units, such as "alpha [deg]"'
         )
-    name, stated = match[1], match[2]
+    name, stated_unit = match[1], match[2]
     known = ("time", *model.inputs, *model.states, *model.outputs)
-    whole, _, unit = name.rpartition("_")
-    if name not in known and whole in known and conversion_factor(unit, _unit_of(model, whole)):
-        raise BadInputError(f'{path}: unknown column {shown(name)}; write "{whole} [{unit}]"')
+    signal, _, unit = name.rpartition("_")  # alpha_deg
+    if name not in known and signal in known and conversion_factor(unit, _unit_of(model, signal)):
+        raise BadInputError(f'{path}: unknown column {shown(name)}; write "{signal} [{unit}]"')
     refuse_unknown(f"{path}: unknown column", name, known)
     unit = _unit_of(model, name)
-    if not stated:
+    if not stated_unit:
         return _Head(name, 1.0)
-    factor = conversion_factor(stated, unit)
+    factor = conversion_factor(stated_unit, unit)
     if factor is None:
         known_units = " or ".join(dict.fromkeys((unit, si_unit(unit))))
         raise BadInputError(
-            f"{path}: {name} is in {shortened(stated)}; give {name} in {known_units}"
+            f"{path}: {name} is in {shortened(stated_unit)}; give {name} in {known_units}"
         )
     return _Head(name, factor)
 

@@ -123,20 +123,20 @@ class Responses:
     def _expressions(self, x: ca.SX, u: ca.SX, theta: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Return the rates and the recorded quantities, of recorded inputs u and unknowns θ."""
         model = self.model
-        # recorded = true + bias: inputs have it subtracted, and measured quantities added
+        # recorded = true + bias: subtracted from recorded inputs, added to simulated quantities
         unknowns = dict(zip(self.free, ca.vertsplit(theta), strict=True))
         bias_of = {column: unknowns[name] for name, column in self._biases.items()}
         parameters = [
             unknowns.get(name, ca.SX(signal.start)) for name, signal in model.parameters.items()
         ]
         true_inputs = [
-            recorded - bias_of.get(name, 0.0)
-            for name, recorded in zip(model.inputs, ca.vertsplit(u), strict=True)
+            recorded_input - bias_of.get(name, 0.0)
+            for name, recorded_input in zip(model.inputs, ca.vertsplit(u), strict=True)
         ]
-        rates, true = model.layout.expressions((x, true_inputs, parameters), self.measured)
+        rates, true_outputs = model.layout.expressions((x, true_inputs, parameters), self.measured)
         recorded = [
-            value + bias_of.get(name, 0.0)
-            for name, value in zip(self.measured, ca.vertsplit(true), strict=True)
+            true_output + bias_of.get(name, 0.0)
+            for name, true_output in zip(self.measured, ca.vertsplit(true_outputs), strict=True)
         ]
         return rates, ca.densify(column(recorded))
 

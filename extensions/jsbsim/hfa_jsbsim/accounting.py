@@ -32,7 +32,7 @@ Solve = Callable[[Mapping[str, float], tuple[str, ...]], Mapping[str, float] | N
 #: Angles of attack at which the greatest lift is searched.
 _ANGLES = np.radians(np.arange(-4.0, 40.5, 0.5))
 #: Largest number of commands in a sentence.
-_MOST = 3
+_MOST_COMMANDS = 3
 _AIRSPEEDS = {"speed", *AIRSPEEDS}
 #: Least unbalanced force that is reported, relative to the weight, and least angular acceleration,
 #: rad/s².
@@ -58,7 +58,7 @@ def explain(
         values `held` imposed and the equations `free` dropped.
     """
     held = [full_name for full_name, name in commands.items() if name in imposed]
-    advice = f"--free {' or '.join(held[:_MOST])} solves for a command that no file sets"
+    advice = f"--free {' or '.join(held[:_MOST_COMMANDS])} solves for a command that no file sets"
     throttles = [name for name in inputs if name.startswith("throttle") and name not in imposed]
     has_free_command = not imposed.keys() >= {*commands.values()}
     if not set(inputs) - {*commands.values()}:  # the inputs are such commands only

@@ -114,6 +114,8 @@ class Equations:
         self.replaced_commands: list[ca.SX] = []
         self._functions: dict[str, Element] = {}
         self._declare_symbols()
+
+        # Properties of JSBSim itself, then those of the files.
         x = SimpleNamespace(**self.states)
         self.motion = motion_of(x, self._winds(gusty), self.parameters[ISA])
         self._define_motion(x)
@@ -130,6 +132,8 @@ class Equations:
         self._mount_engines(x)
         if section is not None:
             self._use_surface_positions(section)
+
+        # Time derivatives and outputs, and what the files leave open in them.
         self.effects = self._effects()
         self.rates: dict[str, Any] = {}
         self.outputs: dict[str, Any] = {}
@@ -387,7 +391,8 @@ class Equations:
         sections: list[tuple[Element, int | None]] = [(part, None) for part in loaded]
         sections += [(file.engine, file.number) for file in self.parts.engines]
         for section, number in sections:
-            for element in section.all("property"):  # of the aircraft's file, after an included one
+            # Elements of the aircraft's own file follow those of a file that its section includes.
+            for element in section.all("property"):
                 self._define_property(element, overrides=element.file != section.file)
             for part in property_definitions(section):
                 of_engine = part.attributes["name"] in OF_ENGINES
@@ -473,10 +478,12 @@ class Equations:
         self.rates = state_rates(x, motion.velocity, velocity_rate, rotation_rate, motion.climb)
         for effect in self.effects:
             self.rates |= effect.rates
+
         # As in JSBSim, alpha and beta change with the velocity over the ground, in body axes.
         wind = motion.over_ground - motion.velocity
         over_ground_rate = velocity_rate - ca.cross(motion.rates, wind)
         self._angle_rates = flow_rates(motion.air_velocity, over_ground_rate)[1:]  # [0]: of speed
+
         weight = mass.slugs * self.parameters["gravity"]
         # Lift, drag and moment in the outputs are those of steady alpha and beta.
         rates = ca.vertcat(*self.rate_symbols)

@@ -286,7 +286,7 @@ def mass_in_file(element: Element, tanks: Sequence[Tank], points: Sequence[Point
     bodies = [Body(point.weight, point.location, point.inertia) for point in points]
     bodies += [tank.body(tank.contents) for tank in tanks]
     weight = empty.weight + sum(body.weight for body in bodies)
-    if weight <= 0.0:  # a divisor below
+    if weight <= 0.0:  # `mass_of` divides by it
         raise element.error(f"the weight of the aircraft is {weight:g} lb; give a positive weight")
     mass = mass_of(empty, bodies)
     weight = float(mass.weight)

@@ -21,9 +21,9 @@ from hfa_jsbsim.properties import Note, Properties
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import shortened
 
-#: Fraction of the excess power that passes the torque limiter, so that a trim search has a descent
-#: direction. The power in JSBSim oscillates by as much.
-_BEYOND = 1e-3
+#: Fraction of the power beyond the torque limit that passes the limiter, so that a trim search has
+#: a descent direction. The power in JSBSim oscillates by as much.
+_SHARE_BEYOND_LIMIT = 1e-3
 #: Duration of JSBSim's frame, s. Spools and governors near their target reach it within one frame.
 STEP = 1.0 / 120.0
 #: Kind of engine -> state of its lag: shaft speed of a turbine, %; manifold pressure, inHg; gas
@@ -181,7 +181,7 @@ def read_engine(number: int, mount: Element, opened: Any, tanks: Sequence[Tank])
 def _content(mount: Element, opened: Any, kinds: Sequence[str]) -> Element:
     """Return the engine or thruster that a mount contains, or that the mount's file contains."""
     part: Element = opened(mount)
-    if part is mount:
+    if part is mount:  # it names no file
         inside = (
             child
             for child in mount.children
@@ -513,7 +513,7 @@ def turboprop_power(mounted: MountedEngine) -> Any:
 
 
 def _within_torque(mounted: MountedEngine, power: Any) -> Any:
-    """Return the power of a turboprop, hp, of which `_BEYOND` remains beyond the torque limit."""
+    """Return the power of a turboprop, hp, at most that of its torque limit and a small share."""
     limiter = mounted.engine.find("ielumaxtorque")
     if limiter is None or not mounted.has_propeller:
         return power
@@ -523,7 +523,7 @@ def _within_torque(mounted: MountedEngine, power: Any) -> Any:
     statement = "the torque is limited to this value, about which JSBSim's limiter oscillates"
     mounted.properties.notes.append(Note(statement, f"{torque:g} ft lb", limiter.where))
     # With a slope beyond the limit, by which a trim search returns below it.
-    return ca.fmin(power, most + _BEYOND * (power - most))
+    return ca.fmin(power, most + _SHARE_BEYOND_LIMIT * (power - most))
 
 
 def electric_power(mounted: MountedEngine) -> Any:

@@ -87,15 +87,15 @@ _SMALLEST_TRUE = 1e-9
 #: A number in the data of a table.
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 #: Largest number of arguments of an operation without a limit.
-_MANY = 9999
+_ANY_NUMBER = 9999
 #: Operation -> its function, and the least and greatest number of arguments.
 _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
-    "sum": (_sum, 1, _MANY),
-    "product": (_product, 1, _MANY),
-    "difference": (_difference, 1, _MANY),
-    "avg": (lambda *values: _sum(*values) / len(values), 1, _MANY),
-    "min": (lambda *values: reduce(ca.fmin, values), 1, _MANY),
-    "max": (lambda *values: reduce(ca.fmax, values), 1, _MANY),
+    "sum": (_sum, 1, _ANY_NUMBER),
+    "product": (_product, 1, _ANY_NUMBER),
+    "difference": (_difference, 1, _ANY_NUMBER),
+    "avg": (lambda *values: _sum(*values) / len(values), 1, _ANY_NUMBER),
+    "min": (lambda *values: reduce(ca.fmin, values), 1, _ANY_NUMBER),
+    "max": (lambda *values: reduce(ca.fmax, values), 1, _ANY_NUMBER),
     "quotient": (_unless_zero(lambda one, other: one / other), 2, 2),
     "pow": (lambda one, other: one**other, 2, 2),
     "fmod": (_unless_zero(ca.fmod), 2, 2),
@@ -126,8 +126,8 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "ge": (_truth(operator.ge), 2, 2),
     "eq": (_truth(operator.eq), 2, 2),
     "nq": (_truth(operator.ne), 2, 2),
-    "and": (_all_true, 2, _MANY),
-    "or": (_any_true, 2, _MANY),
+    "and": (_all_true, 2, _ANY_NUMBER),
+    "or": (_any_true, 2, _ANY_NUMBER),
     "not": (lambda value: ca.if_else(_is_true(value), 0.0, 1.0), 1, 1),
     "ifthen": (lambda test, one, other: ca.if_else(_is_true(test), one, other), 3, 3),
 }

@@ -80,6 +80,8 @@ def piston_power(mounted: MountedEngine) -> PistonPower:
     speed = mounted.rpm
     breathing = _Breathing(engine)
     piston_speed = speed * breathing.stroke / 360.0  # ft/s: two strokes in inches per turn
+
+    # Pressure behind the throttle, with a lag if it is a state, and in the manifold.
     ratio = breathing.pressure_ratio(mounted.throttle, piston_speed)
     throttled = _ram_pressure(mounted, ambient) * ratio
     rates = {}
@@ -89,17 +91,20 @@ def piston_power(mounted: MountedEngine) -> PistonPower:
         rates[mounted.lag] = (throttled / _INHG_TO_PA - state) / delay
         throttled = state * _INHG_TO_PA
     manifold = _boosted(mounted, throttled, ambient, speed)
+
+    # Mass flow of the air.
     efficiency = _settable(mounted, "volumetric-efficiency", 0.85)
     displacement = engine.value_of("displacement", 360.0, "IN3") * _IN3_TO_M3
     swept = displacement * (speed / 60.0) / 2.0  # an intake every second turn
     volume_flow = swept * efficiency * _exhaust_factor(engine, ambient, manifold)
     air_flow = volume_flow * manifold / (_GAS_CONSTANT * (air.temperature / 1.8))
+
+    # Power of the fuel and of the pressures. Without ignition the propeller drags the engine.
     own_friction = engine.value_of("static-friction", 1.5, "HP")
     static_friction = mounted.own("friction-hp", own_friction)
     runs = running(mounted)
     of_fuel = _power_of_fuel(mounted, breathing, air_flow)
     indicated = ca.if_else(runs, of_fuel - static_friction, -static_friction)
-    # Without ignition the engine is dragged by the propeller.
     friction = ca.if_else(runs, _friction_pressure(engine, piston_speed), 0.0)
     pumping = (throttled - ambient) * efficiency
     cycles = engine.value_of("cycles", 4.0)
@@ -182,10 +187,10 @@ class _Breathing:
 
 def _own_consumption(engine: Element, breathing: _Breathing) -> float:
     """Return the specific fuel consumption, lb/(hp h), from the engine's file or rated power."""
-    # From the rated power with JSBSim's numbers: fuel flow at full throttle over indicated power.
     stated = engine.value_of("bsfc", -1.0, "LBS/HP*HR")
     if stated >= 0.0:
         return stated
+    # Fuel flow at full throttle over the indicated power, with JSBSim's formula and numbers.
     displacement = engine.value_of("displacement", 360.0, "IN3")
     efficiency = engine.value_of("volumetric-efficiency", 0.85)
     pumping = (29.92 - breathing.highest_inhg) * _INHG_TO_PA * efficiency
@@ -343,7 +348,7 @@ def propeller_effect(mounted: MountedEngine, power: Any) -> Effect:
         force,
         moment,
         thrust,
-        power / HP,
+        power=power / HP,
         rates={f"rpm{mounted.number}": speed_rate, **blade_rates},
         properties={
             "propeller-torque-ftlb": -sense * power / omega,

@@ -21,7 +21,7 @@ FORCE = 0
 MOTION = 1
 IDLE = 2
 #: Largest number of subjects that a note lists for one file.
-_MOST = 12
+_MOST_PER_FILE = 12
 
 
 class Note(NamedTuple):
@@ -51,23 +51,23 @@ def grouped(notes: Iterable[Note]) -> list[str]:
 
 
 def _line(statement: str, notes: list[Note]) -> str:
-    """Return a statement followed by its subjects, files and lines, at most `_MOST` per file."""
+    """Return a statement followed by its subjects with files and lines."""
     by_file: dict[str, list[str]] = {}
     for note in dict.fromkeys(notes):
         file, _, line = note.where.rpartition(":")
         by_file.setdefault(file, []).append(f"{line} {note.subject}".strip())
     files = []
     for file, subjects in by_file.items():
-        texts = [text for text in subjects[:_MOST] if text]
-        if len(subjects) > _MOST:
-            texts.append(f"{len(subjects) - _MOST} more")
+        texts = [text for text in subjects[:_MOST_PER_FILE] if text]
+        if len(subjects) > _MOST_PER_FILE:
+            texts.append(f"{len(subjects) - _MOST_PER_FILE} more")
         files.append(f"{file}: {', '.join(texts)}" if file else ", ".join(texts))
     listed = "; ".join(text for text in files if text)
     return f"{statement}: {listed}" if listed else statement
 
 
 #: State of a steady flight, and times, s, at which its forces are compared.
-_USUAL = {
+_USUAL_STATE = {
     "speed": 300.0,
     "alpha": 0.05,
     "pitch": 0.05,
@@ -90,7 +90,7 @@ def depends_on_time(rates: ca.SX, time: ca.SX, symbols: Sequence[ca.SX]) -> bool
     symbols: all other symbols in `rates`
     """
     function = ca.Function("rates", [time, ca.vertcat(*symbols)], [rates])
-    usual = [_USUAL.get(symbol.name(), 0.0) for symbol in symbols]
+    usual = [_USUAL_STATE.get(symbol.name(), 0.0) for symbol in symbols]
     at_start = function(0.0, usual)
     return any(not ca.is_equal(function(later, usual), at_start) for later in _TIMES)
 
@@ -330,6 +330,7 @@ class Properties:
                     raise LoopError(where, f"the property {shortened(key)} depends on all forces")
             elif not _ON_GROUND.fullmatch(key):  # those of wheels are 0 in flight
                 self.define_constant(key, 0.0, where)
+        # A component reads the constant, itself or through functions.
         if key in self.constants and any(writer.component for writer in self._running):
             self.in_control.add(key)
         return self._initial.get(key, 0.0)

@@ -203,7 +203,7 @@ class _Declaration:
                 configuration=configuration,
             ),
             trimming=Trimming(
-                alternatives=tuple(
+                alternatives=tuple(  # an imposed throttle replaces a split
                     (throttle, name) for name, pair in self._splits().items() for throttle in pair
                 ),
                 begin=self._start_of_search(),
@@ -265,7 +265,7 @@ class _Declaration:
             "Ixx": (inertia[0, 0], "slug ft^2"),
             "Iyy": (inertia[1, 1], "slug ft^2"),
             "Izz": (inertia[2, 2], "slug ft^2"),
-            "Ixz": (-inertia[0, 2], "slug ft^2"),
+            "Ixz": (-inertia[0, 2], "slug ft^2"),  # the product of inertia ∫ x z dm
             "reference_area": (self.parts.wings.area, "ft^2"),
             "reference_span": (self.parts.wings.span, "ft"),
             "reference_chord": (self.parts.wings.chord, "ft"),
@@ -431,15 +431,15 @@ class _Declaration:
     def _outputs(self) -> dict[str, Signal]:
         """Return the signals of the outputs, by name."""
         angles = ("gamma", "angle_of_attack", "track", *self._positions())
-        share = 0.1 * self.parts.mass.weight
+        tenth = 0.1 * self.parts.mass.weight
         signals = {
             "kcas": Signal("kt", 100.0),
             "mach": Signal("1", 0.5),
             "turn_rate": Signal("rad/s", 0.1),
             **dict.fromkeys(("load_factor", "lift_to_weight"), Signal()),
             **dict.fromkeys(angles, Signal("rad", 0.1)),
-            **dict.fromkeys(("thrust", "weight", "lift", "drag"), Signal("lbf", share)),
-            "pitching_moment": Signal("ft lbf", share),
+            **dict.fromkeys(("thrust", "weight", "lift", "drag"), Signal("lbf", tenth)),
+            "pitching_moment": Signal("ft lbf", tenth),
             "dynamic_pressure": Signal("lbf/ft^2", 100.0),
             "reference_area": Signal("ft^2"),
             "reference_chord": Signal("ft"),
@@ -639,6 +639,7 @@ class _Declaration:
 
 def _density(altitude: Any, warmer: Any) -> Any:
     """Return the air density, slug/ft³, a number or an array (N,)."""
+    # altitude, ft; warmer: deviation of the temperature from the standard atmosphere, K
     columns = [column.reshape(-1, 1) for column in np.broadcast_arrays(altitude, warmer)]
     (densities,) = _density_function()(*columns)
     return float(densities[0, 0]) if len(densities) == 1 else densities[:, 0]

@@ -29,7 +29,8 @@ class PilotInput:
 def names_read_by(element: Element) -> list[str]:
     """Return the names of the properties that functions and tables of a section read.
 
-    Names of angles come first. They end in -rad or -deg.
+    Names of angles, which end in -rad or -deg, come first: the first name of a surface determines
+    the unit of its input.
     """
     names: dict[str, None] = {}
     pending = [element]
@@ -61,7 +62,7 @@ def use_surface_positions(
             continue
         surface = _AROUND.sub("", name.rpartition("/")[2])  # such as left-aileron
         key = surface.removeprefix("left-").removeprefix("right-").replace("-", "_")
-        if key not in inputs:
+        if key not in inputs:  # not a surface, or one without a pilot's command
             properties.replace(name, properties.read_centered(name, commands))
             statement = "these have their values for centered controls"
             notes.append(Note(statement, f"{name} ({loop.cause})", loop.where))

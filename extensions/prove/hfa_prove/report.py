@@ -147,9 +147,10 @@ def _aircraft(statement: ScheduleStatement, model: Model) -> str:
     parameters = next(
         value for path, _, value in statement.entries() if path.endswith("parameters")
     )
-    known = None if model.source.digest else identity_of(parameters)
-    if known is not None:
-        return f"Model: {model.name} dynamics, parameters {known[0]} ({known[1]})."
+    identity = None if model.source.digest else identity_of(parameters)
+    if identity is not None:
+        name, digest = identity
+        return f"Model: {model.name} dynamics, parameters {name} ({digest})."
     source = f" (SHA-256 of the file: {model.source.digest[:16]})" if model.source.digest else ""
     return f"Model: {model.name}{source}."
 

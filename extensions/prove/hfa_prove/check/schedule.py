@@ -124,14 +124,13 @@ class ScheduleProof:
 
     def parts(self) -> list[tuple[float, float]]:
         """Return the parts of the interval between breakpoints of the gains and of P."""
-        parts = self.statement.gains.pieces(*self.statement.flight.range)
-        inner = self.witness.breakpoints.tolist()
-        cuts = sorted({end for part in parts for end in part} | set(inner))
         low, high = self.statement.flight.range
-        if len(inner) > 1 and not (inner[0] <= low and high <= inner[-1]):
+        parts = self.statement.gains.pieces(low, high)
+        of_P = self.witness.breakpoints.tolist()
+        if len(of_P) > 1 and not (of_P[0] <= low and high <= of_P[-1]):
             raise Rejected("P of the motion is not given on the whole interval")
-        kept = [cut for cut in cuts if low <= cut <= high]
-        return list(pairwise(kept))
+        cuts = sorted({end for part in parts for end in part} | set(of_P))
+        return list(pairwise(cut for cut in cuts if low <= cut <= high))
 
     def piece(self, low: float, high: float, before: TrimPiece | None) -> TrimPiece:
         """Return the trims of a piece, on which every claim is proved.

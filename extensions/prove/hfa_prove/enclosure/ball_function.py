@@ -206,7 +206,7 @@ class BallFunction:
             elif code == ca.OP_CALL:
                 values = operation(*(work[source] for source in sources))
                 for target, value in zip(targets, values, strict=True):
-                    if target >= 0:
+                    if target >= 0:  # -1: the value is not used
                         work[target] = value
             else:
                 work[targets[0]] = operation(*(work[source] for source in sources))

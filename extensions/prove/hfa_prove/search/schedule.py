@@ -311,7 +311,7 @@ def _samples(proof: ScheduleProof) -> list[Sample]:
     last = low
     model = proof.statement.flight.model
     nominal = model.nominal(model.linear)
-    to_nominal = nominal / nominal[:, None]
+    to_nominal = nominal / nominal[:, None]  # factors of C with x in nominal values
     for s in places.tolist():
         try:
             guess, slope, _ = proof.flight.estimate(guess + slope * (s - last), s)
@@ -383,6 +383,7 @@ def _permitted_scheduled_rate(samples: Sequence[Sample], nodes: np.ndarray, P: n
         S = -(product + product.T)
         if not _is_positive(S):
             return 0.0
+        # V decreases for |ds/dt| < 1 / max |λ| of slope x = λ S x.
         relative_slope = float(np.abs(scipy.linalg.eigh(slope, S, eigvals_only=True)).max())
         if relative_slope > 0.0:
             permitted = min(permitted, 1.0 / relative_slope)
@@ -409,7 +410,7 @@ def _weight(samples: Sequence[Sample]) -> np.ndarray:
     """Return the W > 0 for which V = x'P x, C'P + P C = -W, permits the largest rate ds/dt found.
 
     V decreases for |ds/dt| < 1 / max |λ| of W⁻¹ dP/ds. Each step increases W along the vectors of
-    large |λ|.
+    large |λ|, relative to the others.
     """
     W = _first_weight(samples[len(samples) // 2].C)
     best, permitted = np.eye(len(W)), 0.0
@@ -427,6 +428,7 @@ def _weight(samples: Sequence[Sample]) -> np.ndarray:
             P_slope = _lyapunov(C, P_C_slope + P_C_slope.T)
             sizes, axes = np.linalg.eigh(inverse @ P_slope @ inverse.T)
             largest = max(largest, float(np.abs(sizes).max()))
+            # A high power: the samples with the largest |λ| determine the sum.
             total += (axes * np.abs(sizes) ** _POWER) @ axes.T
         if largest == 0.0:  # P does not depend on s, and permits any rate
             return W
@@ -434,6 +436,7 @@ def _weight(samples: Sequence[Sample]) -> np.ndarray:
             best, permitted = W, 1.0 / largest
         sizes, axes = np.linalg.eigh(total)
         sizes = (sizes / sizes.max()).clip(0.0) ** (1.0 / _POWER)
+        # Along the vector of the largest |λ| W stays, and elsewhere up to half of it goes.
         W = root @ ((axes * (1.0 + sizes)) @ axes.T) @ root.T / 2
     return best
 

@@ -216,10 +216,10 @@ class Flight(Stored):
         its limits.
         """
         require(bool(self.unknowns), "imposed", self.imposed)
-        ends = {name: (value, value) for name, value in self.imposed.items()}
+        ranges = {name: (value, value) for name, value in self.imposed.items()}
         low, high = (in_model_unit(self.model, end) for end in self.range)
-        ends[self.model.schedule] = (low, high)
-        for name, (lowest, highest) in ends.items():
+        ranges[self.model.schedule] = (low, high)
+        for name, (lowest, highest) in ranges.items():
             if name in self.limits:
                 least, most = self.limits[name]
                 require(least <= lowest and highest <= most, f"{name} beyond its limits", lowest)
