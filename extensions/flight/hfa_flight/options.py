@@ -449,6 +449,8 @@ def scenario_of(
         raise BadInputError(
             f"--delay is {delay:g} s; give a delay from 0 to less than {duration:g} s"
         )
+
+    # All but moving air and random quantities. The tick is computed in ms.
     common = Scenario(
         duration=duration,
         tick=math.gcd(round(1000.0 * _SAMPLE), round(1000.0 * delay)) / 1000.0,
@@ -464,16 +466,18 @@ def scenario_of(
             if name not in model.linear
         },
     )
+
     gust: Gust | None = None
     if request.gust is not None and not isinstance(request.gust, SmallestGust):
         gust = gust_at(request.gust, point, common.duration)
     if gust is not None and request.turbulence is not None:
         raise BadInputError("--gust and --turbulence cannot be combined; remove one of the two")
     turbulence = at_held_altitude(request.turbulence, hold)
-    factors = each_of("--error", model, request.error, lambda model, name, text: number(text))
-    # Each flight draws errors within the factors, or the only flight has the factors themselves.
-    errors = {} if drawn else factors
-    uncertainty = Uncertainty(factors if drawn else {}, noise, turbulence)
+
+    of_parameters = each_of("--error", model, request.error, lambda model, name, text: number(text))
+    # Of several flights the values of --error are standard deviations, of a single one factors.
+    errors = {} if drawn else of_parameters
+    uncertainty = Uncertainty(of_parameters if drawn else {}, noise, turbulence)
     return replace(common, errors=errors, uncertainty=uncertainty, gust=gust).on(model)
 
 

@@ -216,6 +216,7 @@ def _to_level_axes(motion: Mapping[str, Any]) -> Any:
     """Return the rotation from body axes to level axes along the heading. An angle that is not a
     state is 0.
     """
+    # no yaw: the level axes turn with the heading
     return rotation(motion.get("roll", 0.0), motion.get("pitch", 0.0), 0.0)
 
 
@@ -278,8 +279,10 @@ class _InGusts:
 
         # Angles and position change with V and ω, the speed and the flow angles with V'.
         rates_over_ground, _ = self.model.equations(x, u, p, declared)
-        grounded = {state_of(self.model, name) or name for name in _OVER_GROUND}
-        changed = {name: rates_over_ground[name] for name in self.model.states if name in grounded}
+        over_ground = {state_of(self.model, name) or name for name in _OVER_GROUND}
+        changed = {
+            name: rates_over_ground[name] for name in self.model.states if name in over_ground
+        }
         for name, state in standard.items():
             if name in flow_rates_over_ground:
                 changed[state.name] = flow_rates_over_ground[name] / state.size

@@ -174,6 +174,7 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
         generationDateAndTime=origin.date,
         numberOfEventIndicators="0",
     )
+    # Kinds of simulation.
     for kind in ("ModelExchange", "CoSimulation") if loop.sampled is None else ("CoSimulation",):
         able = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
         able |= {"canHandleVariableCommunicationStepSize": "true"} if kind == "CoSimulation" else {}
@@ -181,6 +182,8 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
         sources = xml.SubElement(described, "SourceFiles")
         for name in (SOURCE, WRAPPER):
             xml.SubElement(sources, "File", name=name)
+
+    # Elements in the order of the standard; units are those of the variables.
     units = xml.SubElement(root, "UnitDefinitions")
     xml.SubElement(root, "DefaultExperiment", startTime="0", stopTime="60", stepSize="0.01")
     listed_variables = xml.SubElement(root, "ModelVariables")
@@ -189,6 +192,7 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
     derivatives = xml.SubElement(structure, "Derivatives")
     computed = xml.SubElement(structure, "InitialUnknowns")
     variables = _variables(loop)
+
     # References to variables count from 0, and their indices in the structure from 1.
     for number, variable in enumerate(variables):
         _add_variable(listed_variables, number, variable)
@@ -199,6 +203,7 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
             xml.SubElement(derivatives, "Unknown", index=index)
         if variable.start is None:
             xml.SubElement(computed, "Unknown", index=index)
+
     for unit in dict.fromkeys(variable.unit for variable in variables):
         if unit is None:
             continue

@@ -89,7 +89,7 @@ def surviving_boxes(
     boxes: half-widths about each trim, (N, k)
     action: (m,)
     """
-    # Tried states in half-widths: one state alone, corners (2^k of them), and drawn ones.
+    # Tried states in half-widths: one deviation alone, all 2^k corners for small k, and drawn ones.
     k = boxes.shape[1]
     sides = np.vstack([np.eye(k), -np.eye(k)])
     corners = np.array([*itertools.product((-1.0, 1.0), repeat=k)]) if k <= _CORNERS else sides
@@ -156,7 +156,7 @@ class Episode:
     limits, the cost of that sample, with all states at their farther limits, is also counted for
     each remaining sample, so that no flight inside the limits costs more.
 
-    owner: index of the trim.
+    trim_index: index of the trim of the episode.
 
     A pickled copy is in the same state; its code is compiled again.
     """
@@ -206,7 +206,7 @@ class Episode:
         self.samples = round(seconds / dt)
         self._turbulence = turbulence
 
-        # A flight about each trim, the states from which it begins, and what it costs to leave.
+        # The flights about the trims, the boxes in which they begin, and what it costs to leave.
         boxes = np.array([start_box(deployed.model, point) for point in points])
         # The commands follow from the actions of the learner in place of those of the policy.
         self._flight = SampledFlight(
@@ -230,7 +230,7 @@ class Episode:
         self._linear = deployed.model.state_places(deployed.model.linear)
 
         # What changes from episode to episode, and the code of a sample.
-        self.owner = 0
+        self.trim_index = 0
         self._winds_of_samples = np.zeros((self.samples, 0))
         self._observe = row_code(self._observation(), one_row=True)
         self._code = row_code(self._sample(), one_row=True)
@@ -280,7 +280,7 @@ class Episode:
     def _present(self) -> dict[str, Any]:
         """Return the values that change from sample to sample, by name."""
         rows = {name: getattr(self, name).copy() for name in _BOUND_ROWS}
-        return {**rows, "owner": self.owner, "_winds_of_samples": self._winds_of_samples}
+        return {**rows, "trim_index": self.trim_index, "_winds_of_samples": self._winds_of_samples}
 
     def _continue(self, present: Mapping[str, Any]) -> None:
         """Set the values that change from sample to sample, those of `_present`."""
@@ -338,44 +338,44 @@ class Episode:
     @property
     def start_box(self) -> dict[str, float]:
         """Half-widths of the initial conditions about the trim, by name of a linear state."""
-        box = self._boxes[self.owner].tolist()
+        box = self._boxes[self.trim_index].tolist()
         return dict(zip(self.deployed.model.linear, box, strict=True))
 
     @property
     def envelope(self) -> Limits:
         """Limits of the states about the trim."""
-        return self._envelopes[self.owner]
+        return self._envelopes[self.trim_index]
 
     def begin(self, random: np.random.Generator) -> None:
         """Begin an episode at a random initial condition about a random trim."""
-        owner = int(random.integers(len(self.points)))
+        trim_index = int(random.integers(len(self.points)))
         in_half_widths = random.uniform(-1.0, 1.0, len(self._linear))
-        start = self.points[owner].x
-        start[self._linear] += in_half_widths * self._boxes[owner]
-        self.begin_at(owner, start, random)
+        start = self.points[trim_index].x
+        start[self._linear] += in_half_widths * self._boxes[trim_index]
+        self.begin_at(trim_index, start, random)
 
-    def begin_at(self, owner: int, start: np.ndarray, random: np.random.Generator) -> None:
+    def begin_at(self, trim_index: int, start: np.ndarray, random: np.random.Generator) -> None:
         """Begin an episode at an initial state.
 
-        owner: index of the trim
+        trim_index: index of the trim
         start: initial state, (n,)
         random: draws the turbulence and the varied parameters
         """
         dt = self.deployed.deployment.dt
-        trim = self._trims[owner].copy()
+        trim = self._trims[trim_index].copy()
         if self._turbulence is not None:
             seed = int(random.integers(2**63))
-            values = self._turbulence.air(self.points[owner], dt, self.samples, seed).values
+            values = self._turbulence.air(self.points[trim_index], dt, self.samples, seed).values
             # During a sample, a disturbance is constant: the mean of its values at both ends.
             self._winds_of_samples = 0.5 * (values[:-1] + values[1:])
         if self.varied:
             lowest, highest = np.array(list(self.varied.values())).T
             trim[self._places_of_varied] = random.uniform(lowest, highest)
-        self.owner = owner
+        self.trim_index = trim_index
         state = self._flight.start(start[None], trim[None])
         self._state[:] = np.append(state, self.samples)  # all samples remain
         actions, _, push = self._flight.held_sizes
-        limits = (self.envelope.least, self.envelope.most, [self._penalties[owner]])
+        limits = (self.envelope.least, self.envelope.most, [self._penalties[trim_index]])
         # actions and push are set at each sample
         self._held[:] = np.concatenate([np.zeros(actions), trim, np.zeros(push), *limits])
         self._observed[:] = self._observe(state, trim[None])[0]

@@ -62,7 +62,7 @@ class AircraftEnvironment(gymnasium.Env):
     @property
     def point(self) -> OperatingPoint:
         """Trim of the present episode."""
-        return self.episode.points[self.episode.owner]
+        return self.episode.points[self.episode.trim_index]
 
     @property
     def state(self) -> dict[str, float]:
@@ -166,7 +166,11 @@ class AircraftEnvironment(gymnasium.Env):
     def _info(self) -> dict[str, Any]:
         """Return the entries of `info` that every sample has."""
         episode = self.episode
-        info: dict[str, Any] = {"X": episode.states, "U": episode.inputs, "trim": episode.owner}
+        info: dict[str, Any] = {
+            "X": episode.states,
+            "U": episode.inputs,
+            "trim": episode.trim_index,
+        }
         if episode.varied:
             info["parameters"] = episode.parameters
         return info

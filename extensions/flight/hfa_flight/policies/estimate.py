@@ -225,11 +225,11 @@ def _correction(n: int) -> ca.Function:
     """
     sizes = (n * (n + 1) // 2, n, 1, n)
     given = [ca.SX.sym("given", size) for size in sizes]
-    triangle, of_row, variance, gain = given
-    # P C' - gain variance: covariance of the corrected states and the innovation, 0 for the optimal
-    # gain. Then P⁺ = P - gain (P C')' - (this) gain' for any gain.
-    with_innovation = of_row - variance * gain
-    P = _symmetric(triangle, n) - ca.mtimes(gain, of_row.T) - ca.mtimes(with_innovation, gain.T)
+    triangle, PC, variance, gain = given
+    # For any gain P⁺ = P - gain (P C')' - with_innovation gain', with the covariance of corrected
+    # states and innovation, which is 0 for the optimal gain.
+    with_innovation = PC - variance * gain
+    P = _symmetric(triangle, n) - ca.mtimes(gain, PC.T) - ca.mtimes(with_innovation, gain.T)
     return ca.Function("correction", [ca.vertcat(*given)], [_triangle(P)], _EXPORTED_ONCE)
 
 
@@ -249,6 +249,7 @@ def _at_values(
     # In flight: the estimate begins anew (2), or the filter is switched on (no command acts yet).
     in_flight = ca.logic_or(before.begun == 2, before.share == 0)
     x, P = ca.SX(before.x), ca.SX(before.P)
+    # Air that is not correlated with the states, and states whose errors are those of the sensors.
     P[:, air] = ca.if_else(in_flight, 0.0, P[:, air])
     P[air, :] = P[:, air].T
     P[air, air] = ca.if_else(in_flight, kalman.climate, before.P[air, air])

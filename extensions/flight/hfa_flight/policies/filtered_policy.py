@@ -288,6 +288,8 @@ class FilteredPolicy(SampledPolicy):
             return u
         if memory.law is None:
             memory.law = self._prepared_law()
+
+        # Estimate, command within the control limits, and prediction for the next sample.
         estimated = self._estimated(memory, y)
         limits = Limits.of(self.point.model, tuple(self.point.model.inputs))
         command = memory.law(memory.samples, estimated.x, estimated.following)

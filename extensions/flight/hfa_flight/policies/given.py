@@ -45,7 +45,7 @@ def kind_of_file(path: Path) -> str:
         return DEPLOYMENT
     if is_network(path):
         return NETWORK
-    # A gain table has a matrix for each breakpoint, (G, m, n).
+    # A gain table has a matrix for each breakpoint, (G, m, n). Other arrays are a gain or a critic.
     return TABLE if np.ndim(entries_in(path).get("K", 0.0)) == 3 else GAIN
 
 

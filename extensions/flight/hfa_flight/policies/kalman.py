@@ -270,14 +270,19 @@ class KalmanFilter(Result):
         Phi, Gamma, C, L = self.Phi, self.Gamma, self.C, self.L
         n, k = len(Phi), len(self.states)
         gain = K @ self.sight
-        kept = np.eye(n) - L @ C  # x - x̂ = kept (x - x⁻) - L (noise)
+        # u = -gain x̂, with x - x̂ = kept (x - x⁻) - L (noise)
+        kept = np.eye(n) - L @ C
         F = np.block([[Phi - Gamma @ gain, Gamma @ gain @ kept], [np.zeros((n, n)), Phi @ kept]])
         of_noise = np.vstack([-Gamma @ gain @ L, -Phi @ L])
         of_air = np.vstack([np.eye(n), np.eye(n)])
         N = of_air @ self.air @ of_air.T + of_noise @ self.R @ of_noise.T
+
+        # Linear states, and inputs u = -gain x + gain (x - x̂).
         states = np.eye(n)[:k]
         outputs = np.block([[states, np.zeros((k, n))], [-gain, gain @ kept]])
         feed = gain @ L @ self.R @ L.T @ gain.T
+
+        # Second order of the speed, which the gain does not see.
         row, H = 0, np.zeros((n, n))
         if (speed := state_of(self.point.model, "speed")) in self.states:
             x, row = ca.SX.sym("x", n), self.states.index(speed)

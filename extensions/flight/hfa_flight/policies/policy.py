@@ -49,7 +49,7 @@ class Policy(Reported):
     held: (N, h), inputs of the policy that are constant during a tick: row k during tick k, and the
       last row afterwards
     identity: JSON data that identify the policy
-    sizes: numbers of inputs and of states of the linear model, or None if a trim gave them
+    sizes: numbers of inputs and of states of the linear model, or None if they are those of a trim
     predicts: whether the linear model is flown with the policy too, as a prediction
     """
 

@@ -181,6 +181,8 @@ def scheduled_gains(
     start = base.values[model.schedule]
     if commands is None or not commands.names:  # a command of 0: the variable is constant
         commands = CommandSteps((model.schedule,), np.zeros(1), np.zeros((1, 1)))
+
+    # Trims along the commands, from the initial one on.
     commanded_values = np.append(start + commands.values, start)
     lowest, highest = float(commanded_values.min()), float(commanded_values.max())
     schedule.refuse_beyond(lowest, highest)

@@ -233,6 +233,7 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
     begin = end // 2 if scenario.gust is not None and scenario.gust.rises else 0
     errors = deviations.errors[:end]
     inputs = deviations.inputs[:end]
+    # relative to the air if it moves and the model has the output
     angles = deviations.limited[:end, states.index(ALPHA)] if ALPHA in states else np.zeros(0)
     left = cycle = -1  # neither a departure nor a limit cycle
     if result.departure is not None:

@@ -110,7 +110,7 @@ def _verdict(plan: MonteCarlo, outcomes: Mapping[str, Any]) -> str:
 
 
 def _far_text(far: Mapping[str, Mapping[str, float]]) -> str:
-    """Return which rms of a state is far above its prediction or that of no control, or ""."""
+    """Return which rms are far above the linear prediction or those without control, or ""."""
     names = {"linear": "the linear prediction", "no_control": "that without control"}
     text = ""
     for reference, name in names.items():
@@ -122,8 +122,9 @@ def _far_text(far: Mapping[str, Mapping[str, float]]) -> str:
 
 
 def _far_above(plan: MonteCarlo, figures: Mapping[str, Any]) -> dict[str, dict[str, float]]:
-    """Return state -> "linear" or "no_control" -> ratio of its rms to that one, if above `_FAR`."""
+    """Return state -> "linear" or "no_control" -> its rms by that reference, if above `_FAR`."""
     references = {"linear": figures.get("linear_rms", {})}
+    # Flights that leave without control have no rms of their whole duration.
     if plan.scenario.moving_air and not figures["uncontrolled_left"]:
         references["no_control"] = figures["uncontrolled_rms"]
     far: dict[str, dict[str, float]] = {}

@@ -232,6 +232,7 @@ class Deployed:
         deployment = self.deployment
         of_gain = deployment.actor.of_gain
         state_units, input_units = of_gain.get("state_units", ()), of_gain.get("input_units", ())
+        # Only a state has a unit with which that of the gain is compared, and no formula has.
         for (name, entry), unit in zip(deployment.observation.items(), state_units, strict=False):
             signal = entry.get("formula", name)
             unit_of_model = self.model.unit(signal) if signal in self.model.states else ""
@@ -245,6 +246,7 @@ class Deployed:
                 )
         for (name, entry), unit in zip(deployment.action.items(), input_units, strict=False):
             factor = conversion_factor(unit, self.model.unit(name))
+            # a map may convert the unit
             if "map" not in entry and factor is not None and not math.isclose(factor, 1.0):
                 raise BadInputError(
                     f"K is a gain of an action in {unit}, but {name} is in {self.model.unit(name)};"

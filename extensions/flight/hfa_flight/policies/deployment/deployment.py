@@ -313,7 +313,8 @@ class Deployment(Reported):
         """Lowest and highest action, (m,) each, infinite without a box."""
         boxes = {name: entry.get("box") for name, entry in self.action.items()}
         action = self.actor.declared.action if "file" in self.policy else box_of(boxes)
-        assert action.low is not None  # of the policy's file, or else of the deployment
+        # boxes of the policy's file, or else of the deployment, where a missing one is infinite
+        assert action.low is not None
         assert action.high is not None
         return action.low, action.high
 

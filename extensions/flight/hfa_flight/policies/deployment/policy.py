@@ -173,5 +173,5 @@ def policy_about(deployed: Deployed, point: OperatingPoint, name: str) -> Deploy
     """
     text = deployed.command.serialize()
     identity = {"deployment": hashlib.sha256(text.encode()).hexdigest()}
-    held = np.zeros((1, len(point.model.inputs)))
+    held = np.zeros((1, len(point.model.inputs)))  # the sampler returns them in flight
     return DeployedPolicy(name, deployed, point, held=held, identity=identity)

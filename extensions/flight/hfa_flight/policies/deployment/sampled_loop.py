@@ -200,7 +200,7 @@ class EquilibriumSearch:
         _, by_states, by_inputs = self._command_and_slopes(X, U)
         A = plant.A[np.ix_(self.rows, self.rows)]
         B = plant.B[np.ix_(self.rows, self.columns)]
-        x, u = self.state_scales, self.input_scales
+        x, u = self.state_scales, self.input_scales  # nominal values
         deployed = self.deployed
         # Normalized observations, output of the network and action.
         stages = deployed.stages(deployed.observe(X, U, self.trim))
