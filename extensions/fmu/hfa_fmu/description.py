@@ -191,7 +191,7 @@ def _read(root: ElementTree.Element) -> Description:
         parameters=tuple(constants),
         outputs=tuple(real_outputs),
         names=names,
-        offered=tuple(_sentences(in_model, states, names, left_out, unlisted)),
+        offered=tuple(_notes_on_variables(in_model, states, names, left_out, unlisted)),
     )
 
 
@@ -245,17 +245,20 @@ def _refuse_states(rates: list[str], states: list[str], variables: Mapping[str, 
             )
 
 
-def _sentences(
+def _notes_on_variables(
     in_model: list[Variable],
     states: list[str],
     names: Mapping[str, str],
     left_out: list[Variable],
     unlisted: list[Variable],
 ) -> Iterator[str]:
-    """Yield sentences on the variables that the model has and does not have."""
-    # in_model: variables of the model, of which `states` are states
-    # names: name in the FMU -> name in the model
-    # left_out, unlisted: variables, and states of unlisted derivatives, that it does not have
+    """Yield notes on variables of the FMU that the model contains, changes or omits.
+
+    in_model: variables of the model, of which `states` are states
+    names: name in the FMU -> name in the model
+    left_out: variables that the model omits because of their type
+    unlisted: states that the model omits because <ModelStructure> omits their derivatives
+    """
     constants = [variable for variable in in_model if variable.is_constant]
     inputs = [
         variable for variable in in_model if variable.causality == "input" and variable.is_real
@@ -324,11 +327,11 @@ def _variable(
 
     element: its element
     typed: the element with its type and numbers, in FMI 3.0 `element` itself
-    declared: definition of the type that it names, with usual attributes, or None
+    declared: definition of the type that it names, with its default attributes, or None
     """
     enumerated = [] if declared is None else declared.findall(".//Item")
     if declared is not None and version == 2:
-        declared = next(iter(declared), None)
+        declared = next(iter(declared), None)  # <Real> in <SimpleType> has the attributes
     attributes = {**(declared.attrib if declared is not None else {}), **typed.attrib}
     kind = "an array" if typed.find("Dimension") is not None else typed.tag
     kind = "Float64" if kind == "Real" else kind
@@ -336,9 +339,7 @@ def _variable(
     if enumerated:
         values = [int(item.attrib["value"]) for item in enumerated]
         lowest, highest = min(values), max(values)
-    usual = {"min": lowest, "max": highest, "nominal": 0, "start": 0}
-    stated = attributes if kind in _RANGES else {}
-    low, high, nominal, start = (_number(stated.get(key) or usual[key]) for key in usual)
+    stated = attributes if kind in _RANGES else {}  # texts and arrays have other values
     return Variable(
         name=element.attrib["name"],
         reference=int(element.attrib["valueReference"]),
@@ -346,10 +347,10 @@ def _variable(
         causality=element.get("causality", "local"),
         variability=element.get("variability", "continuous"),
         unit=attributes.get("unit", ""),
-        nominal=abs(nominal),
-        low=low,
-        high=high,
-        start=start,
+        nominal=abs(_number(stated.get("nominal") or 0)),
+        low=_number(stated.get("min") or lowest),
+        high=_number(stated.get("max") or highest),
+        start=_number(stated.get("start") or 0),
     )
 
 

@@ -21,13 +21,13 @@ STEP = 2e-6
 _LATER = 7.381
 #: Largest change of a rate that is a function of its arguments, relative to the nominal value of
 #: its state.
-_STEADY = 1e-7
+_LARGEST_DIFFERENCE = 1e-7
 
 
 class Evaluator:
     """Values f = (rates, outputs) of an FMU and their derivatives at v = (x, u, p), as arrays.
 
-    of_dynamics: number of entries of x and u
+    count_of_x_and_u: number of entries of x and u
     gives_slopes: whether the FMU gives the derivatives with respect to x and u
     fault: why the last call failed, or ""
     """
@@ -49,15 +49,15 @@ class Evaluator:
         """
         self.events = events
         self.nominals = np.concatenate(nominals)
-        self.of_dynamics = len(nominals[0]) + len(nominals[1])
+        self.count_of_x_and_u = len(nominals[0]) + len(nominals[1])
         self.gives_slopes = False
         self.fault = ""
         # Bytes of v where the last call failed, and where the rates are known to be functions of v.
         self._fault_at = b""
-        self._steady_at = b""
+        self._checked_at = b""
         self._nan = np.full(count, np.nan).tobytes()
         self._states, self.count = len(nominals[0]), count
-        self._whole = self.of_dynamics + np.flatnonzero(whole)  # places in v
+        self._whole = self.count_of_x_and_u + np.flatnonzero(whole)  # places in v
         self.instance = instance
 
     def values(self, v: np.ndarray, time: float = 0.0) -> np.ndarray:
@@ -84,15 +84,15 @@ class Evaluator:
     def along(self, v: np.ndarray, direction: np.ndarray) -> np.ndarray:
         """Return the derivative of f along a direction, (m,).
 
-        It is that of the FMU if it gives one, and otherwise
+        The FMU gives it, if it can and d does not change the parameters. Otherwise it is
         (f(v + h d) - f(v - h d)) / (2 h), with |h d_i| <= STEP nominal_i.
 
         Raises FmuError if a call fails, if the rates depend on time, or at an event.
         """
         self._refuse_time_and_memory(v)
-        if self.gives_slopes and not direction[self.of_dynamics :].any():
+        if self.gives_slopes and not direction[self.count_of_x_and_u :].any():
             self.refuse_events(v, direction)
-            dynamics = direction[: self.of_dynamics].tolist()
+            dynamics = direction[: self.count_of_x_and_u].tolist()
             return np.array(self.instance.along(v.tobytes(), dynamics))
         below, above = self.sided(v, direction, STEP)
         return 0.5 * (below + above)
@@ -111,6 +111,7 @@ class Evaluator:
         sides = [
             (self.values(v + h * direction) - middle) / h for h in self._steps(direction, step)
         ]
+        # The direction d = 0 has no steps, and the derivative 0.
         return (sides[0], sides[1]) if sides else (0.0 * middle, 0.0 * middle)
 
     def refuse_events(self, v: np.ndarray, direction: np.ndarray, step: float = STEP) -> None:
@@ -127,7 +128,8 @@ class Evaluator:
             self._fail(error, v)
             result[:] = self._nan
         else:
-            if self.fault and self._fault_at != v:  # a failed derivative at v remains told
+            # The derivative at v may have failed although f exists: its fault is kept.
+            if self.fault and self._fault_at != v:
                 self.fault = ""
 
     def write_along(
@@ -163,7 +165,7 @@ class Evaluator:
 
     def _refuse_time_and_memory(self, v: np.ndarray) -> None:
         """Raise FmuError if the rates depend on time, or on states that were set before."""
-        if self._steady_at == v.tobytes():
+        if self._checked_at == v.tobytes():
             return
         now = self.values(v)
         if self._differ(self.values(v, _LATER), now):
@@ -175,12 +177,12 @@ class Evaluator:
                     "its rates depend on earlier states: an event has a memory, such as a "
                     "hysteresis"
                 )
-        self._steady_at = v.tobytes()
+        self._checked_at = v.tobytes()
 
     def _differ(self, values: np.ndarray, others: np.ndarray) -> bool:
-        """Return whether the rates in two values of f differ by more than `_STEADY`."""
+        """Return whether the rates in two values of f differ by more than `_LARGEST_DIFFERENCE`."""
         n = self._states  # number of rates, with which f begins
-        tolerance = _STEADY * np.maximum(np.abs(others[:n]), self.nominals[:n])
+        tolerance = _LARGEST_DIFFERENCE * np.maximum(np.abs(others[:n]), self.nominals[:n])
         return bool((np.abs(values - others)[:n] > tolerance).any())
 
 
@@ -230,15 +232,15 @@ class _Callback(ca.Callback):
         return self._forward
 
 
-#: CasADi refers to a callback without keeping it alive. The library remains loaded, too.
-_ALIVE: list[_Callback] = []
+#: Callbacks of the process: CasADi refers to a callback without keeping it alive.
+_ALIVE_CALLBACKS: list[_Callback] = []
 
 
 def casadi_function(evaluator: Evaluator) -> ca.Function:
     """Return the function v -> f."""
     n, count = len(evaluator.nominals), evaluator.count
-    # of the point, the values there, the direction, and the derivative along it
+    # Lengths of the arguments v, f(v) and direction, and of the result.
     along = _Callback("along", evaluator.write_along, [n, count, n, count])
     function = _Callback("fmu", evaluator.write_values, [n, count], along)
-    _ALIVE.append(function)
+    _ALIVE_CALLBACKS.append(function)
     return function

@@ -18,11 +18,11 @@ from typing import Any, NamedTuple
 
 #: Status of a call, from FMI. A call with status 0 or 1 (warning) has results.
 _STATUS = ("OK", "warning", "discard", "error", "fatal", "pending")
-_OK, _ERROR, _FATAL = 0, 3, 4
+_OK, _WARNING, _ERROR, _FATAL = 0, 1, 3, 4
 #: Largest number of iterations at an event.
 _MOST_ITERATIONS = 100
 #: Largest number of characters of a message of the FMU.
-_LONGEST = 120
+_LONGEST_MESSAGE = 120
 
 
 class FmuError(Exception):
@@ -108,10 +108,10 @@ class Instance:
         self._rates = self._f, c_size_t(n)
         self._inputs = self._reals(interface.inputs, self._v, n)
         self._outputs = self._reals(interface.outputs, self._f, n)
-        #: Bytes of the inputs in v, and of the parameters.
+        #: Places of the inputs and of the parameters in the bytes of v, 8 for each number.
         self._of_inputs, self._of_parameters = slice(8 * n, 8 * (n + m)), slice(8 * (n + m), None)
         #: Bytes of the inputs at the last event, and of the parameters of the instance.
-        self._stepped = self._begun_with = b""
+        self._inputs_at_event = self._parameters_of_instance = b""
         #: Whether each event indicator of the instance is positive, or [] before it is known.
         self._signs: list[bool] = []
         self._callbacks: list[Any] = self._made_callbacks()
@@ -183,12 +183,11 @@ class Instance:
 
         Raises FmuError if v is not finite or a call fails.
         """
-        # Other parameters require another instance, because most are set only while it is made, and
-        # so do other signs of the event indicators, because an instance may remember its events.
         self._v_bytes[:] = v
         if not isfinite(sum(self._v)):
             raise FmuError("an argument is not a finite number")
-        if self._v_bytes[self._of_parameters] != self._begun_with:
+        # Most parameters can be set only while an instance is made.
+        if self._v_bytes[self._of_parameters] != self._parameters_of_instance:
             self.renew()
         if self._component is None:
             try:
@@ -196,6 +195,7 @@ class Instance:
             except FmuError:
                 self.renew()
                 raise
+
         if time != self._time:
             self._call("SetTime", c_double(time))
             self._time = time
@@ -203,11 +203,13 @@ class Instance:
         inputs = bytes(self._v_bytes[self._of_inputs])
         if inputs and not self._interface.has_steps:
             self._call(self._set_reals, *self._inputs)
-        elif inputs != self._stepped:
+        elif inputs != self._inputs_at_event:
             self._call("EnterEventMode")
             self._call(self._set_reals, *self._inputs)
             self._leave_event()
-            self._stepped = inputs
+            self._inputs_at_event = inputs
+
+        # The FMU may remember an event, here a new sign of an indicator: a new instance does not.
         if self._interface.indicators:
             if not self._signs:
                 self._call("EnterEventMode")
@@ -244,8 +246,8 @@ class Instance:
         self._set_parameters()
         self._call("ExitInitializationMode")
         self._iterate_event()
-        self._time, self._stepped, self._signs = 0.0, b"", []
-        self._begun_with = bytes(self._v_bytes[self._of_parameters])
+        self._time, self._inputs_at_event, self._signs = 0.0, b"", []
+        self._parameters_of_instance = bytes(self._v_bytes[self._of_parameters])
 
     def _set_parameters(self) -> None:
         """Set the parameters that differ from their start values."""
@@ -269,7 +271,8 @@ class Instance:
         n = len(self._interface.states)
         found = (c_double * n)()
         self._call("GetContinuousStates", found, c_size_t(n))
-        # An FMU in other units than its library's returns states with an error of rounding.
+        # An FMU may return the states converted to other units and back. Such rounding errors are
+        # no change: the states must differ, and the FMU must also report a change.
         if changes_states and found[:] != self._v[:n]:
             raise FmuError("an event of the FMU changes its states")
 
@@ -311,15 +314,17 @@ class Instance:
         """Call a function of the FMU. Raises FmuError unless its status is OK or warning."""
         function = self._functions.get(name) or self._function(name, c_int)
         status = function(self._component, *arguments)
-        if status < 2:
+        if status <= _WARNING:
             return
         said = _STATUS[status] if status < len(_STATUS) else str(status)
-        if status >= _ERROR or name[:3] not in ("Get", "Set"):
+        # After a discarded Get or Set call, the state of the instance is still known.
+        if status >= _ERROR or not name.startswith(("Get", "Set")):
             self._end(status)
         raise FmuError(f"fmi{self._interface.version}{name} returns {said}{self._reason()}")
 
     def _end(self, status: int = _ERROR) -> None:
         """Give up the instance, which has no known state after an error or within an event."""
+        # After the status fatal, FMI permits no further call, not even one that frees memory.
         if status <= _ERROR:
             self._function("FreeInstance", None)(self._component)
         self._has_ended = status == _FATAL
@@ -342,16 +347,16 @@ class Instance:
     def _reason(self) -> str:
         """Return the last message of the FMU in brackets, or "", and forget it."""
         said, self._said = " ".join(self._said.split()), ""
-        return f" ({said[:_LONGEST]})" if said else ""
+        return f" ({said[:_LONGEST_MESSAGE]})" if said else ""
 
     def _made_callbacks(self) -> list[Any]:
-        """Return the argument of the constructor that has the callbacks, and what it refers to.
+        """Return the callbacks of the constructor, and further objects to which they refer.
 
-        The list keeps both alive: ctypes does not.
+        The caller keeps all of them alive, which ctypes does not.
         """
 
         def say(message: bytes | None) -> None:
-            """Keep a message, whose fields of printf, in FMI 2.0, are not filled in."""
+            """Keep a message as it is; FMI 2.0's fields for `printf` (%d) are not filled in."""
             self._said = (message or b"").decode(errors="replace")
 
         if self._interface.version == 3:
@@ -363,7 +368,7 @@ class Instance:
         addresses = [
             ctypes.cast(function, c_void_p) for function in (log, memory.calloc, memory.free)
         ]
-        return [_Allocation(*addresses, None, None), log]
+        return [_Allocation(*addresses), log]  # the other two pointers are NULL
 
 
 def _setter(version: int, kind: str) -> tuple[str, Any]:
@@ -377,9 +382,10 @@ def _setter(version: int, kind: str) -> tuple[str, Any]:
 
 
 def main() -> None:
-    """Evaluate an FMU at its start values."""
+    """Evaluate an FMU at its start values, to find whether its code ends the process or hangs."""
     interface, start = json.load(sys.stdin)
-    with suppress(FmuError, OSError):  # the caller meets them, too
+    # An error is no such fault: the calling process meets it again, and reports it.
+    with suppress(FmuError, OSError):
         Instance(Interface(*interface)).values(array("d", start).tobytes())
 
 

@@ -38,11 +38,11 @@ from hfa_support.errors import BadInputError, prefix_errors, shortened
 from hfa_support.files import regular_file, unpacked
 
 #: Largest relative difference between the derivatives of an FMU and differences of its rates.
-_DOUBTFUL = 1e-3
+_LARGEST_DISAGREEMENT = 1e-3
 #: Distance of a search's start from an event at the start values, in nominal values.
-_BESIDE = 1e-3
+_EVENT_DISTANCE = 1e-3
 #: Longest time of the first evaluation of a library, s.
-_LONGEST = 15.0
+_LONGEST_RUN = 15.0
 
 
 def read_model(text: str) -> Model:
@@ -128,11 +128,11 @@ def _run_once(interface: Interface, start: list[float]) -> None:
     task = json.dumps([interface, start]).encode()
     try:
         run = subprocess.run(
-            command, input=task, capture_output=True, timeout=_LONGEST, check=False
+            command, input=task, capture_output=True, timeout=_LONGEST_RUN, check=False
         )
     except subprocess.TimeoutExpired:
         raise BadInputError(
-            f"its library does not return within {_LONGEST:g} s; export it again"
+            f"its library does not return within {_LONGEST_RUN:g} s; export it again"
         ) from None
     if run.returncode:
         raise BadInputError(
@@ -162,8 +162,8 @@ def _model(
         for group in (states, inputs, parameters)
     ]
     whole = [parameter.is_whole for parameter in description.parameters]
-    values = len(states) + len(outputs)
-    evaluator = Evaluator(instance, nominals, values, description.indicators, whole)
+    count = len(states) + len(outputs)  # of the values that the FMU computes
+    evaluator = Evaluator(instance, nominals, count, description.indicators, whole)
     begun = _beside_events(evaluator, np.array(start), len(states))  # where searches begin
     about = _about(evaluator, description, begun)
     on_events = _note_on_events(description.indicators, begun.tolist() != start)
@@ -201,7 +201,7 @@ def _beside_events(evaluator: Evaluator, start: np.ndarray, n: int) -> np.ndarra
     n: number of states, which are moved
     """
     is_state = np.arange(start.size) < n
-    for move in (0.0, _BESIDE, -_BESIDE):
+    for move in (0.0, _EVENT_DISTANCE, -_EVENT_DISTANCE):
         begun = start + move * evaluator.nominals * is_state
         try:
             for unit in np.eye(n, start.size):  # along each state
@@ -218,7 +218,9 @@ def _note_on_events(indicators: tuple[str, ...], is_moved: bool) -> tuple[str, .
         return ()
     note = f"event indicators of the FMU: {len(indicators)}; its equations change where one is 0"
     if is_moved:
-        note += f", as at the start values: searches begin {_BESIDE:g} nominal values beside"
+        note += (
+            f", as at the start values: searches begin {_EVENT_DISTANCE:g} nominal values beside"
+        )
     return (note,)
 
 
@@ -243,23 +245,25 @@ def _about(evaluator: Evaluator, description: Description, start: np.ndarray) ->
     why_none = _why_no_derivatives(evaluator, description, start)
     evaluator.gives_slopes = not why_none
     try:
-        of_differences = f"about {_error_of_differences(evaluator, start):.1g}"
+        error_of_differences = f"about {_error_of_differences(evaluator, start):.1g}"
         if evaluator.gives_slopes:
             warnings = _warnings(evaluator, start)
     except FmuError as error:
-        of_differences = f"unknown, because {error},"
+        error_of_differences = f"unknown, because {error},"
     note = "A and B: exact, by the FMU"
     if not evaluator.gives_slopes:
         note = (
             f"A and B: central differences, steps {STEP:g} of the nominal values; error "
-            f"{of_differences} at the start values ({why_none})"
+            f"{error_of_differences} at the start values ({why_none})"
         )
+    # A variable may also be named as in the FMU, body.speed, or by the identifier of this name,
+    # body_speed, where the model calls it speed.
     names = description.names
-    written = {plain: names[name] for name, plain in identifiers(names).items()}
+    name_of_identifier = {plain: names[name] for name, plain in identifiers(names).items()}
     return About(
         notes=(note, *description.offered),
         warnings=warnings,
-        aliases={**written, **names},
+        aliases={**name_of_identifier, **names},
         equations="FMU",
         fault=lambda: evaluator.fault,
     )
@@ -270,7 +274,7 @@ def _why_no_derivatives(evaluator: Evaluator, description: Description, start: n
     if not description.has_directional:
         return "the FMU provides no derivatives"
     try:
-        evaluator.instance.along(start.tobytes(), np.ones(evaluator.of_dynamics))
+        evaluator.instance.along(start.tobytes(), np.ones(evaluator.count_of_x_and_u))
     except FmuError as error:
         return f"the FMU declares derivatives, but {error}"
     return ""
@@ -280,12 +284,13 @@ def _error_of_differences(evaluator: Evaluator, start: np.ndarray) -> float:
     """Return the error of the central differences, relative to the largest entry of a row."""
     below, above = _one_sided(evaluator, start, STEP)
     far_below, far_above = _one_sided(evaluator, start, 2.0 * STEP)
-    slopes, nominals = 0.5 * (below + above), evaluator.nominals[: evaluator.of_dynamics]
-    # The error of a step of h is c h^2: a third of the difference between those of h and 2 h.
-    smooth = (0.5 * (far_below + far_above) - slopes) / 3.0
-    # The gap between the sides doubles with the step; at a kink, it is the jump for any step.
-    kinked = (above - below) - 0.5 * (far_above - far_below)
-    return max(_largest_error(part, slopes, nominals) for part in (smooth, kinked))
+    slopes, nominals = 0.5 * (below + above), evaluator.nominals[: evaluator.count_of_x_and_u]
+    # Where f is smooth, the error is c h² for the step h. Steps of h and 2 h then differ by 3 c h².
+    smooth_error = (0.5 * (far_below + far_above) - slopes) / 3.0
+    # Where f is smooth, the difference between the slopes of both sides is proportional to h: 0
+    # remains. At a nonsmooth point, it is the jump of the slope for h and for 2 h: half remains.
+    half_jump = (above - below) - 0.5 * (far_above - far_below)
+    return max(_largest_error(part, slopes, nominals) for part in (smooth_error, half_jump))
 
 
 def _warnings(evaluator: Evaluator, start: np.ndarray) -> tuple[str, ...]:
@@ -293,16 +298,16 @@ def _warnings(evaluator: Evaluator, start: np.ndarray) -> tuple[str, ...]:
     below, above = _one_sided(evaluator, start, STEP)
     differences = 0.5 * (below + above)
     given = np.array([evaluator.along(start, unit) for unit in _unit_vectors(evaluator)]).T
-    nominals = evaluator.nominals[: evaluator.of_dynamics]
+    nominals = evaluator.nominals[: evaluator.count_of_x_and_u]
     apart = _largest_error(given - differences, differences, nominals)
-    if apart <= _DOUBTFUL:
+    if apart <= _LARGEST_DISAGREEMENT:
         return ()
     return (f"the derivatives of the FMU differ from differences of its rates by {apart:.1g}",)
 
 
 def _unit_vectors(evaluator: Evaluator) -> np.ndarray:
     """Return the unit vectors of the states and inputs, (n + m, n + m + parameters)."""
-    return np.eye(evaluator.of_dynamics, evaluator.nominals.size)
+    return np.eye(evaluator.count_of_x_and_u, evaluator.nominals.size)
 
 
 def _one_sided(
@@ -346,6 +351,8 @@ def _fault_of_flight(evaluator: Evaluator) -> Callable[[Any, Any, Any], str]:
 def _signal(variable: Variable) -> Signal:
     """Return the unit, nominal value, limits and start value of a variable of an FMU."""
     nominal = variable.nominal
-    if nominal in (0.0, 1.0):  # not stated
+    if nominal in (0.0, 1.0):  # not stated; exporting tools also write FMI's default, 1
         nominal = max(1.0, abs(variable.start))
-    return Signal(variable.unit or "1", nominal, variable.low, variable.high, variable.start)
+    return Signal(
+        variable.unit or "1", nominal, min=variable.low, max=variable.high, start=variable.start
+    )

@@ -314,7 +314,7 @@ FAILURES = {
 def test_a_failure_of_the_library_is_refused_in_one_line(fault, version, monkeypatch):
     """A failed call is refused in one line, and nothing is printed on standard output."""
     if fault == "stuck":  # only this call lasts until the limit of time
-        monkeypatch.setattr("hfa_fmu.read._LONGEST", 0.1)
+        monkeypatch.setattr("hfa_fmu.read._LONGEST_RUN", 0.1)
     words, said = FAILURES[fault]
     free = ["--free", "torque", "--free", "rate_dot"]
     given = free if "body_angle" in words else []

@@ -38,7 +38,7 @@ AVL = "avl"
 _LENGTH = "length"
 _CENTER = "center_of_gravity"
 #: Entries that the stability file gives.
-_OF_FILE = ("axes", "wing_area", "span", "chord", "alpha")
+_GIVEN_BY_FILE = ("axes", "wing_area", "span", "chord", "alpha")
 #: Total of each coefficient, about stability axes.
 _TOTALS = {"CL": "CLtot", "CD": "CDtot", "CY": "CYtot", "Cl": "Cl'tot", "Cm": "Cmtot",
            "Cn": "Cn'tot"}  # fmt: skip
@@ -133,10 +133,11 @@ class StabilityFile:
                 f"the drag of {self.path} is induced drag alone (CDvis 0); add CD_0 to the table,"
                 " or CDCL to the .avl file"
             )
-        of_file, of_flight = (
+        # Prandtl-Glauert factors sqrt(1 - M²), by which AVL corrects for compressibility.
+        factor_of_file, factor_of_flight = (
             math.sqrt(max(0.0, 1.0 - mach_number**2)) for mach_number in (self.value("Mach"), mach)
         )
-        if abs(of_file - of_flight) > _COMPRESSIBILITY:
+        if abs(factor_of_file - factor_of_flight) > _COMPRESSIBILITY:
             yield (
                 f"{self.path} is for Mach {self.value('Mach'):g}, and the flight condition has Mach"
                 f" {mach:.3g}"
@@ -285,8 +286,9 @@ def _labelled(line: str) -> Iterator[tuple[str, str]]:
     numbers, _, labels = line.partition("|")
     values = numbers.split()
     names = [name.strip() for name in labels.rpartition(":")[2].split(",")]
-    if names[0].endswith("d*"):
+    if names[0].endswith("d*"):  # CLd* names CLd1, CLd2, ..., one for each value
         names = [names[0][:-1] + str(k + 1) for k in range(len(values))]
+    # Lines of other content, with any number of words, have no known names.
     for name, value in zip(names, values, strict=False):
         if _KNOWN.fullmatch(name):
             yield name, value
@@ -305,14 +307,14 @@ def with_stability_file(
 
     Raises BadInputError for a missing or wrong entry.
     """
-    for name in _OF_FILE:
+    for name in _GIVEN_BY_FILE:
         if name in given:
             raise given[name].error(f"{name} is in {file.path} too; remove {name}")
     own = {_name_in_model(name, file): entry for name, entry in given.items()}
     length = _length(own, where)
     _refuse_other_center(own, file, where)
     fixed = _fixed_deflections(own, file, where)
-    for name in (_LENGTH, _CENTER, *fixed):  # no entries of a table
+    for name in (_LENGTH, _CENTER, *fixed):  # read above; a table without a stability file has none
         del own[name]
     entries = {
         "axes": Entry("stability", file.path),
@@ -322,10 +324,10 @@ def with_stability_file(
         "alpha": _stated(file, "Alpha", "deg"),
     }
     _refuse_missing_drag(own, file, where)
-    # Single derivatives of the table replace those of the file.
-    has_drag = INDUCED not in own and "CDa" in file.values
+    # With the entry INDUCED, C_D is C_D,0 + INDUCED C_L², and the slopes in the file are not used.
+    has_drag_slope = INDUCED not in own and "CDa" in file.values
     for coefficient in COEFFICIENTS:
-        if coefficient == "CD" and not has_drag:
+        if coefficient == "CD" and not has_drag_slope:
             induced = number(INDUCED, own[INDUCED], "1") if INDUCED in own else 0.0
             value = file.total("CD") - induced * file.total("CL") ** 2
             entries["CD_0"] = Entry(value, file.path)
@@ -381,7 +383,7 @@ def _length(own: Mapping[str, Entry], where: str) -> str:
 
 def _refuse_other_center(own: Mapping[str, Entry], file: StabilityFile, where: str) -> None:
     """Raise BadInputError unless the moments of a file are about the center of gravity."""
-    reference = [file.value(name) for name in _REFERENCE]
+    reference = file.reference_point
     shown_reference = f"[{', '.join(f'{value:g}' for value in reference)}]"
     if _CENTER not in own:
         raise BadInputError(

@@ -86,19 +86,9 @@ REQUIRED = (*GEOMETRY, "Ixx", "Iyy", "Izz", "speed", "CL_0", "CD_0", "CL_alpha",
 
 #: The coefficients of lift, drag, side force, rolling, pitching and yawing moment.
 COEFFICIENTS = ("CL", "CD", "CY", "Cl", "Cm", "Cn")
-#: Variables on which coefficients depend, in addition to control surfaces: suffix -> whether it is
-#: an angle.
-ARGUMENTS = {
-    "0": False,
-    "alpha": True,
-    "beta": True,
-    "p": False,
-    "q": False,
-    "r": False,
-    "alphadot": False,
-    "mach": False,
-    "u": False,
-}
+#: Suffixes of the variables on which coefficients depend, in addition to control surfaces.
+ARGUMENTS = ("0", "alpha", "beta", "p", "q", "r", "alphadot", "mach", "u")
+_ANGLES = ("alpha", "beta")
 #: Suffixes of the variables that are neither angles nor rates.
 _WITHOUT_ANGLE = ("0", "mach", "u", "CL2")
 #: Induced drag: C_D contains this value times C_L².
@@ -120,7 +110,7 @@ class Derivative:
 
     coefficient: str
     argument: str
-    is_by_angle: bool
+    is_by_angle: bool = False
 
     @property
     def name(self) -> str:
@@ -139,17 +129,17 @@ def derivative_of(name: str, surfaces: Iterable[str]) -> Derivative | None:
     surfaces: names of the control surfaces
     """
     if name == INDUCED:
-        return Derivative("CD", "CL2", False)
+        return Derivative("CD", "CL2")
     if name == THRUST_BY_SPEED:
-        return Derivative("CT", "u", False)
+        return Derivative("CT", "u")
     match = re.fullmatch(rf"({'|'.join(COEFFICIENTS)})_(\w+)", name)
     if match is None:
         return None
     coefficient, argument = match.groups()
     if argument in ARGUMENTS:
-        return Derivative(coefficient, argument, ARGUMENTS[argument])
+        return Derivative(coefficient, argument, is_by_angle=argument in _ANGLES)
     if argument in surfaces:
-        return Derivative(coefficient, argument, True)
+        return Derivative(coefficient, argument, is_by_angle=True)
     return None
 
 
@@ -176,9 +166,10 @@ _VARIABLES = {
     "wdot": ("alphadot", "{speed}/s"),
     "alphadot": ("alphadot", "rad/s"),
 }
-#: Longitudinal derivative of a coefficient -> coefficient at the reference condition and factor
-#: that a dimensional derivative contains.
-_STEADY = {
+#: Longitudinal derivative of a coefficient -> coefficient at the reference condition, and the
+#: factor with which it is added: X_u contains the change 2 C_D,0 u of q̄ C_D/q̄_0, for example, and
+#: X_alpha a component of the lift, which turns with alpha.
+_REFERENCE_TERMS = {
     "CD_u": ("CD_0", -2.0),
     "CL_u": ("CL_0", -2.0),
     "Cm_u": ("Cm_0", -2.0),
@@ -215,7 +206,8 @@ class DimensionalDerivative:
     def coefficient(self) -> Derivative:
         """The derivative of a coefficient that it determines."""
         argument, unit = _VARIABLES.get(self.variable, (self.variable, "rad"))
-        return Derivative(_LOADS[self.load][0], argument, unit == "rad")
+        coefficient, _ = _LOADS[self.load]
+        return Derivative(coefficient, argument, is_by_angle=unit == "rad")
 
     def unit(self, system: str, divided: str) -> str:
         """Return the unit of the derivative.
@@ -252,20 +244,20 @@ class DimensionalDerivative:
         argument = self.coefficient.argument
         speed = values["speed"]
         density = float(air_at(values.get("altitude", 0.0), system).density)
-        scale = 0.5 * density * speed**2 * values["wing_area"]
-        arm = values["chord"] if self.load == "M" else values["span"]
+        scale = 0.5 * density * speed**2 * values["wing_area"]  # q̄ S, or q̄ S b or c of a moment
         if self.load in _MOMENTS:
-            scale *= arm
+            scale *= values["chord"] if self.load == "M" else values["span"]
         if divided == BY_MASS:
             number *= _inertia(self.load, values, axes)
+        # The arguments of coefficients are dimensionless: u/V, w/V, v/V, p b/(2V), q c/(2V).
         if self.variable in ("u", "w", "v", "wdot"):
             number *= speed
         if argument in ("p", "r"):
             number *= 2.0 * speed / values["span"]
         if argument in ("q", "alphadot"):
             number *= 2.0 * speed / values["chord"]
-        name, factor = _STEADY.get(f"{coefficient}_{argument}", ("", 0.0))
-        return sign * number / scale + factor * steady.get(name, 0.0)
+        of_reference, factor = _REFERENCE_TERMS.get(f"{coefficient}_{argument}", ("", 0.0))
+        return sign * number / scale + factor * steady.get(of_reference, 0.0)
 
 
 def dimensional_of(name: str, surfaces: Iterable[str]) -> DimensionalDerivative | None:

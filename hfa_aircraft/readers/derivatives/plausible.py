@@ -14,17 +14,18 @@ from hfa_aircraft.rigid.atmosphere import air_at
 
 #: Entries without which an aircraft moves differently, though it is read.
 _NEEDED = ("Cm_q", "CY_beta", "Cl_beta", "Cl_p", "Cn_beta", "Cn_r")
+#: Control -> the entry that it needs.
 _NEEDED_OF = {"elevator": "Cm_elevator", "aileron": "Cl_aileron", "rudder": "Cn_rudder"}
 #: Controls whose signs are free in files of AVL.
 _FREE_SIGNS = ("aileron", "rudder")
 #: Largest usual angle of attack, rad.
-_STEEPEST = math.radians(60.0)
+_LARGEST_USUAL_ALPHA = math.radians(60.0)
 #: Largest usual lift coefficient without flaps, for tables without CL_max.
-_LARGEST_LIFT = 2.0
+_USUAL_CL_MAX = 2.0
 #: Ratio of lift and weight beyond which the mass is reported; pounds as slugs are a factor 32.
-_RATIO = 8.0
+_MOST_LIFT_PER_WEIGHT = 8.0
 #: Largest usual angle between the stated alpha and that of level flight without controls, rad.
-_OFF_ALPHA = math.radians(2.0)
+_ALPHA_ERROR = math.radians(2.0)
 
 
 def warnings_about(table: DerivativeTable, parameters: Mapping[str, float]) -> Iterator[str]:
@@ -45,8 +46,8 @@ def warnings_about(table: DerivativeTable, parameters: Mapping[str, float]) -> I
     needed = (*_NEEDED, *(_NEEDED_OF[name] for name in table.surfaces if name in _NEEDED_OF))
     if missing := [name for name in needed if not entries.get(name)]:
         yield f"{', '.join(missing)} missing or 0; no published aircraft has 0"
-    effects = tuple(name for name, value in entries.items() if value)
-    idle = [name for name in table.surfaces if not any(e.endswith(f"_{name}") for e in effects)]
+    not_zero = tuple(name for name, value in entries.items() if value)
+    idle = [name for name in table.surfaces if not any(e.endswith(f"_{name}") for e in not_zero)]
     if idle:
         yield f"no derivative of {', '.join(idle)} is given: no effect on the aircraft"
     yield from _of_weight(table, entries)
@@ -72,7 +73,7 @@ def _unusual(table: DerivativeTable, entries: Values) -> Iterator[str]:
 
 def _of_angles(table: DerivativeTable) -> Iterator[str]:
     """Yield a sentence for each angle that was probably typed in degrees, without a unit."""
-    angles = {"alpha": (abs(table.values.get("alpha", 0.0)), _STEEPEST)}
+    angles = {"alpha": (abs(table.values.get("alpha", 0.0)), _LARGEST_USUAL_ALPHA)}
     angles |= {
         name: (max(map(abs, limits)), math.pi)
         for name, limits in table.surfaces.items()
@@ -88,26 +89,27 @@ def _of_angles(table: DerivativeTable) -> Iterator[str]:
 
 def _of_weight(table: DerivativeTable, entries: Values) -> Iterator[str]:
     """Yield a sentence if lift, weight and alpha at the stated condition contradict each other."""
-    # The lift is far above the weight, the largest lift is below it, or level flight has another
-    # alpha.
     air = air_at(table.values.get("altitude", 0.0), table.system)
-    pressure = 0.5 * float(air.density) * entries["speed"] ** 2
-    weight_coefficient = entries["mass"] * entries["gravity"] / (pressure * entries["wing_area"])
+    dynamic_pressure = 0.5 * float(air.density) * entries["speed"] ** 2
+    weight = entries["mass"] * entries["gravity"]
+    weight_coefficient = weight / (dynamic_pressure * entries["wing_area"])
     lift = entries["CL_0"]
-    largest = table.values.get(LARGEST_LIFT) or max(lift, _LARGEST_LIFT)
-    if lift > _RATIO * weight_coefficient:
-        share, which = lift / weight_coefficient, "lift"
+    largest_lift = table.values.get(LARGEST_LIFT) or max(lift, _USUAL_CL_MAX)
+    if lift > _MOST_LIFT_PER_WEIGHT * weight_coefficient:
+        lift_ratio, which = lift / weight_coefficient, "lift"
     elif lift < 0.0:
         yield f"CL_0 is {lift:.3g}, below 0 in level flight; check its sign"
         return
-    elif largest < weight_coefficient:
-        share, which = largest / weight_coefficient, f"largest lift (CL {largest:.3g})"
+    elif largest_lift < weight_coefficient:
+        lift_ratio = largest_lift / weight_coefficient
+        which = f"largest lift (CL {largest_lift:.3g})"
     else:
         yield from _of_alpha(entries, weight_coefficient)
         return
     yield (
-        f"the {which} at {entries['speed']:.4g} {table.unit('speed')} carries {share:.2g} times "
-        "the weight; check the unit of the mass (1 slug = 32.17 lb), the speed and the altitude"
+        f"the {which} at {entries['speed']:.4g} {table.unit('speed')} carries {lift_ratio:.2g} "
+        "times the weight; check the unit of the mass (1 slug = 32.17 lb), the speed and the "
+        "altitude"
     )
 
 
@@ -116,10 +118,10 @@ def _of_alpha(entries: Values, weight_coefficient: float) -> Iterator[str]:
 
     weight_coefficient: lift coefficient that carries the weight at the stated speed and altitude
     """
-    # A table without alpha has no warning, nor one whose slope of the lift is reported.
+    # No warning without a stated alpha (nan), or for an unusual CL_alpha, which `_unusual` reports.
     stated, slope = entries["alpha"], entries["CL_alpha"]
     change = (weight_coefficient - entries["CL_0"]) / slope if slope else 0.0
-    if math.isfinite(stated) and abs(change) > _OFF_ALPHA and not unusual("CL_alpha", slope):
+    if math.isfinite(stated) and abs(change) > _ALPHA_ERROR and not unusual("CL_alpha", slope):
         yield (
             f"level flight at the condition of the derivatives is at alpha "
             f"{math.degrees(stated + change):.3g} deg, the table has {math.degrees(stated):.3g}"

@@ -34,7 +34,7 @@ def _ratio(text: str, entry: Values) -> float:
 
 def _radius(moment: str, entry: Values) -> float:
     """Return the radius of gyration of a moment of inertia, in spans, nan for a moment <= 0."""
-    # `inertia_warning` names moments that are not positive.
+    # No figure for a moment <= 0: `inertia_warning` reports it.
     return math.sqrt(max(entry[moment], 0.0) / entry["mass"]) / entry["span"] or math.nan
 
 

@@ -71,8 +71,8 @@ from hfa_support.units import conversion_factor
 
 #: Coefficients of the forces.
 _FORCES = ("CL", "CD", "CY")
-#: Largest deviation of alpha from the reference condition, and of beta from 0, rad.
-_WIDEST = 0.3
+#: Assumed limits: deviation of alpha from the reference condition, and of beta from 0, rad.
+_LARGEST_DEVIATION = 0.3
 #: Nominal value of alpha, beta and deflections, rad.
 _NOMINAL_ANGLE = 0.1
 #: Usual thrust in cruise as a share of the weight, which is that of a lift-to-drag ratio of 10.
@@ -135,19 +135,23 @@ def _model(table: DerivativeTable) -> Model:
     outputs = {"lift_coefficient": Signal(), "drag_coefficient": Signal()}
     if LARGEST_LIFT in table.values:
         outputs["largest_lift_coefficient"] = Signal()
+    # Signals have a unit, a nominal value, and a lower and an upper limit.
     surfaces = {
         name: Signal("rad", _NOMINAL_ANGLE, *limits) for name, limits in table.surfaces.items()
     }
     cruise_thrust = _CRUISE_THRUST * table.values["mass"] * GRAVITY[table.system]
     alpha = table.values.get("alpha", 0.0)
+    beta = Signal(
+        "rad", _NOMINAL_ANGLE, min=-_LARGEST_DEVIATION, max=_LARGEST_DEVIATION, assumed=True
+    )
     return rigid_aircraft(
         table.name,
         _Equations(table),
         system=table.system,
         speed=table.values["speed"],
         altitude=table.values.get("altitude", 0.0),
-        alpha=Signal("rad", _NOMINAL_ANGLE, alpha - _WIDEST, alpha + _WIDEST, alpha, assumed=True),
-        beta=Signal("rad", _NOMINAL_ANGLE, -_WIDEST, _WIDEST, assumed=True),
+        alpha=beta._replace(min=alpha + beta.min, max=alpha + beta.max, start=alpha),
+        beta=beta,
         inputs={
             THRUST_INPUT: Signal(
                 FORCE[table.system], cruise_thrust, *table.thrust, start=cruise_thrust
@@ -203,7 +207,8 @@ def _configuration(
     if table.center is not None:
         place, length = table.center
         x_of_point, *others = place
-        in_length = conversion_factor(table.unit("chord"), length) or 1.0  # the reader checks it
+        # `or` satisfies the type checker: the reader refuses a unit that is no length.
+        in_length = conversion_factor(table.unit("chord"), length) or 1.0
         for axis, value in zip("xyz", (x_of_point + shift * in_length, *others), strict=True):
             found[f"center_of_gravity_{axis}"] = value, length
     return found
@@ -222,16 +227,19 @@ def _can_hold_sideslip(table: DerivativeTable) -> bool:
 
 def _parameters(table: DerivativeTable) -> dict[str, Signal]:
     """Return name -> signal of the parameters: mass, inertias, gravity and derivatives."""
-    mass_unit = "slug" if table.system == "english" else "kg"
     mass = table.values["mass"]
-    signals = {"mass": Signal(mass_unit, mass, 0.0, start=mass)}
+    signals = {"mass": Signal(table.unit("mass"), nominal=mass, min=0.0, start=mass)}
     for name in ("Ixx", "Iyy", "Izz", "Ixz"):
         value = table.values.get(name, 0.0)
-        signals[name] = Signal(table.unit(name), abs(value) or table.values["Ixx"], start=value)
+        nominal = abs(value) or table.values["Ixx"]  # Ixz may be 0
+        signals[name] = Signal(table.unit(name), nominal, start=value)
     gravity = GRAVITY[table.system]
-    signals["gravity"] = Signal(f"{LENGTH[table.system]}/s^2", gravity, 0.0, start=gravity)
+    signals["gravity"] = Signal(
+        f"{LENGTH[table.system]}/s^2", nominal=gravity, min=0.0, start=gravity
+    )
     if CENTER in table.values:
-        signals[CENTER] = Signal(table.unit(CENTER), 0.1, *CENTERS, table.values[CENTER])
+        # CENTERS are the lower and the upper limit.
+        signals[CENTER] = Signal(table.unit(CENTER), 0.1, *CENTERS, start=table.values[CENTER])
     for name, value in table.derivatives.items():
         signals[name] = Signal(nominal=abs(value) or 1.0, start=value)
     return signals
@@ -286,16 +294,19 @@ class _Equations:
         force_of_alphadot = self._in_body_axes(x, motion, of_alphadot)
         specific_force += force_of_alphadot / p.mass
 
-        # Forces at the point of the derivatives, those of q and alphadot included unless a tail
-        # causes them; the steady one, of the moment in reports, is without that of alphadot.
+        # Aerodynamic force that acts at the point of the derivatives, and the same force without
+        # that of alphadot, for the pitching moment in reports. With a tail arm, the forces of q and
+        # alphadot act at the tail instead: the powers of `tail` contain their moments.
         steady_force = air_force
-        force = air_force + force_of_alphadot
+        force_at_point = air_force + force_of_alphadot
         if TAIL_ARM in values:
             without_tail = self._force_coefficients(p, variables | {"q": 0.0})
-            steady_force = force = self._in_body_axes(x, motion, without_tail)
+            steady_force = force_at_point = self._in_body_axes(x, motion, without_tail)
+
+        # Moment about the center of gravity, which is `shift` behind this point.
         moment = self._moment_at_point(p, motion, of_moments | {"alphadot": tail * alphadot})
         moment -= ca.vertcat(0.0, values.get("thrust_height", 0.0) * thrust_force[0], 0.0)
-        _, side_force, down_force = ca.vertsplit(force + thrust_force)
+        _, side_force, down_force = ca.vertsplit(force_at_point + thrust_force)
         moment += shift * ca.vertcat(0.0, -down_force, side_force)
         inertia = inertia_matrix((p.Ixx, p.Iyy, p.Izz), (0.0, p.Ixz, 0.0))
         rates, outputs = motion.rates_and_outputs(specific_force, moment, inertia)
@@ -334,8 +345,11 @@ class _Equations:
     def _center_shift(self, p: Any) -> tuple[Any, Any]:
         """Return the shift Δ of the center of gravity, and the ratio of tail arms 1 - Δ/l."""
         values = self._table.values
-        shift = (p.cg - values[CENTER]) * values["chord"] if CENTER in values else 0.0
-        return shift, 1.0 - shift / values[TAIL_ARM] if TAIL_ARM in values else 1.0
+        if CENTER not in values:
+            return 0.0, 1.0
+        shift = (p.cg - values[CENTER]) * values["chord"]
+        ratio_of_arms = 1.0 - shift / values[TAIL_ARM] if TAIL_ARM in values else 1.0
+        return shift, ratio_of_arms
 
     def _force_coefficients(self, p: Any, variables: Mapping[str, Any]) -> _ForceCoefficients:
         """Return the coefficients of the forces, with induced drag."""
@@ -344,17 +358,19 @@ class _Equations:
 
     def _thrust(self, x: Any, u: Any, p: Any, motion: Motion) -> Any:
         """Return the thrust; the input T is the thrust at the reference condition."""
-        # With the speed ratio u: T u^(V_0 dT/dV / (q̄_0 S C_T,0)), or T (q̄/q̄_0) u^(C_T,u/C_T,0), as
-        # the head of this file derives them.
+        # In level flight, the thrust coefficient is that of the drag. A power of the speed ratio
+        # u = V/V_0 has the given slope at u = 1, and does not change the sign of the thrust:
+        # T u^(V_0 dT/dV / (q̄_0 S C_T,0)) with dT/dV, T (q̄/q̄_0) u^(C_T,u/C_T,0) with C_T,u.
         values = self._table.values
-        level = p.CD_0 + getattr(p, INDUCED, 0.0) * p.CL_0**2  # C_T,0
-        ratio = x.speed / values["speed"]
+        level_coefficient = p.CD_0 + getattr(p, INDUCED, 0.0) * p.CL_0**2  # C_T,0
+        speed_ratio = x.speed / values["speed"]
         if "thrust_slope" in values:
-            force = self._reference_pressure * values["wing_area"] * level
-            return u.thrust * ratio ** (values["speed"] * values["thrust_slope"] / force)
+            level_thrust = self._reference_pressure * values["wing_area"] * level_coefficient
+            exponent = values["speed"] * values["thrust_slope"] / level_thrust
+            return u.thrust * speed_ratio**exponent
         if THRUST_BY_SPEED in self._table.derivatives:
-            change = getattr(p, THRUST_BY_SPEED) / level
-            return u.thrust * motion.pressure / self._reference_pressure * ratio**change
+            exponent = getattr(p, THRUST_BY_SPEED) / level_coefficient
+            return u.thrust * motion.pressure / self._reference_pressure * speed_ratio**exponent
         return u.thrust
 
     def _variables(self, x: Any, u: Any, motion: Motion, shift: Any) -> dict[str, Any]:
@@ -391,10 +407,13 @@ class _Equations:
 
     def _alpha_rate(self, x: Any, p: Any, motion: Motion, specific_force: Any) -> Any:
         """Return the rate of alpha, rad/s, including the effect of the lift C_L,alphadot."""
-        # α' = rate - slope α', because the lift of α' reduces α' itself.
+        # The lift of α', q̄ S C_L,alphadot c α'/(2V), divided by m V cos β, reduces α' itself:
+        # α' = rate - slope α'.
         # specific_force: force without that of alphadot, divided by mass, in body axes, (3,)
         values = self._table.values
         _, rate, _ = flow_rates(motion.velocity, motion.acceleration(specific_force))
-        lag = motion.pressure * values["wing_area"] * values["chord"] / (2.0 * x.speed * p.mass)
-        slope = getattr(p, "CL_alphadot", 0.0) * lag / (x.speed * ca.cos(x.beta))
+        per_mass = (
+            motion.pressure * values["wing_area"] * values["chord"] / (2.0 * x.speed * p.mass)
+        )
+        slope = getattr(p, "CL_alphadot", 0.0) * per_mass / (x.speed * ca.cos(x.beta))
         return rate / (1.0 + slope)

@@ -44,7 +44,7 @@ from hfa_aircraft.readers.derivatives.names import (
     dimensional_of,
     number,
 )
-from hfa_aircraft.rigid.aircraft import GRAVITY
+from hfa_aircraft.rigid.aircraft import FORCE, GRAVITY
 from hfa_aircraft.rigid.atmosphere import ALTITUDES, air_at
 from hfa_support.errors import BadInputError, advice, file_faults, shown
 from hfa_support.files import read_toml, regular_file, resolved
@@ -153,18 +153,21 @@ def _completed_table(
     """Return the checked table of entries, completed by a stability file if there is one."""
     if file is None:
         return _checked_table(entries, source, name)
-    length = entries["length"].value if "length" in entries else ""
     completed = with_stability_file(entries, file, source.text or _DICTIONARY)
     table = _checked_table(completed, source, name)
     sound = float(air_at(table.values.get("altitude", 0.0), table.system).sound)
-    notes = tuple(file.notes("CD_0" in entries, table.values["speed"] / sound))
+    notes = file.notes(has_drag="CD_0" in entries, mach=table.values["speed"] / sound)
     if TAIL_ARM in entries:
         raise entries[TAIL_ARM].error(
             f"{TAIL_ARM} is not required: derivatives of AVL are moved exactly; remove {TAIL_ARM}"
         )
-    center = (file.reference_point, length)
-    warnings = tuple(file.warnings())
-    return replace(table, notes=notes, center=center, mach=file.value("Mach"), warnings=warnings)
+    return replace(
+        table,
+        notes=tuple(notes),
+        center=(file.reference_point, entries["length"].value),
+        mach=file.value("Mach"),
+        warnings=tuple(file.warnings()),
+    )
 
 
 def table_of(values: Mapping[str, Any]) -> DerivativeTable:
@@ -222,8 +225,9 @@ def _checked_table(entries: dict[str, Entry], source: Source, name: str) -> Deri
     """Return the table of the entries after checks of names, units, limits and required entries."""
     # Pairs of numbers are the limits of control surfaces, and of the thrust.
     pairs = {key: entry for key, entry in entries.items() if isinstance(entry.value, list | tuple)}
-    words_that_are_surfaces = {*pairs} & {*WORDS}  # flap = ["0 deg", "30 deg"]
-    texts = {key: "" if key in words_that_are_surfaces else _text(key, entries) for key in _TEXTS}
+    # A flap with limits is a control surface, and not the text entry `flap` about its setting.
+    no_texts = {*pairs} & {*WORDS}
+    texts = {key: "" if key in no_texts else _text(key, entries) for key in _TEXTS}
     system = texts["units"] or "si"
     axes = texts["axes"] or "body"
     limits = {key: _limits(key, entry, system) for key, entry in pairs.items()}
@@ -231,7 +235,7 @@ def _checked_table(entries: dict[str, Entry], source: Source, name: str) -> Deri
     numbers = {key: entry for key, entry in entries.items() if key not in {*pairs, *_TEXTS}}
     by_kind = _numbers_of(numbers, limits, texts, system)
     values, derivatives = by_kind.values, by_kind.derivatives
-    determined = {  # derivative of a coefficient -> dimensional one that states it
+    determined = {  # derivative of a coefficient -> dimensional derivative that states it
         derivative.coefficient.name: derivative.name for derivative in by_kind.dimensional
     }
     _refuse_missing(values, {*derivatives, *determined}, source.text or _DICTIONARY)
@@ -239,6 +243,7 @@ def _checked_table(entries: dict[str, Entry], source: Source, name: str) -> Deri
     if "mass" not in values:
         values["mass"] = values["weight"] / GRAVITY[system]
     _refuse_two_forms(entries, determined)
+    # Dimensional derivatives require the mass and the sizes, which are checked above.
     _add_dimensional(by_kind, entries, texts["dimensional"], axes, system)
     for slope in (THRUST_BY_SPEED, "thrust_slope"):
         if slope in values or slope in derivatives:
@@ -260,7 +265,7 @@ def _checked_table(entries: dict[str, Entry], source: Source, name: str) -> Deri
 
 
 def _checked_names(text: str, entries: Mapping[str, Entry]) -> tuple[str, ...]:
-    """Return the names of entries in a text. Raises BadInputError for a name of none."""
+    """Return the names of entries in a text. Raises BadInputError for an unknown one."""
     names = tuple(text.replace(",", " ").split())
     for name in names:
         if name not in entries:
@@ -339,7 +344,9 @@ def _add_dimensional(
 def _refuse_no_drag(
     name: str, entries: Mapping[str, Entry], derivatives: Mapping[str, float]
 ) -> None:
-    """Raise BadInputError if no thrust of level flight has the given change with the speed."""
+    """Raise BadInputError if the drag at the reference condition is not positive."""
+    # An entry for the change of the thrust with the speed is relative to the thrust of level
+    # flight, which balances this drag.
     drag = derivatives["CD_0"] + derivatives.get(INDUCED, 0.0) * derivatives["CL_0"] ** 2
     if drag <= 0.0:
         raise entries[name].error(
@@ -349,7 +356,7 @@ def _refuse_no_drag(
 
 
 def _notes(values: Mapping[str, float], derivatives: Mapping[str, float]) -> Iterator[str]:
-    """Yield what holds of other centers of gravity, if the table states its own."""
+    """Yield a note if derivatives of the tail stay unchanged when the center of gravity moves."""
     by_tail = [name for name in ("Cm_q", "Cm_alphadot") if derivatives.get(name)]
     if CENTER in values and TAIL_ARM not in values and by_tail:
         yield (
@@ -388,9 +395,7 @@ def _text(name: str, entries: Mapping[str, Entry]) -> str:
 
 def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
     """Return the lowest and highest value of an input: rad of a surface, lbf or N of the thrust."""
-    unit = "rad"
-    if name == THRUST_INPUT:
-        unit = "lbf" if system == "english" else "N"
+    unit = FORCE[system] if name == THRUST_INPUT else "rad"
     if not name.isidentifier() or name in UNITS or len(entry.value) != 2:
         raise entry.error(
             f"{shown(name)} is {shown(entry.value)}; give a single value, or the lower and upper"
@@ -424,9 +429,8 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
         if meant not in known:
             advised = "give lift and drag, in stability axes CL = -CZ and CD = -CX"
         return entry.error(f"{name} is flow5's name of {meant}; {advised}")
-    alike = [
-        candidate for candidate in known if candidate[:2] == name[:2]
-    ]  # CL is lift, Cl is roll
+    # Names of the same coefficient come first: CL_p is better advice for CL_bet than Cl_beta.
+    alike = [candidate for candidate in known if candidate[:2] == name[:2]]
     if near := advice(name, alike) or advice(name, known):
         return entry.error(f"unknown entry {shown(name)}{near}")
     coefficient, _, argument = name.partition("_")
