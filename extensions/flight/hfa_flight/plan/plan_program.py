@@ -124,13 +124,10 @@ class PlanProgram:
             "nu": [m + slacks] * count + [0],
             "ng": [2 * limits] * count + [0],
         }
-        options: dict[str, Any] = {
-            **stages,
-            "inf": _NO_BOUND,
-            "hpipm": _OPTIONS,
-            "error_on_fail": False,
-        }
-        solve = ca.conic("plan", "hpipm", {"h": of_H, "a": of_A}, {**options, "print_time": False})
+        options = {**stages, "inf": _NO_BOUND, "error_on_fail": False, "print_time": False}
+        options["hpipm"] = _OPTIONS
+        solve = ca.conic("plan", "hpipm", {"h": of_H, "a": of_A}, options)
+        # Arguments of the compiled function: the nonzero entries of H and A, and the vectors.
         given = {
             name: ca.MX.sym(name, solve.sparsity_in(name).nnz())
             for name in ("h", "a", "g", "lba", "uba", "lbx", "ubx")

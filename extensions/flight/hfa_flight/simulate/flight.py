@@ -543,7 +543,8 @@ class Flight(StatesAndInputs, Result, Reported):
         parts.append(Picture("flight.png", "States and inputs over time", self.figure))
         largest = max(np.abs(flown.states).max(), np.abs(flown.inputs).max())
         notes = [UNDISTURBED] if largest <= _STILL else []
-        return Report(self.title(), parts, notes, Entries(self), self._record_table())
+        records = self._record_table()
+        return Report(self.title(), parts, notes, data=Entries(self), records=records)
 
     def _state_table(self, with_angle_of_attack: bool) -> Table:
         """Return a table of the states, one row each; in moving air, one of the angle of attack."""

@@ -276,8 +276,8 @@ class CompiledSamples:
     ) -> tuple[History, np.ndarray]:
         """Return the result of `simulate_batch` for flights of at most `ticks` samples.
 
-        `over` decides after each window of `WINDOW` s. The other arguments are those of
-        `SampledRows`.
+        `over` decides after each window of `WINDOW` s which flights end. Without `keep`, the
+        history has only the final states. The other arguments are those of `SampledRows`.
         """
         loop = SampledRows(self, states, trims, pushes, pulse)
         window = self.flight.samples_in_window
