@@ -152,7 +152,7 @@ class Identified(Result, Reported):
     @property
     def far(self) -> tuple[str, ...]:
         """Parameters whose estimate has another sign than the start of the search, or differs from
-        it by a factor of more than 8.
+        it by a factor of at least 8.
         """
         return tuple(
             name

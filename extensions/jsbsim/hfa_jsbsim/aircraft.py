@@ -429,7 +429,8 @@ class Equations:
             if parameter and parameter not in ("mixture", "advance"):
                 self.starts[parameter] = value
             if not (parameter or is_command):
-                writer = Writer(lambda: value, element.where, 0, is_of_file=True)
+                # Order 0: after JSBSim's own values, before all components.
+                writer = Writer(lambda: value, element.where, order=0, is_of_file=True)
                 self.properties.add_writer(element.text, writer)
         elif not rights and (overrides or not self.properties.is_known(element.text)):
             self.properties.define_initial(element.text, value)
@@ -517,7 +518,7 @@ class Equations:
 
     def _add_filters(self) -> None:
         """Add the filter states of the control system with their time derivatives."""
-        # Computing a derivative may append further states.
+        # Computing a derivative may append further states, which the loop then reaches.
         for state in self.properties.filters:
             name = state.symbol.name()
             if state.writer is None:

@@ -303,8 +303,8 @@ def mass_in_file(element: Element, tanks: Sequence[Tank], points: Sequence[Point
 
 def _inertia(element: Element) -> np.ndarray:
     """Return the inertia matrix given by ixx ... iyz, slug ft², (3, 3)."""
-    # The elements xy and yz are -ixy and -iyz, and xz is ixz. If negated_crossproduct_inertia is
-    # "false", these three elements have the opposite signs.
+    # In JSBSim's convention, the elements xy and yz are -ixy and -iyz, and xz is ixz. If
+    # negated_crossproduct_inertia is "false", these three elements have the opposite signs.
     names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
     xx, yy, zz, xy, xz, yz = (element.value_of(name, 0.0, "SLUG*FT2") for name in names)
     sign = -1.0 if element.attributes.get("negated_crossproduct_inertia") != "false" else 1.0

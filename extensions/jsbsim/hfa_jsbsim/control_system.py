@@ -494,7 +494,7 @@ def _integral(
         rate = ca.if_else(ca.fabs(trigger) < 1e-6, gain * value, 0.0)
         properties.set_rate(state, lambda: rate)
         return state
-    # A command that the pilot holds would move the integral without end.
+    # A command that the pilot holds moves the integral without end, unless controls are centered.
     if ca.depends_on(value, commands) and not properties.reads_loops_as_zero:
         raise LoopError(component.where, "the integrator has no steady-state value")
     properties.leave_out(component, "its integral is 0")

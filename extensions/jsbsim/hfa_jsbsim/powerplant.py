@@ -40,6 +40,7 @@ _STANDARD_PRESSURE = 101320.73
 _GAS_CONSTANT = 287.3
 #: Least mean speed of the pistons, ft/s, which avoids a division by 0.
 _SLOWEST = 1e-4
+#: Fuel-air ratios, and the fractions of the power that are available at them.
 _MIXTURE = (
     np.array(
         [
@@ -282,7 +283,7 @@ def _gears(engine: Element) -> list[_Gear]:
         multiplier = rated_pressure / (_standard_pressure(altitude) * _PSF_TO_PA)
         rated_speed = engine.value_of(f"ratedrpm{number}", 2500.0)
         switch = 0.0
-        if number < count:  # the next gear is used from 1000 ft above the rated altitude on
+        if number < count:  # 1000 ft above the rated altitude
             switch = _standard_pressure(altitude + 1000.0 if altitude > 0.0 else 0.0) * _PSF_TO_PA
         gears.append(_Gear(multiplier, rated_speed, rated_pressure, switch))
         last_altitude = altitude
@@ -323,6 +324,8 @@ def propeller_effect(mounted: MountedEngine, power: Any) -> Effect:
     diameter = max(prop.value_of("diameter", 0.001, "FT"), 0.001)
     axes, location = orientation(mounted), thruster_location(mounted)
     flow = _flow(mounted, axes, location, diameter)
+
+    # Thrust and absorbed power.
     blade, blade_rates = _blade(mounted)
     thrust_coefficient = _coefficient(mounted, "C_THRUST", flow, blade)
     power_coefficient = _coefficient(mounted, "C_POWER", flow, blade)
@@ -330,6 +333,8 @@ def propeller_effect(mounted: MountedEngine, power: Any) -> Effect:
     thrust = thrust_coefficient * turns**2 * diameter**4 * density
     absorbed = power_coefficient * turns**3 * diameter**5 * density
     induced = _induced_velocity(flow.velocity[0], thrust, density, diameter)
+
+    # Moments: gyroscopic, and the reaction to the torque of the engine.
     inertia = max(prop.value_of("ixx", 1e-6, "SLUG*FT2"), 1e-6)
     omega = ca.fmax(2.0 * math.pi * turns, 0.01)
     sense = 1.0 if mounted.thruster_mount.value_of("sense", 1.0) >= 0.0 else -1.0
@@ -340,6 +345,8 @@ def propeller_effect(mounted: MountedEngine, power: Any) -> Effect:
     own_moment = gyroscopic - axes[:, 0] * sense * power / omega
     acting = _acting_location(mounted, location, flow.velocity, induced, sense)
     force, moment = thrust_force_and_moment(mounted, thrust, acting, own_moment)
+
+    # Acceleration, rpm/s.
     speed_rate = (power - absorbed) / omega / inertia * 30.0 / math.pi
     rpm = mounted.propeller_rpm
     # The propeller does not turn backwards: at rest, a braking torque has no effect.

@@ -236,12 +236,10 @@ class _Declaration:
         def is_moved(values: list[float]) -> bool:
             """Return whether a rate differs between idle and full throttle, for parameters p."""
             idle, full = (
-                self._in_still_air(x, [end * (name in throttles) for name in self.inputs], values)[
-                    0
-                ]
+                self._in_still_air(x, [end * (name in throttles) for name in self.inputs], values)
                 for end in (0.0, 1.0)
             )
-            return not ca.is_equal(idle, full)
+            return not ca.is_equal(idle[0], full[0])  # [0]: the rates
 
         if not throttles or is_moved(p):
             return ""
@@ -303,9 +301,11 @@ class _Declaration:
             names[f"propulsion/tank[{number}]/contents-lbs"] = f"tank{number}"
         for number in range(len(self.parts.points)):
             names[f"inertia/pointmass-weight-lbs[{number}]"] = f"pointmass{number}"
-        without_zero = {name.replace("[0]", ""): short for name, short in names.items()}
+        # JSBSim also accepts tank for tank[0].
+        without_zero = {full_name.replace("[0]", ""): name for full_name, name in names.items()}
         known = {*self.parameters, *self.inputs}
-        return {name: short for name, short in (names | without_zero).items() if short in known}
+        both = names | without_zero
+        return {full_name: name for full_name, name in both.items() if name in known}
 
     def _states(self) -> dict[str, Signal]:
         """Return the signals of the states, by name."""

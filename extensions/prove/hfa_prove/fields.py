@@ -226,7 +226,7 @@ class Stored:
         Raises Malformed for the first wrong entry. Raises BadInputError if the statement concerns
         another aircraft than the user's.
         """
-        known = SimpleNamespace(**vars(known))
+        known = SimpleNamespace(**vars(known))  # a copy: entries of this object stay inside it
         values = {}
         for attribute in fields(cls):  # type: ignore[arg-type]  # a dataclass
             declared: Entry = attribute.metadata["entry"]

@@ -249,6 +249,8 @@ def prove_schedule(
     family.check(low, high)
     flight = family.flight(low, high)
     _refuse_uncovered(gains, low, high)
+
+    # Samples of the closed loop, for which the proof object of any statement serves.
     n = len(flight.model.linear)
     without_P = ScheduleWitness(_MOST_PIECES, np.zeros(0), np.zeros((0, n, n)))
     samples = _samples(ScheduleProof(ScheduleStatement(flight, gains, 0.0), without_P))
@@ -260,6 +262,7 @@ def prove_schedule(
             f"{flight.model.schedule} {slowest.s:.6g} {flight.model.schedule_unit}, so the loop is "
             "not stable"
         )
+
     stated_decay = _STATED_SHARE * slowest_decay if decay_rate is None else decay_rate
     statement = ScheduleStatement(flight, gains, stated_decay)
     if scheduled_rate is None:
