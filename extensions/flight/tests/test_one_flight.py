@@ -75,10 +75,12 @@ def answer(capsys, *words):
 @pytest.mark.slow
 @pytest.mark.parametrize(("sign", "is_back"), [(1.0, True), (-1.0, False)])
 def test_four_commands_fly_the_same_flight(model, gain, tmp_path, capsys, sign, is_back):
-    """`optimize`, `assess`, `fly` and the environment agree on cost, end and departure.
+    """`optimize`, `assess`, `fly` and the environment agree on cost, end and departure of a flight.
 
-    Costs to 1e-6 with the cost-to-go at the end, of the environment to second order in its sample
-    time. With the opposite gain the flight leaves its limits.
+    `optimize` and `assess` add the cost-to-go at the end, and agree with `fly` to 1e-6. The rewards of
+    the environment are the cost at the samples: it is converted, and agrees to 0.2 %.
+
+    sign: -1 for the opposite gain, with which the flight leaves its limits (is_back: False)
     """
     policy = deployment_of(sign * gain, tmp_path)
     at = ("--at", 45)

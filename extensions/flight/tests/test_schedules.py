@@ -121,8 +121,9 @@ def test_wrong_gain_files_are_refused(tmp_path, content, said):
 
 
 def test_breakpoints_of_an_unknown_unit_are_refused(tmp_path):
-    """The level of this tank is not a linear state, so `state_units` does not give its unit. A table
-    whose gains are in another unit than the model, m/s for ft/s, is refused.
+    """The level, on which this tank is scheduled, is not a linear state, so that `state_units` of a file
+    gives the unit of the rate alone. In the model's unit, ft/s, the levels are taken to be in its units
+    too. In another one, m/s, their unit is not known, and the file is refused.
     """
     model = Model("tank", TANK.states, TANK.inputs, tank, linear=("rate",),
                   trim={"level": 0.5}, schedule="level")  # fmt: skip

@@ -373,9 +373,9 @@ ZIPS = ROOT / "tests" / "controller" / "critic" / "network" / "zips"
 
 
 @pytest.mark.parametrize("name", ["ppo", "ppo_squash", "sac", "sac_sde", "td3", "ars", "a2c"])
-def test_a_deployment_has_the_actions_that_verify_judges(name):
-    """A deployment of a zip has the actions of `read_critic` bit by bit, with the squash, clip and box
-    of the file. Another box or squash in the deployment is refused.
+def test_a_deployment_of_a_zip_has_the_actions_of_its_critic(name):
+    """A deployment of a zip has the actions of `read_critic` bit by bit, with the tanh (squash), clip and
+    box of the file. Another box or squash in the deployment is refused.
     """
     file = ZIPS / f"{name}.zip"
     tables = {"observation": {name: {} for name in ("speed", "alpha", "pitch")}}
@@ -453,9 +453,9 @@ def test_a_normalizer_that_saw_more_observations_than_the_training_is_noted(fold
     assert noted in " ".join(hfa.verify(game, critic, flights=0).report().text().split())
 
 
-def test_an_assessment_finds_another_normalizer_and_a_missing_one():
-    """A missing normalizer and one of another training are one finding each. Only with the right one
-    the loop has the spectral radius of the stored deployment.
+def test_an_assessment_warns_of_a_missing_normalizer_and_of_one_of_another_training():
+    """A missing normalizer and one of another training give one warning each. Only with that of its own
+    training the loop has the spectral radius of the stored deployment.
     """
     stored = stored_deployment("ppo_gtm")
     radius = assess(model_of(GTM), stored, [45.0], samples=0).points[0].radius

@@ -118,7 +118,8 @@ def test_at_a_nonsmooth_point_the_loop_is_that_of_linearize():
 def test_a_saturated_equilibrium_fails_and_its_actions_are_named():
     """An equilibrium at the end of an action's box or at a limit of an input does not pass.
 
-    The elevator moves by at most .25 from .05, within -.2 to .3; the throttle has no box.
+    The actions are constant. -0.9 is beyond the elevator's box, whose end -0.8 moves the elevator from
+    .05 to its limit -.2. The throttle has no box: 0.6 moves it from .5 beyond its limit 1.
     """
     action = {"elevator": {"box": [-0.8, 0.8], "map": "trim + 0.3125 * a"}, "throttle": {}}
     both = ("the action of elevator at the end of its box", "elevator at its limit")

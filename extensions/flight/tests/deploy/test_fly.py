@@ -3,11 +3,12 @@
 import casadi as ca
 import numpy as np
 import pytest
-from policy_cases import stored_deployment, trims
+from cli import assert_refused, hfa as run
+from policy_cases import GTM, ROOT, model_of, stored_deployment, trims
 
 import hfa
 from hfa import BadInputError, Deployment, fly, load_model
-from hfa_flight import ActuatorBank, Scenario
+from hfa_flight import ActuatorBank, Scenario, Uncertainty
 
 
 @pytest.mark.parametrize(
@@ -67,3 +68,61 @@ def test_a_command_that_arrives_at_a_sample_is_not_yet_observed():
     flight = fly(model, hfa.trim(model), deployment, 0.1, predict=False)
     np.testing.assert_allclose(flight.time[:5], 0.02 * np.arange(5))
     np.testing.assert_allclose(flight.inputs[:5, 0], [0.0, 0.1, 0.1, 0.13, 0.13], rtol=1e-9)
+
+
+GTM_NOISE = {"speed": 0.1, "alpha": 0.002, "pitch_rate": 0.002, "pitch": 0.002}
+
+
+@pytest.fixture(scope="module")
+def gtm_point():
+    return hfa.trim(model_of(GTM), at=45.0)
+
+
+def gtm_deployment(**tables):
+    """Return the deployment of the GTM example, with samples of 20 ms and no delay.
+
+    tables: changed tables, such as a filter
+    """
+    return Deployment.load(ROOT / "examples/gtm_policy/on_time.toml").changed(**tables)
+
+
+#: The table [filter] of a deployment file.
+FILTERED = {"noise": GTM_NOISE, "turbulence": "light:1000"}
+
+
+def test_a_deployment_file_with_a_filter_flies_as_one_behind_hfa_filter(folder, gtm_point):
+    """A file with the noise and turbulence of its [filter] flies as the deployment without [filter]
+    behind `hfa.filter` of the same noise and turbulence.
+    """
+    gtm_deployment(filter=FILTERED).save("filtered.toml")
+    noisy = Scenario(0.2, tick=0.02, uncertainty=Uncertainty(noise=GTM_NOISE))
+    scenario = noisy.drawn(1, 0, gtm_point)
+    known = hfa.filter(gtm_point.linearize(), GTM_NOISE, "light:1000", 0.02)
+    by_file, by_hand = (
+        hfa.fly(gtm_point.model, gtm_point, policy, scenario=scenario)
+        for policy in ("filtered.toml", known.policy(gtm_deployment()))
+    )
+    np.testing.assert_array_equal(by_file.states, by_hand.states)
+
+
+def test_the_delay_of_a_filtered_deployment_is_added_once(gtm_point):
+    """`in_scenario` adds the delay of the deployment, 0.03 s, to the scenario of a flight. Called again
+    with the policy and the scenario of this flight, it adds no delay.
+    """
+    deployed = gtm_deployment(filter=FILTERED, timing={"dt": 0.02, "delay": 0.03})
+    late = hfa.fly(gtm_point.model, gtm_point, deployed, 0.1, predict=False)
+    assert (late.policy["filter"]["dt"], late.scenario["delay"]) == (0.02, 0.03)
+    _, again = late.loop.policy.in_scenario(late.loop.scenario)
+    assert again.delay == 0.03
+
+
+def test_a_filter_of_another_sample_time_than_the_deployment_is_refused(gtm_point):
+    """The samples of a filter are 10 ms apart by default, and those of the deployment 20 ms."""
+    with pytest.raises(BadInputError, match=r"give the filter dt=0\.02"):
+        hfa.filter(gtm_point.linearize(), GTM_NOISE).policy(gtm_deployment())
+
+
+def test_the_export_of_a_deployment_with_a_filter_is_refused(folder):
+    gtm_deployment(filter=FILTERED).save("filtered.toml")
+    words = f"export --aircraft {GTM} --policy filtered.toml --at 45 -o c"
+    assert_refused(run(*words.split()), 2, "has a [filter]")

@@ -68,9 +68,10 @@ def assessed(tmp_path, capsys):
 
 
 def test_a_linear_plant_is_assessed(assessed, tmp_path):
-    """The spectral radius equals that of SciPy's held plant. A is singular.
+    """The spectral radius is that of the plant with held inputs, x⁺ = Ad x + Bd u by SciPy, under u = -K x,
+    also for a singular A. The command has the points of `hfa.assess` with the same seed.
 
-    Its flights are those of Python with the same seed. The opposite gain has the exit code 1.
+    The opposite gain destabilizes the plant: exit code 1.
     """
     A, B, K = [[0.0, 1.0], [0.0, 0.0]], np.array([[0.0], [1.0]]), np.array([[4.24, 2.8]])
     code, output, _ = assessed(K, "--json", "--seed", "3", A=A, B=B)

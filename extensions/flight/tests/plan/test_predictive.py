@@ -450,6 +450,7 @@ def test_a_spent_budget_flies_the_last_plan_on():
     plan = policy.controller.samples.first
     policy(0.0, [3.0, 0.1])
     (force,) = policy(policy.dt, [2.95, 0.0])
+    # v has the inputs of the plan, a row for each sample, divided by their nominal values.
     assert force == pytest.approx(float(plan.v[1, 0]) * policy.problem.nominal.inputs[0], abs=1e-9)
     assert policy.samples.late == 1
 
