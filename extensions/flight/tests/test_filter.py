@@ -18,13 +18,7 @@ from scipy.stats import binom
 
 import hfa
 from hfa import BadInputError, Turbulence
-from hfa_flight import (
-    MonteCarlo,
-    Scenario,
-    Uncertainty,
-    flight_envelope,
-    run_monte_carlo,
-)
+from hfa_flight import MonteCarlo, Scenario, Uncertainty, flight_envelope, run_monte_carlo
 from hfa_flight.air.gusts import OneMinusCosine
 from hfa_flight.policies.policy import SampledPolicy
 from hfa_flight.samples.fly import flights_in_air

@@ -46,10 +46,7 @@ K = np.arange(6.0).reshape(3, 1, 2) + 1.0
 
 @pytest.mark.parametrize(
     "content",
-    [
-        {"K": K, "level": LEVELS},
-        {"K": np.moveaxis(K, 0, -1), "level": LEVELS, "matlab": True},
-    ],
+    [{"K": K, "level": LEVELS}, {"K": np.moveaxis(K, 0, -1), "level": LEVELS, "matlab": True}],
     ids=["levels first", "levels last, of MATLAB"],
 )
 def test_a_table_is_linear_between_its_breakpoints_and_constant_beyond(tmp_path, content):

@@ -303,11 +303,7 @@ def test_the_usual_deployment_moves_inputs_by_half_their_range():
     rad, or by its nominal value without limits. All linear states are observed in nominal values.
     """
     model = dataclasses.replace(
-        model_of(GTM),
-        inputs={
-            **model_of(GTM).inputs,
-            "throttle": hfa.Signal("%", nominal=7.0),
-        },
+        model_of(GTM), inputs={**model_of(GTM).inputs, "throttle": hfa.Signal("%", nominal=7.0)}
     )
     deployment = Deployment.usual(model, 0.05)
     assert deployment.dt == 0.05

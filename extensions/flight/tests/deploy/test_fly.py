@@ -4,17 +4,14 @@ import casadi as ca
 import numpy as np
 import pytest
 from cli import assert_refused, hfa as run
-from policy_cases import GTM, ROOT, model_of, stored_deployment, trims
+from policy_cases import GTM, ROOT, stored_deployment, trims
 
 import hfa
 from hfa import BadInputError, Deployment, fly, load_model
 from hfa_flight import ActuatorBank, Scenario, Uncertainty
 
 
-@pytest.mark.parametrize(
-    ("dt", "delay", "parts"),
-    [(0.02, 0.03, 2), (1.0 / 60.0, 0.02, 5)],
-)
+@pytest.mark.parametrize(("dt", "delay", "parts"), [(0.02, 0.03, 2), (1.0 / 60.0, 0.02, 5)])
 def test_commands_change_at_whole_samples_after_the_delay(dt, delay, parts):
     """Commands change at whole samples after the delay, the first one at the delay, and the flight is
     a whole number of ticks. With actuators, the integration has steps of at most 1 ms.
@@ -73,9 +70,9 @@ def test_a_command_that_arrives_at_a_sample_is_not_yet_observed():
 GTM_NOISE = {"speed": 0.1, "alpha": 0.002, "pitch_rate": 0.002, "pitch": 0.002}
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def gtm_point():
-    return hfa.trim(model_of(GTM), at=45.0)
+    return trims("ppo_gtm")[1]  # the GTM at 45 m/s
 
 
 def gtm_deployment(**tables):
@@ -99,7 +96,7 @@ def test_a_deployment_file_with_a_filter_flies_as_one_behind_hfa_filter(folder, 
     scenario = noisy.drawn(1, 0, gtm_point)
     known = hfa.filter(gtm_point.linearize(), GTM_NOISE, "light:1000", 0.02)
     by_file, by_hand = (
-        hfa.fly(gtm_point.model, gtm_point, policy, scenario=scenario)
+        fly(gtm_point.model, gtm_point, policy, scenario=scenario)
         for policy in ("filtered.toml", known.policy(gtm_deployment()))
     )
     np.testing.assert_array_equal(by_file.states, by_hand.states)
@@ -110,7 +107,7 @@ def test_the_delay_of_a_filtered_deployment_is_added_once(gtm_point):
     with the policy and the scenario of this flight, it adds no delay.
     """
     deployed = gtm_deployment(filter=FILTERED, timing={"dt": 0.02, "delay": 0.03})
-    late = hfa.fly(gtm_point.model, gtm_point, deployed, 0.1, predict=False)
+    late = fly(gtm_point.model, gtm_point, deployed, 0.1, predict=False)
     assert (late.policy["filter"]["dt"], late.scenario["delay"]) == (0.02, 0.03)
     _, again = late.loop.policy.in_scenario(late.loop.scenario)
     assert again.delay == 0.03
