@@ -43,8 +43,7 @@ def zero_order_hold(A, B, dt):
 
 @pytest.fixture(scope="module")
 def gtm_lqr():
-    """Return assessment, linear model and gain of `gain_case`, without a delay."""
-    return gain_case()
+    return gain_case()  # assessment, linear model and gain, without a delay
 
 
 def test_half_a_sample_delay_equals_twice_the_rate():
