@@ -205,7 +205,7 @@ def words_after(name: str) -> Mapping[str, str]:
     name: first word, for example "prove"
     """
     if name in own_commands() and name not in _FIRST_WORDS:
-        return {}
+        return {}  # a command of one word: other packages are not searched
     first = f"{name} "
     return {
         both_words.removeprefix(first): entry.about

@@ -112,7 +112,7 @@ def _families(exact: Solution, plant: Game | None) -> Iterator[Family]:
 def continuous(game: Game) -> Game | None:
     """Return the game in continuous time of which a game is sampled, or None if none is known."""
     if not isinstance(game.dt, float):
-        return None
+        return None  # in continuous time, or in steps of unknown duration
     n, m = game.B.shape
     try:
         rates = rates_of_step(np.hstack([game.A, game.B, game.E]), game.dt)

@@ -234,7 +234,7 @@ def _of_value(game: Game, values: Compared) -> Iterator[Mistake]:
             yield Mistake(says, half + half.T - np.diag(np.diag(half)))
     says = "the value has the wrong sign: it is of rewards; V is z'Pz, of costs, and positive"
     yield Mistake(says, -P)
-    if game.dt not in (None, True):
+    if game.dt not in (None, True):  # the duration of a step is known
         says = "every entry of P is 1/dt times the exact one: the cost of a step is that of dt s"
         yield Mistake(says, float(game.dt) * P)
     yield from _factors("value", "V is z'Pz, without a factor 1/2", values)

@@ -93,7 +93,7 @@ class RegeneratedPair(ByValue, Checked, Result, Reported):
         spectra = [
             ("", eigenvalue_text(printed), eigenvalue_text(computed))
             for printed, computed in zip(self.printed_eigenvalues, self.eigenvalues, strict=True)
-            if printed.imag >= 0
+            if printed.imag >= 0  # one eigenvalue of each pair
         ]
         return Report(
             title=f"Dihedral {printed_deg:g} deg, {model.point.dynamics} dynamics",

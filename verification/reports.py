@@ -106,7 +106,7 @@ def game_words(game: Game) -> GameWords:
     if not game.is_discrete:
         return GameWords("linear game", "game solution")
     discount = f"discount {game.discount:g} a step"
-    if game.dt is True:
+    if game.dt is True:  # steps of unknown duration
         return GameWords("discrete game", f"solution of the game in discrete time, {discount}")
     solution = f"solution of the discounted game, {discount} of {game.dt:g} s"
     return GameWords("sampled game", solution)

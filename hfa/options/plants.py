@@ -152,5 +152,6 @@ def parameter_spread(
     """
     from hfa_aircraft.uncertain import spread_of
 
+    # The parameters of the HFA, those of --parameters, or those of the file of the aircraft.
     of_hfa = loaded_aircraft(request).parameters
     return spread_of(model, of_hfa or request.parameters or model.source.text, held)

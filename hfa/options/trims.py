@@ -514,7 +514,7 @@ def _named_condition(name: str, usual: TrimCondition) -> TrimCondition:
 
 
 def _start(text: str, model: Model) -> tuple[dict[str, float], OperatingPoint | None]:
-    """Return variable -> initial value, and the initial point, of which --start gives one."""
+    """Return variable -> initial value, and the initial point: --start gives values or a point."""
     with option_errors("--start"):
         if "=" not in text or Path(text).exists():  # a file, whose name may contain =
             return {}, OperatingPoint.load(Path(text), model)

@@ -22,7 +22,8 @@ def equations(x, u, p, w):
     return {"speed": along, "pitch": turning, "bank": u.roll_rate}, {}
 
 STATES = {"speed": Signal("m/s"), "pitch": Signal("rad"), "bank": Signal("rad")}
-INPUTS = {"thrust": Signal("m/s^2", nominal=1.0, min=0.0, max=5.0), "lift": Signal("m/s^2", nominal=1.0, min=0.0, max=10.0)}
+INPUTS = {"thrust": Signal("m/s^2", nominal=1.0, min=0.0, max=5.0)}
+INPUTS["lift"] = Signal("m/s^2", nominal=1.0, min=0.0, max=10.0)
 INPUTS["roll_rate"] = Signal("rad/s")
 TRIM = {"speed": 50.0, "pitch": 0.0, "bank": 0.0}
 GLIDER = Model("glider", STATES, INPUTS, equations, trim=TRIM)
