@@ -239,7 +239,7 @@ def _cholesky(matrix: arb_mat) -> arb_mat | None:
     k = matrix.nrows()
     W = (0 * matrix).tolist()
     for j in range(k):
-        pivot = matrix[j, j] - sum(W[j][i] ** 2 for i in range(j))
+        pivot = matrix[j, j] - sum(W[j][i] * W[j][i] for i in range(j))
         if not pivot > 0:
             return None
         W[j][j] = pivot.sqrt()

@@ -204,6 +204,15 @@ def test_states_without_cost_may_have_nearly_dependent_eigenvectors():
     assert found.is_stable
 
 
+def test_the_optimum_of_uncoupled_states_has_no_cost_above_it():
+    """The weight of the disturbance has entries 0 +- radius, whose squares are finite."""
+    game = Game(np.diag([1.3, 0.5]), np.eye(2), Q=np.eye(2), R=np.eye(2), delta=20.0, dt=0.1)
+    solution = solve(game)
+    found = suboptimality_of(solution.enclosure, solution.K, np.ones(2))
+    assert found.is_optimal
+    assert found.matrix is not None
+
+
 def test_a_gain_beyond_delta_has_infinite_cost():
     """The suboptimality is infinite if the L2 gain is above delta, and if K destabilizes."""
     tight = GAME.with_delta(151.0)
