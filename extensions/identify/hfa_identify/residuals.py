@@ -263,6 +263,7 @@ def misfits(fit: Fit) -> list[Misfit]:
         for place in np.flatnonzero(present.any(axis=0))
     ]
     candidates = [_candidate(fit, number, place) for number, place in measured]
+    # Divided by the number of tests, so that one of them fails by chance with at most `_CHANCE`.
     clear = [candidate for candidate in candidates if candidate.chance < _CHANCE / len(measured)]
     return [candidate.misfit for candidate in sorted(clear, key=lambda candidate: candidate.chance)]
 

@@ -144,8 +144,10 @@ class Aerodynamics:
         arm = self._body.mass.arm(self._body.reference_point(where))
         shift = None if self.element is None else self.element.find("aero_ref_pt_shift_x")
         if shift is not None:
+            # The function gives the shift aft, in chords.
             aft = function_value(shift.need("function"), self._properties) * self._wings.chord
             arm = arm - ca.vertcat(aft, 0.0, 0.0)
+        # Forces at the center of gravity have no moment about it.
         return Loads(force + self._force(at_center=True), moment + ca.cross(arm, force))
 
 

@@ -371,12 +371,12 @@ class Equations:
         height = self.states["altitude"] - ca.dot(self.motion.down, arm)
         return height / self.parts.wings.span
 
-    def _define_totals(self, of: str, parts: Callable[[], Sequence[Loads | Effect]]) -> None:
-        """Define the properties of the total force and moment of parts, "prop" or "external"."""
+    def _define_totals(self, group: str, parts: Callable[[], Sequence[Loads | Effect]]) -> None:
+        """Define the properties of the total force and moment of the group "prop" or "external"."""
         for axis, (along, turn) in enumerate(zip("xyz", "lmn", strict=True)):
             for kind, name in (
-                ("force", f"forces/fb{along}-{of}-lbs"),
-                ("moment", f"moments/{turn}-{of}-lbsft"),
+                ("force", f"forces/fb{along}-{group}-lbs"),
+                ("moment", f"moments/{turn}-{group}-lbsft"),
             ):
 
                 def total(kind: str = kind, axis: int = axis) -> Any:
@@ -487,17 +487,16 @@ class Equations:
 
         weight = mass.slugs * self.parameters["gravity"]
         # Lift, drag and moment in the outputs are those of steady alpha and beta.
-        rates = ca.vertcat(*self.rate_symbols)
+        angle_rates = ca.vertcat(*self.rate_symbols)
         loads = ca.vertcat(ca.mtimes(motion.wind_to_body.T, air.force), air.moment)
-        steady = ca.substitute(loads, rates, ca.SX.zeros(2))
-        wind_force = loads[:3]
+        steady = ca.substitute(loads, angle_rates, ca.SX.zeros(2))
         self.outputs = {
             "kcas": motion.calibrated / KNOT_IN_FEET,
             "mach": motion.mach,
             "gamma": self.properties.read("flight-path/gamma-rad", ""),
             "turn_rate": turn_rate(x),
             "load_factor": load_factor(motion.alpha, specific_force, self.parameters["gravity"]),
-            "lift_to_weight": -wind_force[2] / weight,  # at the present rates of alpha and beta
+            "lift_to_weight": -loads[2] / weight,  # at the present rates of alpha and beta
             "thrust": sum((effect.thrust for effect in self.effects), start=ca.SX(0.0)),
             "weight": mass.weight,
             "angle_of_attack": ca.SX(motion.alpha),
@@ -617,5 +616,5 @@ def _engine_states(parts: Parts) -> Iterator[str]:
             yield f"rpm{file.number}"
             if file.governed:
                 yield f"blade{file.number}"
-        if file.lag and parts.choices.engines:
+        if file.lag and parts.choices.engines:  # ?engines=states
             yield file.lag

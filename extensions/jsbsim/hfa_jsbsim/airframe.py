@@ -188,6 +188,7 @@ class Loads(NamedTuple):
 
 def structural_to_body(offset: Any) -> Any:
     """Convert a vector from inches in the structural frame to feet in body axes."""
+    # The structural frame has x aft, y to the right and z up.
     return ca.vertcat(-offset[0], offset[1], -offset[2]) / 12.0
 
 

@@ -173,7 +173,7 @@ def read_engine(number: int, mount: Element, opened: Any, tanks: Sequence[Tank])
     point = thruster_mount.find("location")
     location = np.zeros(3) if point is None else point.vector("IN")
     numbers = [int(feed.number()) for feed in mount.all("feed")]
-    feeds = tuple(index for index in numbers if 0 <= index < len(tanks))
+    feeds = tuple(index for index in numbers if 0 <= index < len(tanks))  # tanks that exist
     dry = _dry_of(engine, [tanks[index] for index in feeds])
     return EngineFile(number, mount, engine, thruster_mount, thruster, location, feeds, dry)
 

@@ -75,7 +75,8 @@ _ARGUMENTS = {
     "velocities/mach": ("mach", 1.0),
     "aero/qbar-psf": ("dynamic_pressure", 1.0),
 }
-_FREE = {"allow_free": True}
+#: Option of a CasADi function whose expression may contain symbols besides its arguments.
+_WITH_FREE = {"allow_free": True}
 #: Initial advance ratio V / (n D) in the search for a propeller's speed.
 _ADVANCE_RATIO = 0.72
 #: Number of speeds at which the windmilling speed of a propeller is searched, and the largest,
@@ -422,8 +423,8 @@ class _Declaration:
         name = f"fcs/{lever}-pos-deg"
         if properties.writer(name) is None:
             return 0.0
-        position = ca.Function("position", [symbol], [ca.SX(properties.read(name, ""))], _FREE)
-        if position.has_free():
+        position = ca.Function("position", [symbol], [ca.SX(properties.read(name, ""))], _WITH_FREE)
+        if position.has_free():  # it depends on other signals too
             return 0.0
         at_half, at_full = (float(position(value)) for value in (0.5, 1.0))
         return at_full if at_full > 0.0 and 2.0 * at_half == at_full else 0.0

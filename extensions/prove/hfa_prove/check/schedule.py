@@ -179,6 +179,7 @@ class ScheduleProof:
     def loop_at(self, w: np.ndarray, s: float) -> np.ndarray:
         """Return the closed loop C (n, n) at a trim w (f,) in doubles."""
         K = self._gain(s)
+        # In CasADi's order, column by column.
         value, slope = (midpoints(entries).ravel(order="F") for entries in (K.value, K.slope))
         values = self._loops.doubles(w, s, self.flight.doubles, value, slope, K.origin)
         n = K.value.ncols()
