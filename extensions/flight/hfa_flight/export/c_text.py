@@ -307,7 +307,7 @@ def c_model_texts(
 def _policy_in_c(linear: LinearModel, policy: Policy | None) -> _PolicyInC:
     """Return the source of a policy, or of u = u0 without one."""
     no_gain = np.zeros(linear.B.T.shape)
-    of_gain = "u = u0 - K z: the policy at x. Nothing is limited."
+    formula_of_gain = "u = u0 - K z: the policy at x. Nothing is limited."
     if isinstance(policy, FunctionPolicy):
         formula = "u = u0 + v(z): the policy at x, within the control limits. K is zero."
         z = ca.SX.sym("z", policy.function.numel_in(0))
@@ -316,12 +316,12 @@ def _policy_in_c(linear: LinearModel, policy: Policy | None) -> _PolicyInC:
         return _PolicyInC(no_gain, formula, _BODY_OF_CALL, tables={}, function=function)
     if policy is None or isinstance(policy, GainPolicy):
         K = no_gain if policy is None else policy.K
-        return _PolicyInC(K, of_gain, _BODY_OF_GAIN, tables={}, function="")
+        return _PolicyInC(K, formula_of_gain, _BODY_OF_GAIN, tables={}, function="")
     assert isinstance(policy, ScheduledGainPolicy)  # of a file without a sample time
     model, schedule = linear.point.model, policy.schedule
     K = schedule.table.at(linear.point.values[model.schedule])
     if len(schedule.breakpoints) == 1:
-        return _PolicyInC(K, of_gain, _BODY_OF_GAIN, tables={}, function="")
+        return _PolicyInC(K, formula_of_gain, _BODY_OF_GAIN, tables={}, function="")
     formula = (
         f"u = u0 - K({model.schedule}) z: the policy at x, K linear between breakpoints "
         "and constant\n   beyond; hfa_K is K at x0. Nothing is limited."

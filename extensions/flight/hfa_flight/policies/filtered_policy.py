@@ -276,7 +276,7 @@ class FilteredPolicy(SampledPolicy):
         return self._held_between_samples(lambda _, measured: self._command(memory, measured[rows]))
 
     def _command(self, memory: _Memory, y: np.ndarray) -> np.ndarray:
-        """Return the command of the next sample, as deviations from trim, (m,).
+        """Return the command of a sample, as deviations from trim, (m,), and advance the memory.
 
         y: measured deviations from trim, (p,)
         """
@@ -298,7 +298,7 @@ class FilteredPolicy(SampledPolicy):
         memory.waiting.append(u)
         predicted = self._predicted(estimated.states, memory.waiting, self.dt)
         memory.estimate = self._next_memory(estimated.memory, predicted)
-        memory.waiting.pop(0)
+        memory.waiting.pop(0)  # it does not act after the next sample
         memory.samples += 1
         memory.unused += estimated.is_left_out
         return np.asarray(u)
@@ -379,9 +379,8 @@ class FilteredPolicy(SampledPolicy):
         """
         now = _Prediction(x, np.eye(len(x)))
         for samples_ago, duration in acting_commands(self.delay, self.dt, seconds):
-            step = _nonlinear_step(
-                self.filter, round(duration, 12)
-            )  # rounded, as the key of a cache
+            # rounded, because it is a key of the cache
+            step = _nonlinear_step(self.filter, round(duration, 12))
             after, slopes = step.at(now.x, commands[-1 - samples_ago])
             now = _Prediction(after, slopes.reshape(len(x), -1, order="F") @ now.Phi)
         return now
@@ -570,6 +569,5 @@ def behind_own_filter(given: Deployment | Path, point: OperatingPoint) -> Policy
         return policy
     with prefix_errors(deployment.origin):
         noise, turbulence = entries["noise"], entries.get("turbulence")
-        dt = policy.deployed.deployment.dt
-        kalman = KalmanFilter.of(point.linearize(), noise, turbulence, dt, drift={})
+        kalman = KalmanFilter.of(point.linearize(), noise, turbulence, deployment.dt, drift={})
         return FilteredPolicy.behind(kalman, policy)

@@ -402,7 +402,7 @@ def _air(point: OperatingPoint, turbulence: Turbulence | None, dt: float) -> _Ai
     """Return the turbulence at a trim, in the states of its filter that reach the winds."""
     model = point.model
     if turbulence is None:
-        none = np.zeros((0, 0))
+        none = np.zeros((0, 0))  # no states and no winds
         return _Air(none, none, none, (), none, np.zeros((len(model.linear), 0)))
     air = turbulence.air(point, dt, count=1, seed=0)  # no sample of it is needed
     full = AirFilter.of(air)
@@ -410,6 +410,7 @@ def _air(point: OperatingPoint, turbulence: Turbulence | None, dt: float) -> _Ai
     reaching = _reaching(full.A, winds_of_states)
     block = np.ix_(reaching, reaching)
     W = winds_of_states[:, reaching]
+    # Derivatives of the rates by the winds, and so by the states of the air.
     slopes, _ = linearization_at(
         in_gusts(model), point.states, point.inputs, disturbances=air.names
     )

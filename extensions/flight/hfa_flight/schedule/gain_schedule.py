@@ -154,7 +154,9 @@ def _gain_table(
             f"{key} has fewer than two values; give at least two, in increasing order"
         )
     if K.shape[:2] != (count, m) and (K.shape[0], K.shape[2]) == (m, count):
-        K = np.moveaxis(K, -1, 0)
+        K = np.moveaxis(K, -1, 0)  # of MATLAB
+
+    # Breakpoints in the unit of the model, which is known for angles and for a state of the gains.
     if model.is_typed_in_degrees:
         breakpoints = np.radians(breakpoints)
     elif model.schedule in model.linear:
@@ -164,6 +166,6 @@ def _gain_table(
             f"the gains are in other units than the model, and the unit of {key} is not known; "
             f"convert K and {key} to the units of the model"
         )
-    if K.shape[1:] == scales.gain.shape:
+    if K.shape[1:] == scales.gain.shape:  # another shape is refused by the schedule
         K = K * scales.gain
     return GainSchedule(breakpoints, K, model)

@@ -151,9 +151,8 @@ class DeployedPolicy(Policy):
 def flown_deployment(given: Deployment | Path, point: OperatingPoint) -> DeployedPolicy:
     """Return the policy of a deployment, or of the deployment file with this path, about a trim.
 
-    Raises the errors of `Deployment.load`, and
-    BadInputError if the deployment does not fit the aircraft or has a filter, or if an observation,
-    the policy or a map is not finite at the trim.
+    Raises the errors of `Deployment.load`, and BadInputError if the deployment does not fit the
+    aircraft or has a filter, or if an observation, the policy or a map is not finite at the trim.
     """
     deployed = Deployed(Deployment.of(given), point.model)
     if deployed.deployment.filter is not None:

@@ -361,6 +361,7 @@ def chain_of(nominal: NominalLoop, dt: float, delay: float) -> Chain:
         G[:n] = plant.late
         late_input = C
 
+    # Inputs that act in the two parts of a sample, for the cost between samples.
     acting = [(rest, np.eye(size)[oldest]), (dt - rest, late_input)]
     parts = tuple(part for part in acting if part[0] > 0.0)
     return Chain(F, G, C, n, dt, np.eye(size, n), parts)
