@@ -312,9 +312,8 @@ class _Flights:
 
         starts: (N, n)
         """
-        ticks = 1 + int(
-            self.seconds / (step * STEPS_PER_TEST)
-        )  # decay is tested every `STEPS_PER_TEST` steps
+        # Decay is tested every `STEPS_PER_TEST` steps.
+        ticks = 1 + int(self.seconds / (step * STEPS_PER_TEST))
         final, has_ended = flown_until_decayed(self._rates, starts, self._P, step, ticks)
         cost_to_go = quadratic_forms(final[:, :-1], self._P)  # final has states, then costs
         is_far = ~(cost_to_go <= FAR_OF_EXPANSION * quadratic_forms(starts, self._P))  # so is a nan

@@ -183,7 +183,7 @@ def _of_other_games(exact: Solution, compared: Compared) -> Iterator[Mistake]:
     if np.count_nonzero(distinct) < 2:
         return  # a single number agrees with many games
     mistakes = [
-        # Without the mistake, the critic is as far from this game as it is from the other one.
+        # Without the mistake, the error against this game is that against the other game.
         Mistake(f"{kind} is {says}", right + (given - exact_of_other))
         for says, exact_of_other in other_games(exact, kind, given, compared.sizes)
     ]

@@ -183,7 +183,7 @@ def _figure(pairs: tuple[RegeneratedPair, ...]) -> Figure:
     """Return a figure of computed minus printed entries, in half units of the last digit."""
     figure = new_figure(10.0, 7.0)
     columns = list(zip(*(pair.entries for pair in pairs), strict=True))
-    # Entries that both pairs print as 0 are left out: they are 0 by the structure of the equations.
+    # Entries that both pairs print as 0, nearly all of which are 0 in any model, are left out.
     shown = [column for column in columns if any(entry.printed for entry in column)]
     tallest = max(abs(entry.half_units) for column in shown for entry in column)
     places = range(len(shown))

@@ -327,7 +327,8 @@ def verdicts_report(verdicts: Mapping[str, Verdict], limit_cost: float | None = 
     rows = []
     for name, verdict in verdicts.items():
         above = verdict.cost_above_optimum_percent
-        optimal = above <= OPTIMAL  # a cost that differs by rounding alone is printed as 0
+        # A cost that differs from the optimum by rounding alone is printed as 0.
+        above = above if above > OPTIMAL else 0.0
         gain = verdict.value_of("l2_gain")
         rows.append(
             (
@@ -337,7 +338,7 @@ def verdicts_report(verdicts: Mapping[str, Verdict], limit_cost: float | None = 
                 _number_text(verdict.K_rel_error),
                 _number_text(verdict.largest_error),
                 "yes" if verdict.stabilizing else "no",
-                percent(0.0 if optimal else above, 3).removesuffix(" %"),
+                percent(above, 3).removesuffix(" %"),
                 "" if math.isnan(gain) else f"{gain:.4g}",
             )
         )

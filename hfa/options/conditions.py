@@ -130,9 +130,8 @@ def _table_of(path: Path) -> _Table:
                 "write numbers with a decimal point"
             )
     headings = [title.strip() for title in titles]
-    end = (
-        headings.index(RESULTS) if RESULTS in headings else len(headings)
-    )  # columns behind are results
+    # The columns from `results` on are not read.
+    end = headings.index(RESULTS) if RESULTS in headings else len(headings)
     named = [place for place in range(end) if headings[place]]
     for number, row in rows:
         if len(row) < end:
