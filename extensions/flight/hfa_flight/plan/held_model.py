@@ -323,9 +323,9 @@ class Measured:
 
     def command(self, v: np.ndarray) -> None:
         """Add the command of this sample, (m,), and forget those that have acted before it."""
-        late = in_samples(self._delay, self._dt).whole
-        # The oldest command that still acts is that of `late` + 1 samples before this one.
-        self._commands = [*self._commands, v][-late - 2 :]
+        whole = in_samples(self._delay, self._dt).whole  # samples of the delay
+        # The oldest command that still acts is that of `whole` + 1 samples before this one.
+        self._commands = [*self._commands, v][-whole - 2 :]
         self._command_count += 1
 
     def _acting(self, sample: int, seconds: float) -> list[tuple[np.ndarray, float]]:

@@ -69,7 +69,7 @@ class Predictive(SampledPolicy):
         return self.problem.inputs_of(self.controller(self.problem.followed_of(X)))
 
     def of_estimate(self, t: float, X: np.ndarray, following: NextSample) -> np.ndarray:
-        """Return the inputs U (m,) from an estimate of all states, which is used as it is.
+        """Return the inputs U (m,) from a filter's estimate of all states, used without a check.
 
         following: what is known of the next sample, for which the limits of states are moved and
             narrowed

@@ -316,7 +316,7 @@ class Grid:
 
     @property
     def most_samples(self) -> tuple[np.ndarray, int]:
-        """Largest numbers of samples of the holds of all plans, (N,), and of a plan."""
+        """Largest number of samples of each hold over all plans, (N,), and of a whole plan."""
         samples = np.array([self.samples(age) for age in range(self._longest)])
         return samples.max(axis=0), int(samples.sum(axis=1).max())
 

@@ -215,7 +215,7 @@ class BestFlights:
 
     @cached_property
     def _weights(self) -> tuple[np.ndarray, np.ndarray]:
-        """Weights for `adapted_mesh`, of states and inputs: roots of the diagonals of P and R."""
+        """Weights in `adapted_mesh`, by cost: roots of the diagonals of P (states), R (inputs)."""
         problem = self.problem
         return np.sqrt(np.abs(np.diag(problem.P))), np.sqrt(np.diag(problem.R))
 

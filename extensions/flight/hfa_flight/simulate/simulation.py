@@ -111,9 +111,8 @@ def _step_factor(ratio: float) -> float:
     if ratio == 0.0:
         return _LARGEST_FACTOR
     wanted = _SAFETY * ratio ** (-1 / _ORDER)
-    return min(
-        _LARGEST_FACTOR, max(_LEAST_FACTOR, wanted)
-    )  # _LEAST_FACTOR for an error that is not a number
+    # For an error that is not a number, `max` returns its first argument.
+    return min(_LARGEST_FACTOR, max(_LEAST_FACTOR, wanted))
 
 
 class RungeKutta:

@@ -281,7 +281,7 @@ class _Search:
 
     def _is_within_half(self, flight: Flight) -> bool:
         """Return whether a flight stays within half of the distance to each limit."""
-        # The states with twice their deviations from the trim.
+        # It does if the states with twice their deviations from the trim are within the limits.
         doubled = 2.0 * flight.deviations.limited + flight.point.x
         return not outside(self.envelope, doubled).any()
 
