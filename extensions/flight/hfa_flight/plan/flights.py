@@ -121,14 +121,14 @@ def tracking_gains(problem: FlightProblem, candidate: CandidateFlight) -> np.nda
     S = B @ np.linalg.solve(problem.R, B.transpose(0, 2, 1))
     # Rates of z and of its costate P z along the optimum: z' = A z - S P z, (P z)' = -Q z - A' P z.
     k = A.shape[1]
-    costate = np.zeros((len(A), 2 * k, 2 * k))
-    costate[:, :k, :k] = A
-    costate[:, :k, k:] = -S
-    costate[:, k:, :k] = -problem.Q
-    costate[:, k:, k:] = -A.transpose(0, 2, 1)
-    fastest = np.abs(np.linalg.eigvals(costate)).max(axis=1)
+    hamiltonian = np.zeros((len(A), 2 * k, 2 * k))
+    hamiltonian[:, :k, :k] = A
+    hamiltonian[:, :k, k:] = -S
+    hamiltonian[:, k:, :k] = -problem.Q
+    hamiltonian[:, k:, k:] = -A.transpose(0, 2, 1)
+    fastest = np.abs(np.linalg.eigvals(hamiltonian)).max(axis=1)
     steps = np.maximum(1, np.ceil(candidate.lengths * fastest / _LARGEST_EXPONENT)).astype(int)
-    back = expm(-costate * (candidate.lengths / steps)[:, None, None])
+    back = expm(-hamiltonian * (candidate.lengths / steps)[:, None, None])
     P = problem.P
     gains = np.empty((len(A), B.shape[2], k))
     for index in range(len(A) - 1, -1, -1):

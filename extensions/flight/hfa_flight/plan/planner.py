@@ -200,8 +200,9 @@ class Planner:
         z: initial states, (n,)
         """
         begin = np.concatenate([z, [0.0, 0.0]])
-        (after,) = self._gain_flight.at(begin, K.ravel())
-        cost = float(after[-2]) + self.value(after[:-2]) if after[-1] == 0.0 else np.inf
+        (result,) = self._gain_flight.at(begin, K.ravel())
+        after, (flown_cost, excess) = result[:-2], result[-2:]
+        cost = float(flown_cost) + self.value(after) if excess == 0.0 else np.inf
         return cost if cost < _INFINITE else np.inf
 
     def _flight_of_gain(self) -> BoundFunction:

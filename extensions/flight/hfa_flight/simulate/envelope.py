@@ -268,6 +268,7 @@ def control_excesses(model: Model, inputs: np.ndarray) -> tuple[ControlExcess, .
     inputs: (N, m), absolute
     """
     limits = Limits.of(model, tuple(model.inputs))
+    # Of each input, the least or the largest value, whichever is farther beyond its limit.
     under = limits.lowest - inputs.min(axis=0)
     over = inputs.max(axis=0) - limits.highest
     values = np.where(under > over, inputs.min(axis=0), inputs.max(axis=0))

@@ -172,6 +172,7 @@ class RungeKutta:
             t[0], h[0], before[0] = time, seconds, self._largest
             self._function.evaluate()
             ratio = float(error_ratio[0])
+            # The step is made, or tried again with a shorter length.
             if ratio <= 1.0:
                 self._next = min(self._longest, _step_factor(ratio) * seconds)
             elif shorter := self._shorter_step(seconds, ratio, float(error[0])):
