@@ -69,6 +69,7 @@ def test_the_covariance_is_the_end_of_the_riccati_recursion(point, linear):
             rates = np.array(ca.DM(model.layout.expressions(vectors, (), winds)[0])).ravel()
             sides.append(rates[model.state_places(model.linear)])
         columns.append((sides[1] - sides[0]) / 2e-4)
+    # Model of the aircraft with Dryden's filters of u and w, driven by white noise of intensity 1.
     # Figure 7 of MIL-F-8785C at 40,000 ft; u = -headwind, and w = -updraft is positive down.
     sigma = float(np.interp(40000.0, [35000.0, 45000.0], [5.0, 4.2]))
     along = -sigma * np.sqrt(2.0 / seconds)
@@ -79,6 +80,7 @@ def test_the_covariance_is_the_end_of_the_riccati_recursion(point, linear):
     A[:6, 7:] = np.outer(columns[1], across)
     A[6, 6] = -1.0 / seconds
     A[7:, 7:] = [[0.0, 1.0], [-1.0 / seconds**2, -2.0 / seconds]]
+    # Q of a sample, ∫ e^(A t) driven e^(A' t) dt, of the drift of the states and of the air.
     drift = np.diag([*(np.array(list(found.drift.values())) ** 2), 0.0, 0.0, 0.0])
     air = np.diag([0.0] * 6 + [1.0, 0.0, 1.0])
     times = np.linspace(0.0, dt, 201)  # Simpson's rule with 200 intervals of dt / 200
@@ -91,7 +93,7 @@ def test_the_covariance_is_the_end_of_the_riccati_recursion(point, linear):
     of_air[:6], of_air[:, :6] = 0.0, 0.0  # winds are held in a sample
     Q = (of_drift + of_air) * dt / 600.0
     Phi, R = expm(A * dt), np.diag(np.array(list(NOISE.values())) ** 2)
-    P = np.zeros((9, 9))
+    P = np.zeros((9, 9))  # covariance before a sample, in which all 6 states are measured
     for _ in range(4000):
         S = P[:6, :6] + R
         P = Phi @ (P - P[:, :6] @ np.linalg.solve(S, P[:6])) @ Phi.T + Q

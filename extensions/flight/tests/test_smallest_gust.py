@@ -42,11 +42,11 @@ def largest_response(length, rate):
 
 def test_thresholds_of_a_linear_aircraft_are_those_of_its_response():
     """The thresholds up and down are the limits of v, 2 and -1 ft/s, divided by the largest response of
-    v' = 3 (w - v) - 2 v. A gust of 0.5 ft has none: with a peak of 10 ft/s, the airspeed, it cannot
-    move the kite by a limit.
+    v' = 3 (w - v) - 2 v, within 0.5 %. A gust of 0.5 ft has no thresholds: even with a peak of 10 ft/s,
+    the airspeed, it does not move the kite to a limit.
     """
     found = smallest_gusts(KITE, hfa.trim(KITE), [[2.0]], [5.0, 0.5], scenario=COARSE)
-    up, down, *none = found.thresholds
+    up, down, *of_short_gust = found.thresholds
     response = largest_response(length=5.0, rate=3.0 + 2.0)
     assert up.peak == pytest.approx(2.0 / response, rel=0.006)
     assert down.peak == pytest.approx(-1.0 / response, rel=0.006)
@@ -54,7 +54,7 @@ def test_thresholds_of_a_linear_aircraft_are_those_of_its_response():
         assert abs(threshold.inside) < abs(threshold.peak) <= 1.005 * abs(threshold.inside)
         assert (threshold.by, threshold.length) == ("v", 5.0)
     assert found.smallest == down
-    assert [threshold.peak for threshold in none] == [None, None]
+    assert [threshold.peak for threshold in of_short_gust] == [None, None]
 
 
 def test_peaks_are_in_the_unit_of_the_declared_updraft():

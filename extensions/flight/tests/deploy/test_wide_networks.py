@@ -20,8 +20,8 @@ ACTIVATIONS = {
 
 @pytest.mark.parametrize("name", ACTIVATIONS)
 def test_activations_on_rows_are_those_of_numpy(name, tmp_path):
-    """A hidden layer has the values of NumPy, for all rows at once and in the graph of CasADi. The
-    observations are not changed.
+    """A hidden layer has the values of NumPy, by `rows`, which evaluates many observations at once in
+    NumPy, and in the graph of CasADi. The observations are not changed.
     """
     layers = {"0.weight": 30.0 * np.eye(4), "0.bias": np.zeros(4), "2.weight": np.eye(2, 4)}
     np.savez(tmp_path / "one.npz", **layers, **{"2.bias": np.zeros(2)})

@@ -274,6 +274,7 @@ def test_a_finding_names_its_trims_or_their_range(sign, where):
     """
     model = hfa.Model(
         "scheduled",
+        # Unit, nominal value, min and max of each signal.
         {"s": hfa.Signal("m/s", 1.0, 0.0, 9.0), "v": hfa.Signal("m/s", 1.0, -1.0, 1.0)},
         {"f": hfa.Signal("m/s^2", 1.0, 0.0, 9.0)},
         lambda x, u, p, w: (

@@ -146,8 +146,9 @@ def test_an_episode_that_leaves_the_limits_is_charged_for_the_remaining_samples(
 
 
 def test_an_episode_ends_if_the_action_is_nan():
-    """An action for which the map has no value, log(-0.3), ends the episode, immediately or after the
-    delay. The observation of the sample before is returned, with a large cost.
+    """The map has no value for the action -0.8: log(-0.8 + 0.5). The episode ends, without a delay by a
+    state that is nan, and with a delay at once. The observation of the sample before is returned,
+    with a large cost.
     """
     model, points = aircraft("ppo_gtm"), trims("ppo_gtm")[1:2]
     action = {"elevator": {"box": [-1, 1], "map": "trim + 0.1 * log(a + 0.5)"}}
@@ -217,7 +218,9 @@ def test_the_policy_to_be_trained_need_not_exist():
 
 
 def test_options_of_a_reset_are_obeyed_or_refused():
-    """An initial state, whole or by name, is obeyed; what is no option, state or trim is refused."""
+    """An initial state, of all states or of some by name beside those of a trim, is the one of the
+    episode. Unknown options, wrong states and a trim that is not there are refused.
+    """
     points = trims("ppo_gtm")[:2]
     env = elevator_environment(points)
     trimmed = np.array(points[1].states)

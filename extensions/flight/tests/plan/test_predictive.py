@@ -139,7 +139,9 @@ def test_the_sample_time_resolves_the_fastest_pole():
 
 
 def test_near_the_trim_the_plan_costs_the_exact_value_and_the_exact_gain_flies():
-    """A plan of half a second costs z'Pz with P of SciPy within 1 %, and the next input is -K z."""
+    """A plan of half a second costs z'Pz within 1 %, with P of `hfa.lqr`. At the next sample, as near to
+    the trim, the linear policy acts: -K z.
+    """
     linear = hfa.linearize(CART, AT_REST)
     P = np.array(hfa.lqr(linear.A, linear.B, *WEIGHTS).P)
     policy = made(horizon=0.5)
@@ -278,9 +280,10 @@ def test_a_flight_costs_little_more_than_the_best_flight():
     assert policy.samples.linear > 0
 
 
-def test_a_delay_is_bridged_by_the_commands_under_way():
+def test_a_plan_begins_at_the_state_that_is_reached_after_the_delay():
     """With a delay of two samples, the cart drifts without a force until the first command acts. The
-    flight costs this drift, and what a flight without delay costs from the state at its end.
+    flight costs this drift, by quadrature, and what a flight without delay costs from the state at
+    the end of the drift.
     """
     dt = 0.1
     start, delay = np.array([1.0, 0.3]), 0.2
@@ -307,12 +310,14 @@ def test_near_the_trim_the_gain_of_a_finite_delta_is_that_of_the_sampled_game():
     dt, plant = of_game.dt, np.array(linear.A)
     A, B, Q, N, R = over_hold(plant, np.array(linear.B), *WEIGHTS, dt)
     _, E, _, _, _ = over_hold(plant, np.eye(2), np.eye(2), np.eye(2), dt)
-    both = np.hstack([B, E])
+    both = np.hstack(
+        [B, E]
+    )  # of the input u, which minimizes, and of the disturbances, which maximize
     weight = np.diag([R[0, 0], -dt * delta**2, -dt * delta**2])
     cross = np.hstack([N, np.zeros((2, 2))])
     P = solve_discrete_are(A, both, Q, weight, s=cross)
     K = np.linalg.solve(weight + both.T @ P @ both, both.T @ P @ A + cross.T)
-    np.testing.assert_allclose(of_game.K, K[:1], rtol=1e-6)
+    np.testing.assert_allclose(of_game.K, K[:1], rtol=1e-6)  # the row of u
     assert (of_game.K > 1.01 * lqr.K).all()
 
 
@@ -382,9 +387,11 @@ def cart_flight(policy, wrong):
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_a_wrong_sample_changes_no_flight(law):
-    """The prediction of an exact model takes the place of a sample that is not finite or
-    impossible, at the first one too, and the report counts it.
+def test_a_faulty_sample_does_not_change_the_flight(law):
+    """A sample that is not finite, or too far from the prediction to be possible, is replaced by the
+    prediction of the model, which is exact here. The report counts the 3 replaced ones.
+
+    Samples that are not finite at the beginning, without a prediction, leave the flight finite.
     """
     policy = made(law, dt=0.1)
     expected = cart_flight(policy, {})

@@ -77,8 +77,9 @@ def test_the_saturated_lqr_is_the_last_resort(monkeypatch):
 
 
 def test_initial_conditions_without_a_flight_count_in_the_share(folder, monkeypatch):
-    """IPOPT finds nothing (planted), and the linear optimum of a cart is too fast from some initial
-    conditions. The command passes if the share of the others is at least the required one.
+    """IPOPT finds nothing (planted: `Failing`), and the linear optimum of a cart exceeds its speed limit
+    from some of 5 initial conditions. The command passes if the share of the others is at least that
+    of --need.
     """
     monkeypatch.setattr(ca, "nlpsol", Failing)
     np.savez("cart.npz", A=[[0.0, 1.0], [0.0, 0.0]], B=[[0.0], [1.0]])
