@@ -146,7 +146,7 @@ def cost_rate(deployed: Deployed) -> ca.Function:
 
 
 #: Longest time until the linear cost of a flight has decayed, s. Longer flights are not compared.
-_LONGEST = 3000.0
+_LONGEST_HORIZON = 3000.0
 
 
 class Ratios(NamedTuple):
@@ -257,7 +257,7 @@ def _number(ratio: float) -> str:
 
 def _refuse_slow(flights: Flights, starts: np.ndarray) -> None:
     """Raise NoSolutionError if the exact loop has a mode that decays in too long a time."""
-    if max(map(flights.horizon, starts)) <= _LONGEST:
+    if max(map(flights.horizon, starts)) <= _LONGEST_HORIZON:
         return
     slowest = max(
         modes_of(flights.loop, flights.problem.states), key=lambda mode: mode.eigenvalue.real
