@@ -36,8 +36,8 @@ def found():
     ],
 )
 def test_a_certificate_that_was_edited_is_refused(before, after, tmp_path):
-    """An edit of any text of a file is refused: of a value, of its digest, a second entry of the same
-    name, or another digit.
+    """Any edit of the text is refused: another value, another digest, a second entry of the same name,
+    and a value with another number of digits.
     """
     path = tmp_path / "schedule.json"
     origin = {"version": "1", "command": "hfa prove schedule", "date": "today"}
@@ -117,12 +117,12 @@ def test_different_functions_have_different_digests():
     assert len({digest_of(function, "u") for function in functions}) == 7
 
 
-def test_a_certificate_about_a_file_is_not_read_as_one_about_a_variant():
-    """A certificate about the equations of a file, here with the name "published", is refused without
-    this file: the built-in aircraft of the same name is not its subject.
+def test_a_certificate_about_an_aircraft_file_requires_the_file():
+    """A certificate about other equations with the name "published" is refused without the file that
+    has them: the built-in aircraft of this name is not its subject.
     """
     content = certificate(found().statement, found().witness.content())
-    model = facts(aircraft()) | {"equations": "0" * 64}
+    model = facts(aircraft()) | {"equations": "0" * 64}  # the digest of other equations
     with pytest.raises(BadInputError, match="give the aircraft file"):
         read_content(changed(content, statement__flight__model=model))
 

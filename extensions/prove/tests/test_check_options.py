@@ -125,8 +125,8 @@ def check_case(path, words, entry, usual, monkeypatch):
 
 @pytest.mark.parametrize("size", [1e-9, 1.0, math.degrees(1.0), 1e12])
 def test_gains_are_compared_in_any_units(size):
-    """A gain is compared in nominal values of the states: one for the rate that is 1 % off is another
-    gain, however large a rate of 1 is in the unit of the model.
+    """A gain that differs by 1 % in one entry is another gain, whatever the unit of the rate: entries are
+    compared in nominal values of the states, here `size` for the rate.
     """
     pendulum = load_model(f"{ROOT}/examples/pendulum.py:PENDULUM")
     states = dict(pendulum.states)
@@ -141,8 +141,10 @@ def test_gains_are_compared_in_any_units(size):
     assert not same((-gain).tolist(), gain)
 
 
-def test_every_option_is_changed():
-    """CHANGED has each option of the proof and of --check, with at least one change, and no other."""
+def test_the_table_of_changed_options_is_complete():
+    """`CHANGED` lists each option of `hfa prove schedule` and of --check, with at least one change of
+    it, and no other option.
+    """
     assert set(options_of(ScheduleRequest)) | set(options_of(CheckRequest)) == set(CHANGED)
     assert all(CHANGED.values())
 
@@ -156,7 +158,9 @@ def test_the_options_of_the_proof_give_the_subject():
 def test_an_option_that_changes_the_subject_is_noticed(
     path, words, entry, usual, files, monkeypatch
 ):
-    """Each option that changes what a proof is about is compared with the certificate."""
+    """A change of an option of `BASE` changes the entry of a proof's subject that `CHANGED` lists, and
+    --check then refuses the stored certificate.
+    """
     check_case(path, words, entry, usual, monkeypatch)
 
 

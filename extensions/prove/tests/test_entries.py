@@ -15,7 +15,7 @@ from hfa_support.errors import BadInputError
 
 ROOT = Path(__file__).resolve().parents[3]
 STORED = ROOT / "tests" / "nets" / "certificates" / "schedule.json"
-#: Values that no entry has, but for texts.
+#: Values that are no number, text, list or object of an entry, except for "1" where it has a text.
 OTHERS = [None, True, "1", [], {}, math.nan, math.inf, 2**53 + 1, 1.1e300]
 
 
@@ -48,17 +48,17 @@ def test_an_entry_of_another_type_or_shape_is_refused():
         for key in path:
             value = value[key]
         if any(isinstance(key, int) and key > 0 for key in path):
-            continue
+            continue  # not the first element of a list
         for other in others(value):
             if other == value and type(other) is type(value):
                 continue
-            made = copy.deepcopy(whole)
-            put(other, *path)(made)
+            wrong = copy.deepcopy(whole)
+            put(other, *path)(wrong)
             with pytest.raises((Malformed, BadInputError)) as refused:
-                read_content(made, aircraft)
+                read_content(wrong, aircraft)
             names = [key for key in path if isinstance(key, str)][-2:]
             named = any(key in str(refused.value) for key in names)
-            # of another name of the dynamics, the message says that its file is missing
+            # Another name of the dynamics is refused as that of an aircraft file that is not given.
             assert named or path[-1] == "dynamics", (path, other)
 
 

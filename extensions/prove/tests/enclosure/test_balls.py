@@ -24,21 +24,26 @@ def test_balls_contain_their_members():
 
 
 def test_a_read_number_contains_its_decimal():
-    """The ball of a parameter, here the drag, contains the decimal that a user wrote, also one in degrees
-    that is converted to rad.
+    """The ball of a parameter, here the drag, contains the exact number that a user wrote: a decimal, or
+    a decimal number of degrees in rad. The parameter is the double nearest to it.
     """
-    given = [("0.1", arb("0.1"), 0.1)]
+    given = [("0.1", arb("0.1"), 0.1)]  # text, exact number, nearest double
     for hundredths in range(1, 2000, 10):
         text = f"{hundredths / 100:.2f}"
         given.append((text, arb(text) * arb.pi() / 180, math.radians(float(text))))
     outside = []
-    for text, exactly, value in given:
-        parameters = {"pull": 1.0, "drag": value}
-        trims = Flight(
-            FLOAT, parameters, {"depth": 1.0, "heave": 0.0}, {}, (1.0, 2.0), {"lift": 1.0}
+    for text, exactly, nearest in given:
+        flight = Flight(
+            FLOAT,
+            parameters={"pull": 1.0, "drag": nearest},
+            imposed={"depth": 1.0, "heave": 0.0},
+            limits={},
+            range=(1.0, 2.0),
+            first={"lift": 1.0},
         )
-        (ball,) = SteadyFlight(trims).constants[3:4]
-        if not ball.contains(exactly):
+        # imposed values, parameters and the unit of the scheduling variable
+        *_, drag, _ = SteadyFlight(flight).constants
+        if not drag.contains(exactly):
             outside.append(text)
     assert outside == []
 

@@ -59,9 +59,11 @@ def test_tables_have_the_values_of_casadi(name):
 
 @pytest.mark.parametrize("name", ["linear", "cubic"])
 def test_balls_of_tables_are_decided_between_breakpoints(name):
-    """Balls contain the exact value between two breakpoints, and are undecided across one."""
-    (one,) = tables_of(CASES[name])
-    spline = one.spline()
+    """Midway between two breakpoints, a ball is the exact value of the polynomial there. Of an argument
+    across a breakpoint it is undecided which polynomial applies.
+    """
+    (read,) = tables_of(CASES[name])
+    spline = read.spline()
     y = ca.SX.sym("y")
     function = BallFunction(ca.Function("f", [y], [CASES[name](y)]))
     for (low, high), piece in zip(pairwise(spline.knots), spline.pieces[1:-1], strict=True):
@@ -70,7 +72,7 @@ def test_balls_of_tables_are_decided_between_breakpoints(name):
         assert abs(function([exact(float(at))])[0][0] - exact(float(value))) < 1e-15
     across = exact(spline.knots[1]) + about_zero(1e-9)
     undecided = [across, exact(spline.knots[0])] if name == "cubic" else [across]
-    for place in undecided:  # a smooth table jumps at its ends
+    for place in undecided:  # a cubic table jumps to another value at its ends
         with pytest.raises(Undecided):
             function([place])
     assert float(function([exact(spline.knots[1])])[0][0]) == pytest.approx(
