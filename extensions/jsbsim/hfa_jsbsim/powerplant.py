@@ -412,8 +412,9 @@ def _blade(mounted: MountedEngine) -> tuple[Any, dict[str, Any]]:
         advance = mounted.read(f"fcs/advance-pos-norm[{mounted.number}]")
         feather = mounted.read(f"fcs/feather-pos-norm[{mounted.number}]")
     wanted = slowest + (prop.value_of("maxrpm", 0.0) - slowest) * advance
-    rate = mounted.propeller_rpm - wanted
-    rate = ca.if_else(ca.SX(feather) > 0.5, (highest - blade) * _FEATHERING / STEP, rate)
+    governed_rate = mounted.propeller_rpm - wanted
+    feathering_rate = (highest - blade) * _FEATHERING / STEP
+    rate = ca.if_else(ca.SX(feather) > 0.5, feathering_rate, governed_rate)
     next_blade = ca.fmin(ca.fmax(blade + rate * STEP, lowest), highest)
     return blade, {f"blade{mounted.number}": (next_blade - blade) / STEP}
 

@@ -298,9 +298,9 @@ class SteadyFlight:
         around = piece.along(box)
         if not all(value == 0 for value in self._balanced(around, [s], self.constants)[1]):
             raise Rejected("no values of the free variables satisfy an equation of the trim")
-        Gw, Gs = self._slopes(around, [s], self.constants)
-        G_w = arb_mat(f, f, Gw).transpose()  # entries are column by column
-        along = arb_mat(f, 1, Gs) + G_w * ball_matrix(piece.slope[:, None])
+        by_w, by_s = self._slopes(around, [s], self.constants)
+        G_w = arb_mat(f, f, by_w).transpose()  # entries are column by column
+        along = arb_mat(f, 1, by_s) + G_w * ball_matrix(piece.slope[:, None])
         inverse = ball_matrix(Y)
         newton_step = inverse * (arb_mat(f, 1, G) + along * about_zero(piece.half_width))
         rest = (identity(f) - inverse * G_w) * arb_mat(f, 1, list(box))

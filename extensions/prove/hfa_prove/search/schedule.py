@@ -426,7 +426,8 @@ def _weight(samples: Sequence[Sample]) -> np.ndarray:
         total = np.zeros_like(W)
         largest = 0.0
         for _, C, slope in samples:
-            # The derivative of C'P + P C = -W in s, with P' = dP/ds: C'P' + P'C = -(C''P + P C').
+            # dP/ds, by the derivative of C'P + P C = -W:
+            # C' dP/ds + dP/ds C = -(P dC/ds + its transpose)
             P_C_slope = _lyapunov(C, W) @ slope
             P_slope = _lyapunov(C, P_C_slope + P_C_slope.T)
             sizes, axes = np.linalg.eigh(inverse @ P_slope @ inverse.T)
