@@ -293,6 +293,7 @@ def identified_figure(
         unit = identified.model.unit(name)
         factor = 180.0 / np.pi if unit.startswith("rad") else 1.0
         left, right = axes[row]
+        # `begins` also contains the end of the last record.
         for (record, y), begin in zip(identified.fitted, begins, strict=False):
             if name not in record.measured:
                 continue

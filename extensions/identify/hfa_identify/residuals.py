@@ -377,9 +377,9 @@ def _delayed_inputs(fit: Fit, number: int) -> np.ndarray:
 
 def _granger_p_value(residuals: np.ndarray, driven: np.ndarray) -> float:
     """Return the probability that noise seems to depend on the inputs as much as the residuals."""
-    # Changes that follow the inputs do not help to predict noise from its own past. The sum of
-    # squared prediction errors without them, less that with them, is then F-distributed relative to
-    # the latter.
+    # Noise is predicted from its own past, and changes that follow the inputs do not improve the
+    # prediction. Relative to the squared prediction error with them, the decrease of the error is
+    # then F-distributed.
     from scipy.special import fdtrc
 
     N, d = driven.shape

@@ -431,7 +431,7 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
     for line, text in test.lines:
         words = text.split()
         sign = _WORDS.get(words[1], words[1]) if len(words) == 3 else ""
-        # JSBSim ignores a condition with a tab.
+        # JSBSim ignores a condition with a tab, which is therefore refused.
         if "\t" in text or sign not in _COMPARISONS or number_of(words[0]) is not None:
             fault = f"{shortened(text)!r} is not a condition; write PROPERTY lt NUMBER, with spaces"
             raise test.error_at(line, fault)

@@ -129,7 +129,7 @@ def reach_throttle(engine: int, properties: Properties, throttle: ca.SX) -> Note
     try:
         if ca.depends_on(ca.SX(properties.read(name, "")), throttle):
             return None
-    except LoopError:
+    except LoopError:  # no position follows from the input
         pass
     properties.replace(name, throttle)
     statement = "the input is the throttle position; throttle-cmd-norm has no effect on"

@@ -198,18 +198,17 @@ class ScheduleProof:
         gain = [K.value.transpose().entries(), K.slope.transpose().entries(), [exact(K.origin)]]
         n = K.value.ncols()
         estimate = [exact(value) for value in trims.estimate.tolist()]
-        (at_centre,) = self._loops.balls(estimate, [trims.middle], self.flight.constants, *gain)
+        (C0,) = self._loops.balls(estimate, [trims.middle], self.flight.constants, *gain)
         s = trims.middle + about_zero(trims.half_width)
         # e and 0: all points between the estimate at the center and the trims
         around = trims.along([offset.union(exact(0.0)) for offset in trims.offset])
         _, by_w, by_s = self._loops.derivatives(around, [s], self.flight.constants, *gain)
         f = len(estimate)
-        by_free = arb_mat(f, n * n, by_w).transpose()
-        along = arb_mat(n * n, 1, by_s) + by_free * ball_matrix(trims.slope[:, None])
-        middle = along.mid()
-        rest = (along - middle) * about_zero(trims.half_width)
-        rest += by_free * arb_mat(f, 1, list(trims.offset))
-        columns = (at_centre, middle.entries(), rest.entries())
+        C_w = arb_mat(f, n * n, by_w).transpose()
+        along = arb_mat(n * n, 1, by_s) + C_w * ball_matrix(trims.slope[:, None])
+        C1 = along.mid()
+        R = (along - C1) * about_zero(trims.half_width) + C_w * arb_mat(f, 1, list(trims.offset))
+        columns = (C0, C1.entries(), R.entries())
         return LinearInPosition(*(arb_mat(n, n, list(column)).transpose() for column in columns))
 
     def _check_decay(self, loop: LinearInPosition, trims: TrimPiece) -> None:
