@@ -198,7 +198,7 @@ def simulate_batch(
 #: print three digits.
 RESOLVED = 1e-3
 #: Largest number of steps in place of one.
-_MOST = 8
+_MOST_PARTS = 8
 #: Relative changes below this are rounding: 1e5 steps with ten roundings of 1e-16 each, ten times.
 _ROUNDING = 1e-9
 
@@ -251,8 +251,8 @@ def resolved(
 ) -> tuple[Simulation, IntegrationError]:
     """Return a simulation whose figures hardly change with half its step, and its error.
 
-    The step is halved until no figure changes by more than `RESOLVED`, at most to 1 / `_MOST`. The
-    result is then the last simulation but one.
+    The step is halved until no figure changes by more than `RESOLVED`, at most to 1 / `_MOST_PARTS`
+    of it. The result is then the last simulation but one.
 
     simulate: number of steps in place of one -> simulation
     figures: figures of a simulation
@@ -263,7 +263,7 @@ def resolved(
     while True:
         finer = simulate(2 * parts)
         figure, change = _largest_change(figures(flown), figures(finer))
-        if change <= RESOLVED or 2 * parts >= _MOST:
+        if change <= RESOLVED or 2 * parts >= _MOST_PARTS:
             return flown, IntegrationError(step / parts, change, figure)
         flown = finer
         parts *= 2
@@ -275,6 +275,7 @@ def _largest_change(before: Figures, after: Figures) -> tuple[str, float]:
     for name in {**before, **after}:
         change = math.inf
         if name in before and name in after:
+            # Each figure is a value, and the least magnitude to which its change is relative.
             (old, _), (new, least) = before[name], after[name]
             change = abs(new - old) / max(abs(new), least)
         if not change <= largest:  # also of a nan
@@ -364,7 +365,7 @@ class Cost:
         if isinstance(z, np.ndarray):
             crossed = 0.0 if self.N is None else 2.0 * np.einsum("ij,jk,ik->i", z, self.N, v)
             return quadratic_forms(z, self.Q) + crossed + quadratic_forms(v, self.R)
-        of_states = ca.bilin(ca.DM(self.Q), z, z)
+        cost_rate = ca.bilin(ca.DM(self.Q), z, z)
         if self.N is not None:
-            of_states += 2 * ca.dot(z, ca.DM(self.N) @ v)
-        return of_states + ca.bilin(ca.DM(self.R), v, v)
+            cost_rate += 2 * ca.dot(z, ca.DM(self.N) @ v)
+        return cost_rate + ca.bilin(ca.DM(self.R), v, v)

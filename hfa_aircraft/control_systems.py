@@ -49,6 +49,7 @@ def plant_model(
     rows = {
         output: OutputRow(Signal(), c, d, np.zeros(0)) for output, (c, d) in (outputs or {}).items()
     }
+    # There are no disturbances, {}, and E has no columns.
     return plant_about(name, states, inputs, {}, (A, B, np.zeros((len(A), 0))), rows, (LINEAR,))
 
 

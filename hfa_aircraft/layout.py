@@ -160,7 +160,8 @@ class Layout(NamedTuple):
 def column(entries: Iterable[Any] | ca.SX | ca.DM) -> ca.SX:
     """Return numbers and expressions, or a CasADi column of them, as SX, also if there are none."""
     if isinstance(entries, ca.SX | ca.DM):
-        return ca.vec(ca.SX(entries))  # a part without entries of a column may be a row
+        # CasADi may return an empty slice of a column as a row, (1, 0).
+        return ca.vec(ca.SX(entries))
     return ca.vertcat(ca.SX(0, 1), *entries)
 
 
@@ -258,8 +259,9 @@ def symbolic(layout: Layout, *, undisturbed: bool) -> _Symbolic:
     values: list[Any] = [ca.vertsplit(vector) for vector in symbols]
     if undisturbed:
         values.append([0.0 for _ in layout.names.disturbances])
-    # layout.names also has the outputs, which are no arguments
-    arguments = [record(of)(*vector) for of, vector in zip(layout.names[:4], values, strict=True)]
+    # The names of x, u, p and w; the outputs, which follow, are no arguments.
+    groups = zip(layout.names[:4], values, strict=True)
+    arguments = [record(names)(*vector) for names, vector in groups]
     try:
         with warnings.catch_warnings(action="ignore", category=FutureWarning):
             # CasADi issues a FutureWarning for functions of NumPy.

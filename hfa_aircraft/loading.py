@@ -65,9 +65,14 @@ class ParameterFile:
         with file_faults(file):
             data = read_toml(file)
         found = checked(file, data, _FILE)
-        texts = (found.get(name, "") for name in ("aircraft", "sha256"))
-        tables = (found.get(name, {}) for name in ("parameters", "bands", "sensors"))
-        return cls(file, *texts, *tables)
+        return cls(
+            path=file,
+            aircraft=found.get("aircraft", ""),
+            sha256=found.get("sha256", ""),
+            values=found.get("parameters", {}),
+            bands=found.get("bands", {}),
+            sensors=found.get("sensors", {}),
+        )
 
     def applied_to(self, model: Model) -> Model:
         """Return an aircraft with the values of this file.
@@ -280,7 +285,11 @@ def relative_to(text: str, folder: Path) -> str:
 
 
 def _with_files(text: str, change: Callable[[str], str]) -> str:
-    """Return an argument of --aircraft with changed paths. Schemes and modules have no path."""
+    """Return an argument of --aircraft with changed paths, if it has any.
+
+    change: path -> new path
+    """
+    # scheme:NAME and package.module:NAME have none.
     # Each of the three paths of aero.dml+engine.dml?mass=mass.toml is changed.
     where, _, name = text.rpartition(":")
     if where.endswith(".py"):

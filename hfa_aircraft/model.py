@@ -184,8 +184,7 @@ class Model(Reported):
         """
         if self.source.reload is None:
             return super().__reduce__()
-        values = {name: signal.start for name, signal in self.parameters.items()}
-        return self.source.reduced(values)
+        return self.source.reduced({name: p.start for name, p in self.parameters.items()})
 
     # Names and units.
 
@@ -343,7 +342,7 @@ class Model(Reported):
                 f"{self.name} has air of its own, whose temperature {ISA} does not change; remove "
                 f"{ISA}"
             )
-        if name == "cg" and self.domain.reference:
+        if name == "cg" and self.domain.reference:  # only a table of derivatives has a reference
             raise BadInputError(
                 f"{self.name} has no center of gravity; add the line cg = 0.25 to its table: "
                 "chords behind the leading edge, where its moments are given"
@@ -598,9 +597,9 @@ class Model(Reported):
         NotFiniteError if a result is not finite.
         """
         self.refuse_vectors(x, u)
+        known = (*self.outputs, *self.states)
         for name in outputs:
-            if name not in self.states and name not in self.outputs:
-                refuse_unknown("unknown output", name, (*self.outputs, *self.states))
+            refuse_unknown("unknown output", name, known)
         rows = linearized_rows(self.layout, tuple(outputs), tuple(disturbances))
         ((flat,),) = rows(*(np.asarray(vector)[None] for vector in (x, u, self.p)))
         n, m, k, d = len(self.states), len(self.inputs), len(outputs), len(disturbances)
@@ -609,10 +608,8 @@ class Model(Reported):
             raise NotFiniteError(self.message_of_not_finite(flat[:n], values))
         shapes = ((n,), (k,), (n, n), (n, m), (k, n), (k, m), (n, d), (k, d))
         ends = np.cumsum([math.prod(shape) for shape in shapes])
-        parts = np.split(flat, ends[:-1])
-        return Linearization(
-            *(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True))
-        )
+        parts = zip(np.split(flat, ends[:-1]), shapes, strict=True)
+        return Linearization(*(part.reshape(shape) for part, shape in parts))
 
     def message_of_not_finite(self, rates: np.ndarray, values: Mapping[str, float]) -> str:
         """Return the error message for a rate or derivative that is not finite.
@@ -622,8 +619,8 @@ class Model(Reported):
         rates: rates at the point, (n,)
         values: state or input -> value at the point
         """
-        rated = zip(self.states, rates, strict=True)
-        wrong = [name for name, rate in rated if not math.isfinite(rate)]
+        pairs = zip(self.states, rates, strict=True)
+        wrong = [name for name, rate in pairs if not math.isfinite(rate)]
         what = f"the rate of {wrong[0]}" if wrong else "a derivative"
         if self.layout.has_nan:
             return f"{self.name}: {what} contains NaN; use CasADi's functions (ca.sin), not math's"
@@ -669,10 +666,8 @@ class Model(Reported):
         self.refuse_vectors(x, u)
         numbers = [[float(value) for value in vector] for vector in (x, u, self.p)]
         still_air = [0.0 for _ in self.disturbances]
-        names = self.layout.names[:4]  # of x, u, p and w
-        records = [
-            record(of)(*values) for of, values in zip(names, (*numbers, still_air), strict=True)
-        ]
+        groups = zip(self.layout.names[:4], (*numbers, still_air), strict=True)  # x, u, p and w
+        records = [record(names)(*values) for names, values in groups]
         try:
             return self.equations(*records)
         except (RuntimeError, ArithmeticError):

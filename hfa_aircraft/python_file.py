@@ -70,6 +70,7 @@ def hash_of_sources(file: Path, package: str) -> str:
     outer_packages = package.count(".")
     folder = file.resolve().parents[outer_packages]
     sources = _local_sources(file.resolve(), package, folder)
+    # The hash of a single file is that of its content, which other programs compute, too.
     if len(sources) == 1:
         return hashlib.sha256(sources[file.resolve()]).hexdigest()
     digest = hashlib.sha256()

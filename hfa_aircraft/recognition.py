@@ -87,6 +87,6 @@ def meant_by(word: str, states: Mapping[str, Signal]) -> str:
     """Return the variable that a usual word or symbol names: roll of "phi", or ""."""
     plain = word.lower()
     for role, state in recognized(states).items():
-        if plain in _RECOGNIZED[role][0]:
+        if plain in _RECOGNIZED[role][0]:  # the names, which the units follow
             return state
     return _WORDS.get(plain, "")

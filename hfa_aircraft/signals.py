@@ -116,7 +116,7 @@ def declared_signals(model: str, groups: Mapping[str, Any]) -> dict[str, dict[st
     declared: dict[str, dict[str, Signal]] = {}
     for kind, signals in groups.items():
         if hasattr(signals, "_asdict"):
-            remember_record(type(signals))
+            remember_record(type(signals))  # the equations receive values of this class
             signals = signals._asdict()
         if not isinstance(signals, Mapping):
             raise BadInputError(f"{model}: {kind} is {shown(signals)}; give {{name: Signal(unit)}}")
@@ -273,7 +273,7 @@ def identifiers(names: Iterable[str]) -> dict[str, str]:
     for name in names:
         plain = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_") or "variable"
         plain = f"v_{plain}" if plain[0].isdigit() else plain
-        # After "a b", which is a_b, "a.b" is a_b_. No other name is, as no plain one ends with "_".
+        # If "a b" is a_b, "a.b" becomes a_b_, which is unique: no plain identifier ends with "_".
         found[name] = plain + "_" * seen[plain]
         seen[plain] += 1
     return found

@@ -121,6 +121,7 @@ def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model],
     signals = model.signals
     if all(units[name] == signal.unit for name, signal in signals.items()):
         return model
+    # A unit that cannot be converted, such as %, is kept: the factor is 1.
     factors = {
         name: conversion_factor(signal.unit, units[name]) or 1 for name, signal in signals.items()
     }
@@ -136,7 +137,10 @@ def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model],
     for name, factor in rate_factors.items():
         rate = model.rate_scale(name) * factor
         converted["states"][name] = converted["states"][name]._replace(rate=rate)
-        factors.setdefault(f"{name}_dot", factor)  # imposed rates; a signal of this name is kept
+        factors.setdefault(
+            f"{name}_dot", factor
+        )  # rate that a trim imposes, unless a signal has its name
+    # Functions that the model does not have remain None: None and partial(...) is None.
     domain, begin, explain = model.domain, model.trimming.begin, model.trimming.explain
     return replace(
         model,

@@ -118,17 +118,17 @@ def hfa_about(dynamics: str) -> About:
     subject = "HFA" if dynamics == "published" else f"HFA ({dynamics})"
     game = published_data()["game"]  # of Section 5.1
     return About(
-        f"{dynamics} dynamics",
-        subject,
+        title=f"{dynamics} dynamics",
+        subject=subject,
         names_schedule=True,
-        equations="published" if subject == "HFA" else "",
+        equations="published" if subject == "HFA" else "",  # other subjects name the equations
         atmosphere="U.S. Standard 1976",
-        trained_at=math.radians(15.0),
+        trained_at=math.radians(15.0),  # the dihedral of the printed (A1, B1)
         weights={
             "Q": dict(zip(LINEAR_STATES, game["Q_diag"], strict=True)),
             "R": dict(zip(INPUTS, game["R_diag"], strict=True)),
             "delta": game["delta"],
-            "E": LINEAR_STATES,
+            "E": LINEAR_STATES,  # the disturbance acts on the rates of all of them
         },
         weights_source="default",
         configuration=configuration,

@@ -362,8 +362,8 @@ def save_parameters(parameters: ParameterSet, path: Path, header: str) -> None:
             f"[{name}]",
             f"value = {getattr(parameters.values, name)!r}",
             f'unit = "{spec.unit}"',
+            f'source = "{parameters.sources[name]}"',
         ]
-        lines += [f'source = "{parameters.sources[name]}"']
         if name in errors:
             lines += [f"standard_error = {errors[name]:.3g}"]
         if name in parameters.notes:
@@ -404,8 +404,7 @@ def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[
                 f"{name} is identified as 0, so the logarithm of {name} cannot be sampled; give "
                 f"{name} a fixed value"
             )
-    samples = []
-    for row in spread.draws(count, seed).tolist():
-        drawn = dict(zip(parameters.identified, row, strict=True))
-        samples.append(parameters.values._replace(**drawn))
-    return tuple(samples)
+    return tuple(
+        parameters.values._replace(**dict(zip(parameters.identified, row, strict=True)))
+        for row in spread.draws(count, seed).tolist()
+    )

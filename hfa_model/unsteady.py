@@ -270,8 +270,8 @@ def _lagged_panel(panel: _Panel, x: Any, u: Any, p: Any, air_density: Quantity) 
     """Return the loads on a panel with lagged lift, and the rates of the panel's lag states."""
     # The lift lags behind motion, controls and gusts. The lift is perpendicular to the flow at the
     # lagged angle of attack, because the induced velocity of the wake is part of the flow.
-    # `panel_loads` adds the full lift of aileron and elevator at once. The angle of attack that it
-    # gets contains only the part of this lift, negative, that does not act yet.
+    # `panel_loads` adds the full lift of aileron and elevator at once. The effective angles of
+    # attack therefore omit the deflection, and subtract the part of it that does not act yet.
     aileron = getattr(u, f"aileron_{panel.name}")
     elevator = getattr(u, f"elevator_{panel.name}")
     tail_chord = _tail_chord(p)
@@ -364,19 +364,23 @@ def _with_apparent_mass(
     plates = _plates(p, air_density)
     carried = [_carried_air(plate, panel, x, p) for panel in panels for plate in plates]
     all_air = _CarriedAir(*(sum(parts) for parts in zip(*carried, strict=True)))
-    base = rates_from_loads(x, _with_air(loads, all_air, x), p, NEWTON)
-    descent_rate = base.speed * ca.sin(x.alpha) + x.speed * ca.cos(x.alpha) * base.alpha
-    accelerations = ca.vertcat(descent_rate, base.pitch_rate, base.dihedral_rate)
+
+    # a_0 and M
+    rates = rates_from_loads(x, _with_air(loads, all_air, x), p, NEWTON)
+    descent_rate = rates.speed * ca.sin(x.alpha) + x.speed * ca.cos(x.alpha) * rates.alpha
+    accelerations = ca.vertcat(descent_rate, rates.pitch_rate, rates.dihedral_rate)
     hinge_inertia = 2 * NEWTON.hinge_inertia(x.dihedral, p)
     c1, c2 = pitch_inertias(p)
     pitch_inertia = c1 + c2 * ca.sin(x.dihedral) ** 2
     inertia = ca.diag(ca.vertcat(3 * p.panel_mass, pitch_inertia, hinge_inertia))
+
     # Both matrices are symmetric and their sum is positive definite. The L D L' factorization is
     # more accurate than a symbolic QR. forces = M_a a = M_a (a_0 - (M + M_a)⁻¹ M_a a_0).
     factors = ca.ldl(inertia + all_air.mass)
     forces = all_air.mass @ (accelerations - ca.ldl_solve(all_air.mass @ accelerations, *factors))
-    # The generalized force of η'' is that of two hinge moments, and of the vertical force by the
-    # motion (s/3) cos η of the center of mass.
+
+    # The generalized force of η'' is 2 H + (s/3) cos η Z, with the hinge moment H and the vertical
+    # force Z: the center of mass moves by (s/3) cos η η'.
     hinge_force = (forces[2] - p.panel_span / 3 * ca.cos(x.dihedral) * forces[0]) / 2
     accelerated_air = all_air._replace(
         downward=all_air.downward - forces[0],
@@ -463,6 +467,8 @@ def _with_air(loads: Loads[Quantity], air: _CarriedAir, x: Any) -> Loads[Quantit
 
 def _plates(p: Any, air_density: Quantity) -> tuple[_Plate, _Plate]:
     """Return the wing and the tail of a panel as plates that carry air."""
+    # The apparent mass is π ρ b² per length, times the share of this effect, `apparent_mass`. The
+    # mid-chord is a quarter of the chord behind the quarter chord.
     tail_chord = _tail_chord(p)
     wing_volume = p.chord**2 * p.panel_span
     tail_volume = p.tail_area * tail_chord

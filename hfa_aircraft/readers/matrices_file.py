@@ -211,7 +211,7 @@ def sample_time(stored: Mapping[str, Any]) -> float | None:
 
 
 def _seconds(key: str, value: Any) -> float | bool | None:
-    """Return the sample time in an entry `dt` or `Ts`, s, or True or None as `sample_time` does."""
+    """Return the sample time in `dt` or `Ts`, s, True if unknown, or None in continuous time."""
     entry = np.asarray(value, dtype=object)
     dt = entry.item() if entry.size == 1 else entry.tolist()
     if dt is None or isinstance(dt, bool):
@@ -300,7 +300,9 @@ def plant_names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> 
         if len(texts) == size and (is_unit or len(set(texts)) == size):
             names[key] = texts
         elif key in stored and is_unit:
-            notes.append(f"{key} must list a unit for each {key[:-6]}; no units are used")
+            notes.append(
+                f"{key} must list a unit for each {key.removesuffix('_units')}; no units are used"
+            )
         elif key in stored:
             letter = "u" if key == "inputs" else "x"
             notes.append(f"{key} must list a different name for each; {letter}1, ... are used")
@@ -326,7 +328,7 @@ def linear_plant(path: str) -> Model:
                 "and B of x' = A x + B u"
             )
         if "A" in stored and "B" not in stored:
-            # checked with a B that fits, of which no column is kept
+            # `plant_matrices` requires B. Any matrix with n rows serves: no column of it is kept.
             A, any_B = plant_matrices({**stored, "B": stored["A"]})
             B = any_B[:, :0]
         else:

@@ -201,8 +201,8 @@ FORCE = {"english": "lbf", "si": "N"}
 #: Deviation of the temperature from that of the standard atmosphere.
 DEVIATION = Signal("K", 10.0, -100.0, 100.0)
 #: Limits of the speed relative to that of the default trim.
-_SLOWEST = 0.3
-_FASTEST = 5.0
+_LOWEST_SPEED_RATIO = 0.3
+_HIGHEST_SPEED_RATIO = 5.0
 
 
 def force_signals(system: str) -> dict[str, Signal]:
@@ -339,18 +339,17 @@ def rigid_aircraft(
     source, about: the file, and texts about it.
     domain: where the equations are valid.
     """
-    about = replace(about, atmosphere="U.S. Standard 1976")
     length = LENGTH[system]
     foot = 1.0 if system == "english" else FOOT
     lowest, highest = (foot * height for height in ALTITUDES)
-    roll = Signal("rad", 0.1, -3.1, 3.1, assumed=True)
+    # The arguments of a signal are its unit, nominal value, lowest, highest and initial value.
     rate = Signal("rad/s", 0.1, rate=1.0)
     states = {
         "speed": Signal(
             f"{length}/s",
             speed,
-            _SLOWEST * speed,
-            _FASTEST * speed,
+            _LOWEST_SPEED_RATIO * speed,
+            _HIGHEST_SPEED_RATIO * speed,
             speed,
             rate=GRAVITY[system],
             assumed=True,
@@ -358,7 +357,7 @@ def rigid_aircraft(
         "alpha": alpha,
         "beta": beta,
         **dict.fromkeys(("roll_rate", "pitch_rate", "yaw_rate"), rate),
-        "roll": roll,
+        "roll": Signal("rad", 0.1, -3.1, 3.1, assumed=True),
         "pitch": Signal("rad", 0.1, -1.5, 1.5, alpha.start, assumed=True),
         "yaw": Signal("rad", 0.1),
         "altitude": Signal(length, 10000.0 * foot, lowest, highest, assumed=True),
@@ -386,7 +385,7 @@ def rigid_aircraft(
         linear=steady,
         schedule="speed",
         source=source,
-        about=about,
+        about=replace(about, atmosphere="U.S. Standard 1976"),
         domain=domain,
         trimming=Trimming(begin=partial(coordinated, GRAVITY[system])),
     )

@@ -210,14 +210,17 @@ SEA_LEVEL = Air(
 #: ft/s.
 _KNOT = KNOT / FOOT
 #: Accuracy of a crossover altitude, relative to that of all altitudes: a nanometre.
-_ACCURACY = 1e-14
+_CROSSOVER_ACCURACY = 1e-14
 #: Outputs from which the air of a model follows, with their units here.
 _OF_AIR = {"dynamic_pressure": "lbf/ft^2", "mach": "1"}
 
 
 def with_airspeed(model: Model, imposed: Mapping[str, Any]) -> Model:
-    """Return the model of a trim, with the airspeed that it imposes without an altitude as an
-    output of its equations, which follows from the outputs `dynamic_pressure` and `mach`.
+    """Return the model for a trim that imposes one airspeed, and no altitude.
+
+    The equations of the result have this airspeed as a further output, which follows from their
+    outputs `dynamic_pressure` and `mach`. The model is returned unchanged if it has no such
+    outputs, if it has the airspeed as an output, or for any other trim.
 
     imposed: variable, output, airspeed or parameter -> value
     """
@@ -229,46 +232,51 @@ def with_airspeed(model: Model, imposed: Mapping[str, Any]) -> Model:
     (name,) = names
     speed = roles["speed"]
     factors = [_factor_to_model(model, output, unit) for output, unit in _OF_AIR.items()]
-    equations = _with_output(
+    equations = _with_airspeed_output(
         model.equations, name, speed, (*factors, _factor_to_model(model, speed, "kt"))
     )
     return replace(model, equations=equations, outputs={**model.outputs, name: AIRSPEEDS[name]})
 
 
 @lru_cache(maxsize=16)
-def _with_output(equations: Any, name: str, speed: str, factors: tuple[float, ...]) -> Any:
-    """Return equations whose outputs have an airspeed in kt, too."""
-    # speed: name of the true airspeed
-    # factors: from lbf/ft^2, 1 and kt to the units of dynamic pressure, Mach number and speed
+def _with_airspeed_output(equations: Any, name: str, speed: str, factors: tuple[float, ...]) -> Any:
+    """Return equations with one more output, an airspeed in kt.
+
+    name: name of the airspeed, ktas, keas or kcas
+    speed: name of the state that is the true airspeed
+    factors: from lbf/ft^2, 1 and kt to the units of dynamic pressure, Mach number and speed
+    """
 
     def with_output(x: Any, u: Any, p: Any, w: Any) -> tuple[Any, dict[str, Any]]:
         """Return rates by state, and outputs by name."""
         rates, outputs = equations(x, u, p, w)
         values = (*(outputs[output] for output in _OF_AIR), getattr(x, speed))
-        dynamic, mach, ktas = (
+        dynamic_pressure, mach, ktas = (
             value / factor for value, factor in zip(values, factors, strict=True)
         )
         airspeed = ktas
         if name == "keas":
-            airspeed = ca.sqrt(2.0 * dynamic / SEA_LEVEL.density) / _KNOT
+            airspeed = ca.sqrt(2.0 * dynamic_pressure / SEA_LEVEL.density) / _KNOT
         elif name == "kcas":
-            airspeed = calibrated_speed(mach, 2.0 * dynamic / (HEAT_RATIO * mach**2)) / _KNOT
+            static_pressure = 2.0 * dynamic_pressure / (HEAT_RATIO * mach**2)
+            airspeed = calibrated_speed(mach, static_pressure) / _KNOT
         return rates, {**outputs, name: airspeed}
 
     return with_output
 
 
 def with_speed(model: Model, imposed: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of a trim, with the speed in place of an imposed airspeed.
+    """Return the imposed values of a trim, with the state `speed` in place of an airspeed.
 
-    An airspeed that is an output of the model's own equations is kept: these equations determine
-    the speed. It is also kept without an imposed altitude. Two airspeeds without an altitude, such
-    as kcas and mach at a crossover, give the altitude too.
+    The air at the imposed altitude determines the speed. Without an altitude, two airspeeds
+    determine both, such as kcas and mach at a crossover. An airspeed that is an output of the
+    model's equations stays imposed if no altitude is imposed or these equations have air of their
+    own: the trim then solves for the speed.
 
     imposed: variable, output, airspeed or parameter -> number, or array of a common length
 
-    Raises BadInputError for one airspeed that is no output without an altitude, for two speeds at
-    an altitude, for two that agree at no altitude, and for a speed that is not positive.
+    Raises BadInputError if a speed is not positive, if two are imposed at an altitude, if two agree
+    at no altitude, or if one that is no output is imposed without an altitude.
     """
     names = [name for name in model.airspeeds if name in imposed]
     if not names:
@@ -344,7 +352,7 @@ def _crossover(
             raise BadInputError(
                 f"{words} are one speed at no altitude between {between}; give other values"
             )
-        accuracy = _ACCURACY * (highest - lowest)
+        accuracy = _CROSSOVER_ACCURACY * (highest - lowest)
         heights.append(brentq(speed_difference, lowest, highest, (at_point,), xtol=accuracy))
     return np.reshape(heights, columns[0].shape) if columns[0].ndim else heights[0]
 
@@ -400,13 +408,14 @@ def _in_own_air(model: Model, name: str, altitude: str) -> ca.Function:
     start |= {altitude: height, speed: model.signals[speed].nominal}
     x, u = ([start[variable] for variable in group] for group in (model.states, model.inputs))
     _, outputs = model.layout.expressions((x, u, p), tuple(_OF_AIR))
-    pressure, mach = (
+    dynamic_pressure, mach = (
         output / _factor_to_model(model, output_name, unit)
         for output, (output_name, unit) in zip(ca.vertsplit(outputs), _OF_AIR.items(), strict=True)
     )
-    nominal = start[speed] / _factor_to_model(model, speed, "ft/s")
-    density, sound = 2.0 * pressure / nominal**2, nominal / mach
-    air = Air(None, density * sound**2 / HEAT_RATIO, density, sound)
+    nominal_speed = start[speed] / _factor_to_model(model, speed, "ft/s")
+    density, sound = 2.0 * dynamic_pressure / nominal_speed**2, nominal_speed / mach
+    static_pressure = density * sound**2 / HEAT_RATIO
+    air = Air(None, static_pressure, density, sound)  # airspeeds do not require the temperature
     return ca.Function("speed", [airspeed, height, *p], [_true_airspeed(name, airspeed, air)])
 
 
@@ -418,5 +427,6 @@ def _true_airspeed(name: str, value: Any, air: Air) -> Any:
         return value * _KNOT
     if name == "keas":
         return value * _KNOT * ca.sqrt(SEA_LEVEL.density / air.density)
+    # kcas: the impact pressure is that of the same speed at sea level
     impact = pitot_pressure(value * _KNOT / SEA_LEVEL.sound, SEA_LEVEL_PRESSURE)
     return mach_of_pitot(impact - SEA_LEVEL_PRESSURE, air.pressure) * air.sound

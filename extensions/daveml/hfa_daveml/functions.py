@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 #: Operators of one argument.
-_OF_ONE: Mapping[str, Callable[[Any], Any]] = {
+_UNARY: Mapping[str, Callable[[Any], Any]] = {
     "abs": ca.fabs,
     "floor": ca.floor,
     "ceiling": ca.ceil,
@@ -39,7 +39,7 @@ _OF_ONE: Mapping[str, Callable[[Any], Any]] = {
     "not": ca.logic_not,
 }
 #: Operators of two arguments.
-_OF_TWO: Mapping[str, Callable[[Any, Any], Any]] = {
+_BINARY: Mapping[str, Callable[[Any, Any], Any]] = {
     "divide": operator.truediv,
     "power": operator.pow,
     "lt": operator.lt,
@@ -51,7 +51,7 @@ _OF_TWO: Mapping[str, Callable[[Any, Any], Any]] = {
     "atan2": ca.atan2,
 }
 #: Operators of any number of arguments.
-_OF_MANY: Mapping[str, Callable[[Any, Any], Any]] = {
+_VARIADIC: Mapping[str, Callable[[Any, Any], Any]] = {
     "plus": operator.add,
     "times": operator.mul,
     "min": ca.fmin,
@@ -116,13 +116,13 @@ def _applied(element: ElementTree.Element, arguments: list[Any]) -> Any:
         return -arguments[0] if count == 1 else arguments[0] - arguments[1]
     if name == "root" and count == 1:
         return ca.sqrt(arguments[0])
-    if name in _OF_ONE and count == 1:
-        return _OF_ONE[name](arguments[0])
-    if name in _OF_TWO and count == 2:
-        return _OF_TWO[name](*arguments)
-    if name in _OF_MANY and count >= 1:
-        return reduce(_OF_MANY[name], arguments)
-    if name not in ("minus", "root", *_OF_ONE, *_OF_TWO, *_OF_MANY):
+    if name in _UNARY and count == 1:
+        return _UNARY[name](arguments[0])
+    if name in _BINARY and count == 2:
+        return _BINARY[name](*arguments)
+    if name in _VARIADIC and count >= 1:
+        return reduce(_VARIADIC[name], arguments)
+    if name not in ("minus", "root", *_UNARY, *_BINARY, *_VARIADIC):
         raise BadInputError(
             f"<{shortened(name)}> is not supported in a formula; rewrite the formula"
         )

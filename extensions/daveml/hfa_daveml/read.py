@@ -82,8 +82,8 @@ def read_model(text: str) -> Model:
         raise BadInputError(
             f"{error.filename} cannot be read ({error.strerror}); give readable files joined by +"
         ) from error
-    digest = hashlib.sha256(b"".join(contents)).hexdigest()
-    model = _Files(documents).model(Source(text, digest))
+    source = Source(text, hashlib.sha256(b"".join(contents)).hexdigest())
+    model = _Files(documents).model(source)
     for document in documents:
         refuse_wrong(document)
     return model
@@ -174,8 +174,16 @@ class _Files:
 
     def _refuse_missing_outputs(self) -> None:
         """Raise BadInputError unless the files have the outputs that every aircraft requires."""
-        needed = [names.MASS, *names.INERTIA, names.AREA, names.SPAN, names.CHORD, *names.MOMENTS]
-        needed.append(names.FORCES[1])
+        needed = [
+            names.MASS,
+            *names.INERTIA,
+            names.AREA,
+            names.SPAN,
+            names.CHORD,
+            *names.MOMENTS,
+            names.FORCES[1],
+        ]
+        # Lift and drag replace the forces along the axes X and Z.
         if not {names.LIFT, names.DRAG} <= set(self._outputs):
             needed += [names.FORCES[0], names.FORCES[2]]
         missing = [name for name in needed if name not in self._outputs]
@@ -194,8 +202,10 @@ class _Files:
         self._refuse_not_positive(nominal_value)
         low, high = self._range("angleOfAttack", _WIDEST_ALPHA)
         sideslip = self._range("angleOfSideslip", _WIDEST_BETA)
-        # Limits that no table states are assumed.
-        alpha = Signal("rad", 0.1, low, high, min(_ALPHA, high), assumed=high == _WIDEST_ALPHA)
+        # Unit, nominal value and limits; limits that no table states are assumed.
+        alpha = Signal(
+            "rad", 0.1, low, high, start=min(_ALPHA, high), assumed=high == _WIDEST_ALPHA
+        )
         beta = Signal("rad", 0.1, *sideslip, assumed=sideslip[1] == _WIDEST_BETA)
         return rigid_aircraft(
             self._documents[0].title or Path(self._documents[0].path).stem,
@@ -227,6 +237,7 @@ class _Files:
 
     def _warnings(self, nominal_value: Callable[[str], Any]) -> tuple[str, ...]:
         """Return a sentence if no rigid body has the inertias of the files."""
+        # A product of inertia that no file defines is 0 (`_vector`).
         inertia = inertia_matrix(
             [_number(nominal_value(name)) for name in names.INERTIA],
             [_number(self._vector(nominal_value, (name,))) for name in names.PRODUCTS],
@@ -283,7 +294,7 @@ class _Files:
         air_force = pressure_area * self._coefficients(value, x.alpha)
         lengths = ca.vertcat(value(names.SPAN), value(names.CHORD), value(names.SPAN))
         about_reference = pressure_area * lengths * self._vector(value, names.MOMENTS)
-        center = self._vector(value, names.CENTER)
+        center = self._vector(value, names.CENTER)  # relative to the moments' reference point
         moment = about_reference - ca.cross(center, air_force)
         thrust = self._vector(value, names.THRUST)
         specific = (air_force + thrust) / value(names.MASS)
@@ -357,7 +368,7 @@ class _Files:
         built: dict[str, Expressions] = {}  # path of a file -> its variables
 
         def value(name: str) -> Any:
-            # of an output, in the unit of the model
+            """Return the value of an output in the unit of the model."""
             output = self._outputs[name]
             path = output.document.path
             if path not in built:
@@ -403,8 +414,7 @@ def _common_signal(declarations: Sequence[_FileVariable]) -> Signal:
 
 def _is_command(variable: Variable) -> bool:
     """Return whether an input of a file is an input of the model, and not a parameter."""
-    name = variable.name.lower()
-    return variable.initial is None or any(word in name for word in _COMMANDS)
+    return variable.initial is None or any(word in variable.name.lower() for word in _COMMANDS)
 
 
 def _motion_values(x: Any, motion: Motion) -> dict[str, Any]:
@@ -425,5 +435,6 @@ def _number(expression: Any) -> float:
 
 def _nominal_motion() -> dict[str, float]:
     """Return the motion, 300 ft/s at sea level and `_ALPHA`, at which constants are evaluated."""
+    # Mass, inertias and lengths seldom depend on the motion: any usual flight condition serves.
     motion = dict.fromkeys(names.MOTION.values(), 0.0)
     return motion | {"alpha": _ALPHA, "speed": 300.0, "density": float(SEA_LEVEL.density)}
