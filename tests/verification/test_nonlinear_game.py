@@ -19,6 +19,8 @@ QUICK = 3
 #: Default limit of errors.
 LIMIT = 1e-6
 PENDULUM = f"{ROOT}/examples/pendulum.py:PENDULUM"
+#: Deviation of the two states of `MIXED` from its trim.
+Z = ca.SX.sym("z", 2)
 
 
 def mixed(x, u, p, w):
@@ -60,9 +62,6 @@ def compared(critic, linear, game):
 def test_the_exact_critic_passes_on_the_nonlinear_game(order, basis):
     """The exact value of the nonlinear game has the verdict PASS if flights of the exact policy
     converge from the whole box, else NEAR.
-
-    With taylor=False it is judged on the linear game, where it fails; with the aircraft, it is then
-    also simulated within the limits of the inputs.
     """
     linear, game, expansion = mixed_game(order)
     critic = hfa.from_weights(game, expansion.weights, basis=basis)
@@ -77,18 +76,26 @@ def test_the_exact_critic_passes_on_the_nonlinear_game(order, basis):
     assert verdict.headline.startswith(f"{word} on the nonlinear game in")
     assert verdict.nonlinear.flown.suboptimality < 1e-9
     assert verdict.nonlinear.radius.degree == order
+
+
+def test_with_taylor_false_the_exact_critic_is_judged_on_the_linear_game():
+    """The exact value of the nonlinear game fails on the linear game. With the aircraft, it is also
+    simulated on the nonlinear plant within the limits of the inputs.
+    """
+    linear, game, expansion = mixed_game(4)
+    critic = hfa.from_weights(game, expansion.weights, basis="quartic")
     for aircraft, is_flown in ((None, False), (linear, True)):
         verdict = hfa.verify(game, critic, flights=QUICK, linear=aircraft, taylor=False)
         assert (verdict.ok, verdict.nonlinear) == (False, None)
         assert (verdict.file_entries()["network"]["reach_nonlinear"] is not None) == is_flown
 
 
-def judged(expansion, game, linear, change, z):
+def judged(expansion, game, linear, change):
     """Return the verdict on the exact value with the exact policy plus `change`, and this policy.
 
-    z: symbols of the state, of which `change` is an expression
+    change: expression of `Z`
     """
-    both = ca.Function("both", [z], [ca.vertcat(expansion.V(z), expansion.policy(z) + change)])
+    both = ca.Function("both", [Z], [ca.vertcat(expansion.V(Z), expansion.policy(Z) + change)])
     critic = replace(
         hfa.from_network(game, both, network="V+policy"),
         weights=expansion.weights,
@@ -98,32 +105,35 @@ def judged(expansion, game, linear, change, z):
     return hfa.verify(game, critic, flights=8, linear=linear), critic.policy
 
 
+def test_the_exact_policy_passes_if_the_whole_box_is_flown():
+    """The exact V with the exact policy passes, and would be NEAR if only half the box were flown."""
+    linear, game, expansion = mixed_game(4)
+    verdict, _ = judged(expansion, game, linear, ca.vertcat(0.0, 0.0))
+    assert verdict.ok
+    half = replace(verdict.nonlinear, flown=replace(verdict.nonlinear.flown, part=0.5))
+    assert replace(verdict, nonlinear=half).grade == "near"
+    assert "flights cost at most 0 % more than by the exact policy" in " ".join(
+        str(verdict).split()
+    )
+
+
 def test_a_policy_with_wrong_terms_of_degree_9_fails_by_its_flights():
     """The coefficients of a policy are compared to degree 3, so that wrong terms of degree 9 are
     found only by flights from the box: they diverge, or cost more than 5 % more. The cost is that of
-    a simulation by DOP853.
-
-    The exact policy passes, and would be NEAR if only half the box were flown. `judged` returns the
-    verdict on the exact V with the exact policy plus a change, and this policy.
+    a simulation by DOP853. `judged` returns the verdict on the exact V with the exact policy plus a
+    change, and this policy.
     """
     linear, game, expansion = mixed_game(4)
-    z = ca.SX.sym("z", 2)
-    right, exact_policy = judged(expansion, game, linear, ca.vertcat(0.0, 0.0), z)
-    flown = right.nonlinear.flown
-    assert right.ok
-    half = replace(right.nonlinear, flown=replace(flown, part=0.5))
-    assert replace(right, nonlinear=half).grade == "near"
-    assert "flights cost at most 0 % more than by the exact policy" in " ".join(str(right).split())
-    a, b = flown.half_widths
+    a, b = hfa.verify(game, hfa.solve(game)).box.half_widths
     for size, diverges in ((-1.0, False), (1.0, True)):
-        change = ca.vertcat(size * (z[0] / a) ** 9, size * (z[1] / b) ** 9)
-        verdict, policy = judged(expansion, game, linear, change, z)
+        change = ca.vertcat(size * (Z[0] / a) ** 9, size * (Z[1] / b) ** 9)
+        verdict, policy = judged(expansion, game, linear, change)
         flown = verdict.nonlinear.flown
         assert verdict.nonlinear.has_right_terms
         assert not verdict.ok
         assert (flown.diverged > 0) == diverges == np.isinf(flown.suboptimality)
         if not diverges:
-            costs = [flight_cost(game, each, flown.worst) for each in (policy, exact_policy)]
+            costs = [flight_cost(game, each, flown.worst) for each in (policy, expansion.policy)]
             assert flown.suboptimality == pytest.approx(costs[0] / costs[1] - 1.0, rel=1e-2)
             assert flown.suboptimality > 0.05
             text = " ".join(str(verdict).split())
@@ -178,28 +188,27 @@ def test_one_wrong_coefficient_is_found(factor):
         assert share == pytest.approx(100.0 * wrong.error, rel=0.05)
 
 
-def test_a_missing_degree_and_a_linear_term_are_found():
-    """A critic of degree 4 without cubic terms and with one of the quartic ones is wrong in degrees 3
-    and 4. One with a linear term has an infinite error in degree 1, where the exact coefficients
-    are 0.
+def test_missing_coefficients_are_found():
+    """A critic of degree 4 without cubic terms, and with only one quartic term, is wrong in degrees 3
+    and 4, and has no radius in which flights confirm its value.
     """
     linear, game, expansion = mixed_game(4)
-    exact = dict(
-        zip(map(tuple, expansion.basis.exponents.tolist()), expansion.weights, strict=True)
-    )
-    psi = "x1**2, x1*x2, x2**2, x1**4"
-    few = [exact[2, 0], exact[1, 1], exact[0, 2], exact[4, 0]]
-    found = compared(hfa.from_weights(game, few, basis=psi), linear, game)
+    exact = expansion.weights  # three of degree 2, four of degree 3, and then that of x1⁴
+    critic = hfa.from_weights(game, [*exact[:3], exact[7]], basis="x1**2, x1*x2, x2**2, x1**4")
+    found = compared(critic, linear, game)
     assert {each.degree for each in found.errors if each.error > LIMIT} == {3, 4}
     worst = max(found.errors, key=lambda each: each.error)
     assert found.sentence.startswith(f"V wrong in degree 3, 4 (worst: {worst.worst}, off by")
     assert found.radius is None
-    tilted = hfa.from_weights(
-        game, [exact[2, 0], exact[1, 1], exact[0, 2], 0.1, 0.0], basis="quadratic+linear"
-    )
-    found = compared(tilted, linear, game)
-    assert found.errors[0].degree == 1
-    assert found.errors[0].error == np.inf
+
+
+def test_a_linear_term_has_an_infinite_error():
+    """The exact coefficients of degree 1 are 0, so that any other one is wrong without bound."""
+    linear, game, expansion = mixed_game(4)
+    weights = [*expansion.weights[:3], 0.1, 0.0]  # of degree 2, and of x1 and x2
+    critic = hfa.from_weights(game, weights, basis="quadratic+linear")
+    error = compared(critic, linear, game).errors[0]
+    assert (error.degree, error.error) == (1, np.inf)
 
 
 def test_a_network_is_compared_on_request():
@@ -207,8 +216,7 @@ def test_a_network_is_compared_on_request():
     without an aircraft and for a quadratic value.
     """
     linear, game, expansion = mixed_game(4)
-    z = ca.SX.sym("z", 2)
-    network = hfa.from_network(game, ca.Function("policy", [z], [expansion.policy(z)]))
+    network = hfa.from_network(game, ca.Function("policy", [Z], [expansion.policy(Z)]))
     plain = hfa.verify(game, network, flights=QUICK, linear=linear)
     assert plain.nonlinear is None
     asked = hfa.verify(game, network, flights=QUICK, linear=linear, taylor=True)
@@ -224,11 +232,10 @@ def test_taylor_coefficients_of_a_function_are_compared_to_degree_4(of):
     of degree 3, which is then the worst.
     """
     linear, game, expansion = mixed_game(4)
-    z = ca.SX.sym("z", 2)
-    exact = expansion.V(z) if of == "V" else expansion.policy(z)
-    for change, is_right in ((0.0, True), (1e-3 * z[0] ** 2 * z[1], False), (z[1] ** 9, True)):
+    exact = expansion.V(Z) if of == "V" else expansion.policy(Z)
+    for change, is_right in ((0.0, True), (1e-3 * Z[0] ** 2 * Z[1], False), (Z[1] ** 9, True)):
         changed = change if of == "V" else ca.vertcat(0.0, change)
-        critic = hfa.from_network(game, ca.Function(of, [z], [exact + changed]), network=of)
+        critic = hfa.from_network(game, ca.Function(of, [Z], [exact + changed]), network=of)
         found = compared(critic, linear, game)
         assert found.has_right_terms == is_right
         worst = max(found.errors, key=lambda each: each.error).worst
@@ -248,10 +255,9 @@ def test_the_error_of_a_policy_does_not_depend_on_the_units_of_an_input():
         model = Model("mixed", MIXED.states, MIXED.inputs, in_unit, trim={"a": 0.0, "b": 0.0})
         linear = hfa.linearize(model, hfa.trim(model))
         game = hfa.game(linear, Q=[1.0, 2e-4], R=[0.5, 0.8 * unit**2])
-        z = ca.SX.sym("z", 2)
-        exact = hfa.expand(linear, hfa.solve(game), 4).policy(z)
-        wrong = ca.vertcat(exact[0], exact[1] + 1e-2 / unit * z[0] ** 2)
-        policy = hfa.from_network(game, ca.Function("policy", [z], [wrong]), network="policy")
+        exact = hfa.expand(linear, hfa.solve(game), 4).policy(Z)
+        wrong = ca.vertcat(exact[0], exact[1] + 1e-2 / unit * Z[0] ** 2)
+        policy = hfa.from_network(game, ca.Function("policy", [Z], [wrong]), network="policy")
         found = compared(policy, linear, game)
         errors.append(max(found.errors, key=lambda each: each.error))
     assert errors[0].worst == errors[1].worst
