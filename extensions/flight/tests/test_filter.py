@@ -49,7 +49,7 @@ def gain(linear):
 
 
 @pytest.fixture(scope="module")
-def known(linear):
+def kalman(linear):
     return hfa.filter(linear, NOISE, AIR)
 
 
@@ -100,22 +100,22 @@ def test_the_covariance_is_the_end_of_the_riccati_recursion(point, linear):
     np.testing.assert_allclose(found.P[:6, :6], P[:6, :6], rtol=1e-5, atol=1e-12)
 
 
-def test_the_gain_is_the_optimal_one(known):
+def test_the_gain_is_the_optimal_one(kalman):
     """The errors with the gain L have the covariance P; with other gains they are larger. The filter
     is stable and observes every mode.
     """
 
     def covariance(L):
-        kept = np.eye(len(known.Phi)) - L @ known.C
-        noise = known.Phi @ L @ known.R @ L.T @ known.Phi.T
-        return solve_discrete_lyapunov(known.Phi @ kept, noise + known.Q)
+        kept = np.eye(len(kalman.Phi)) - L @ kalman.C
+        noise = kalman.Phi @ L @ kalman.R @ L.T @ kalman.Phi.T
+        return solve_discrete_lyapunov(kalman.Phi @ kept, noise + kalman.Q)
 
-    np.testing.assert_allclose(covariance(known.L), known.P, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(covariance(kalman.L), kalman.P, rtol=1e-6, atol=1e-12)
     for wrong in (0.8, 1.2):
-        assert (np.diag(covariance(wrong * known.L)) > 1.001 * np.diag(known.P)).all()
-    assert known.residual < 1e-12
-    assert known.radius < 1.0
-    assert known.unobservable == ()
+        assert (np.diag(covariance(wrong * kalman.L)) > 1.001 * np.diag(kalman.P)).all()
+    assert kalman.residual < 1e-12
+    assert kalman.radius < 1.0
+    assert kalman.unobservable == ()
 
 
 def test_modes_that_no_sensor_observes_are_named():
@@ -153,35 +153,35 @@ def test_flights_are_those_of_the_linear_covariance(point, gain, linear):
     """In light turbulence the rms of 40 flights of 10 s, 1000 samples, is that of the linear loop,
     within 20 %.
     """
-    known = hfa.filter(linear, NOISE, "light:20000")
-    plan = flights(point, known.policy(gain), 40, 10.0, "light")
+    kalman = hfa.filter(linear, NOISE, "light:20000")
+    plan = flights(point, kalman.policy(gain), 40, 10.0, "light")
     flown = run_monte_carlo(plan)
     assert (flown["left"] == -1).all()
     found = np.hstack([flown["rms_error"], flown["effort"]])
-    expected = known.loop(gain).rms(1000)
+    expected = kalman.loop(gain).rms(1000)
     np.testing.assert_allclose(np.sqrt((found**2).mean(axis=0)), expected, rtol=0.2)
 
 
-def samples_of(known, random):
+def samples_of(kalman, random):
     """Return 120 samples about the trim with values that are impossible, missing, or none at all."""
-    last = trim = np.array([known.point[name] for name in known.sensors])
+    last = trim = np.array([kalman.point[name] for name in kalman.sensors])
     for number in range(120):
-        y = trim + innovations_of(known) * random.uniform(-1.5, 1.5, len(trim))
+        y = trim + innovations_of(kalman) * random.uniform(-1.5, 1.5, len(trim))
         if number in (0, 20, 21) or 30 <= number < 45:
-            y[1] += 30.0 * innovations_of(known)[1]  # one of six is impossible: left out for good
+            y[1] += 30.0 * innovations_of(kalman)[1]  # one of six is impossible: left out for good
         if number in (5, 33) or 50 <= number < 60:
             y[number % 6] = np.nan
         if 65 <= number < 85:
             y[:] = np.nan
         if 90 <= number < 102:
-            y[[0, 2, 3, 4]] += 40.0 * innovations_of(known)[[0, 2, 3, 4]]  # most are impossible
+            y[[0, 2, 3, 4]] += 40.0 * innovations_of(kalman)[[0, 2, 3, 4]]  # most are impossible
         if 22 <= number < 25:
             y = last  # all are frozen
         last = y
         yield y
 
 
-def test_a_filter_of_faulty_samples_equals_a_recursion_of_the_test(point, known, gain):
+def test_a_filter_of_faulty_samples_equals_a_recursion_of_the_test(point, kalman, gain):
     """Commands and estimates are those of `Recursion`, a Kalman filter in NumPy, over samples with missing,
     frozen and impossible values. The estimate begins at the first sample, and anew where most values
     are impossible; commands are then faded in over 1 s. The gain acts on the speed along the
@@ -193,33 +193,33 @@ def test_a_filter_of_faulty_samples_equals_a_recursion_of_the_test(point, known,
     def command(seen, share):
         return np.clip(-share * gain @ seen, lowest, highest)
 
-    policy, own = known.policy(gain, fade=1.0), Recursion(known)
-    for number, y in enumerate(samples_of(known, np.random.default_rng(2))):
+    policy, own = kalman.policy(gain, fade=1.0), Recursion(kalman)
+    for number, y in enumerate(samples_of(kalman, np.random.default_rng(2))):
         U = policy(0.01 * number, y)
         np.testing.assert_allclose(U - point.u, own(y, command), rtol=1e-4, atol=1e-5)
-        estimate = [policy.estimate[name] - point[name] for name in known.states]
+        estimate = [policy.estimate[name] - point[name] for name in kalman.states]
         np.testing.assert_allclose(estimate, own.x[:6], rtol=1e-4, atol=1e-5)
     assert policy.unused == own.left_out > 50
 
 
-def test_a_gust_stronger_than_the_turbulence_is_not_taken_for_a_faulty_sensor(point, known, gain):
+def test_a_gust_stronger_than_the_turbulence_is_not_taken_for_a_faulty_sensor(point, kalman, gain):
     """In an updraft of 26 ft/s, 5.6 standard deviations of the turbulence, no measured value is left out
     as impossible, and the flight stays inside the envelope.
     """
     gust = OneMinusCosine(100.0, 26.0, point["speed"])
-    policy, scenario = known.policy(gain).in_scenario(Scenario(1.5, gust=gust))
+    policy, scenario = kalman.policy(gain).in_scenario(Scenario(1.5, gust=gust))
     flight = hfa.fly(point.model, point, policy, scenario=scenario, predict=False)
     assert flight.departure is None
     assert policy.unused == 0
 
 
-def test_commands_fade_in_only_where_the_beginning_is_unknown(point, known, gain):
+def test_commands_fade_in_only_where_the_beginning_is_unknown(point, kalman, gain):
     """A flight begins at known states: at .05 rad of pitch its first command is far from the trim.
     After a reset, the first command at this value is that of the trim, and a later one is not.
     """
     start = np.zeros(7)
     start[list(point.model.states).index("pitch")] = 0.05
-    policy, scenario = known.policy(gain).in_scenario(Scenario(0.02, initial=start))
+    policy, scenario = kalman.policy(gain).in_scenario(Scenario(0.02, initial=start))
     flight = hfa.fly(point.model, point, policy, scenario=scenario, predict=False)
     assert np.abs(flight.inputs[0] - point.u).max() > 0.3
     policy.reset()
@@ -248,37 +248,37 @@ def test_an_estimate_returns_after_minutes_without_a_sample():
 
 
 @pytest.fixture
-def measured(point, known):
+def measured(point, kalman):
     """Return the values that the sensors measure at the trim."""
-    return np.array([point[name] for name in known.sensors])
+    return np.array([point[name] for name in kalman.sensors])
 
 
 def test_the_first_command_behind_a_filter_is_that_of_the_corrected_estimate(
-    point, known, gain, linear, measured
+    point, kalman, gain, linear, measured
 ):
     """A flight begins at known states, the trim. The first measurement is `small` off the trim: the
     estimate is then L small, and the command is u0 - K S L small, where S (`sight`) makes speed and
     alpha relative to the air. The gain is given values by name, the critic of this gain values in order.
     """
-    small = 1e-4 * innovations_of(known)
-    expected = point.u - gain @ known.sight @ known.L @ small
-    by_name = dict(zip(known.sensors, measured + small, strict=True))
+    small = 1e-4 * innovations_of(kalman)
+    expected = point.u - gain @ kalman.sight @ kalman.L @ small
+    by_name = dict(zip(kalman.sensors, measured + small, strict=True))
     critic = hfa.from_gain(hfa.paper.published_game(linear), gain)
     for law, y in ((gain, by_name), (critic, measured + small)):
-        policy = known.policy(law)
+        policy = kalman.policy(law)
         policy.begin(point.x)
         np.testing.assert_allclose(policy(0.0, y), expected, rtol=1e-6)
 
 
 def test_copies_and_pickles_of_a_filtered_policy_have_memories_of_their_own(
-    point, known, gain, measured
+    point, kalman, gain, measured
 ):
     """After its first sample, a policy, its copy and its pickle return the same second command, and the
     samples of one do not change another. A policy that is reset begins again, with no command.
     """
-    policy = known.policy(gain)
+    policy = kalman.policy(gain)
     policy.begin(point.x)
-    policy(0.0, measured + 1e-4 * innovations_of(known))
+    policy(0.0, measured + 1e-4 * innovations_of(kalman))
     copied, unpickled = copy.copy(policy), pickle.loads(pickle.dumps(policy))
     estimate = policy.estimate
     later = [other(0.01, measured) for other in (copied, unpickled)]
@@ -288,11 +288,13 @@ def test_copies_and_pickles_of_a_filtered_policy_have_memories_of_their_own(
     np.testing.assert_allclose(policy(0.0, measured), point.u, atol=1e-12)
 
 
-def test_commands_behind_a_filter_are_within_the_limits_of_the_inputs(point, known, gain, measured):
+def test_commands_behind_a_filter_are_within_the_limits_of_the_inputs(
+    point, kalman, gain, measured
+):
     """A million times the exact gain moves each input to a limit, if it has one."""
-    policy = known.policy(1e6 * gain)
+    policy = kalman.policy(1e6 * gain)
     policy.begin(point.x)
-    U = policy(0.0, measured + innovations_of(known))
+    U = policy(0.0, measured + innovations_of(kalman))
     for value, signal in zip(U, point.model.inputs.values(), strict=True):
         assert signal.min <= value <= signal.max
 
@@ -304,24 +306,24 @@ def test_a_delay_is_known_to_the_filter(point, linear, gain, delay, samples):
 
     samples: number of samples, after which the command has acted for 0.01 s * samples - delay
     """
-    known = hfa.filter(linear, NOISE)
-    late, _ = known.policy(gain).in_scenario(Scenario(1.0, tick=0.005, delay=delay))
+    kalman = hfa.filter(linear, NOISE)
+    late, _ = kalman.policy(gain).in_scenario(Scenario(1.0, tick=0.005, delay=delay))
     late.begin(point.x)
-    y = np.array([point[name] for name in known.sensors])
-    small = 1e-4 * innovations_of(known)
+    y = np.array([point[name] for name in kalman.sensors])
+    small = 1e-4 * innovations_of(kalman)
     U = late(0.0, y + small)
     for sample in range(1, samples):
         late(0.01 * sample, np.full(6, np.nan))  # nan: no measurement
     A, B = np.array(linear.A), np.array(linear.B)
     # The estimate is that at the next sample, 0.01 s * samples.
     moved = expm(np.block([[A, B], [np.zeros((5, 11))]]) * (0.01 * samples - delay))
-    x = expm(A * delay) @ known.L @ small
+    x = expm(A * delay) @ kalman.L @ small
     x = moved[:6, :6] @ x + moved[:6, 6:] @ (U - point.u)
     trim = [point[name] for name in linear.states]
     found = np.array(list(late.estimate.values())) - trim
     np.testing.assert_allclose(found, x, rtol=1e-3, atol=1e-4 * np.abs(x).max())
     np.testing.assert_allclose(
-        U - point.u, -gain @ expm(A * delay) @ known.L @ small, rtol=1e-3, atol=1e-9
+        U - point.u, -gain @ expm(A * delay) @ kalman.L @ small, rtol=1e-3, atol=1e-9
     )
 
 
@@ -342,7 +344,7 @@ def test_a_law_that_plans_is_filtered_with_the_nonlinear_model(law):
 
 
 @pytest.mark.slow
-def test_plans_stay_inside_in_moving_air(point, known, linear):
+def test_plans_stay_inside_in_moving_air(point, kalman, linear):
     """In moderate turbulence with noise, flights of plans stay inside, from the trim, and from 5 ft/s
     and 0.05 rad of alpha above it.
     """
@@ -352,13 +354,13 @@ def test_plans_stay_inside_in_moving_air(point, known, linear):
     start = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
     for initial, duration in ((0.0 * start, 10.0), (start, 1.0)):
         scenario = Scenario(duration, initial=initial, uncertainty=air)
-        policy, scenario = known.policy(planned).in_scenario(scenario)
+        policy, scenario = kalman.policy(planned).in_scenario(scenario)
         flight = hfa.fly(point.model, point, policy, scenario=scenario.drawn(5, 0, point))
         assert flight.departure is None
 
 
 @pytest.mark.slow
-def test_noise_hardly_raises_the_cost_of_plans(point, known, linear):
+def test_noise_hardly_raises_the_cost_of_plans(point, kalman, linear):
     """From 5 ft/s and 0.05 rad of alpha above the trim, where plans follow the limit of the pitch rate,
     noise costs less than 1 %.
     """
@@ -371,7 +373,7 @@ def test_noise_hardly_raises_the_cost_of_plans(point, known, linear):
         noise = {name: size * value for name, value in NOISE.items()}
         scenario = Scenario(0.4, initial=start, uncertainty=Uncertainty(noise=noise))
         drawn = scenario.drawn(5, 0, point)
-        flight = hfa.fly(point.model, point, known.policy(law), scenario=drawn, weights=weights)
+        flight = hfa.fly(point.model, point, kalman.policy(law), scenario=drawn, weights=weights)
         costs.append(flight.cost)
     assert costs[1] == pytest.approx(costs[0], rel=0.01)
 
@@ -398,11 +400,11 @@ def test_a_law_that_plans_sees_the_air_that_it_flies_in(point, linear):
     estimate has the speed over the ground.
     """
     law = Watching("watching", point, 0.1)
-    known = hfa.filter(linear, NOISE, AIR, 0.1)
-    policy = known.policy(law)
+    kalman = hfa.filter(linear, NOISE, AIR, 0.1)
+    policy = kalman.policy(law)
     V, updraft = point["speed"], 5.0
     ground = {"speed": np.hypot(V, updraft), "alpha": point["pitch"] - np.arctan2(updraft, V)}
-    y = [ground.get(name, point[name]) for name in known.sensors]
+    y = [ground.get(name, point[name]) for name in kalman.sensors]
     for sample in range(100):
         policy(0.0, np.multiply(y, 1.0 + 1e-12 * sample))  # a value that repeats is frozen
     speed, alpha, *_ = law.seen[-1] - point.x
@@ -412,14 +414,14 @@ def test_a_law_that_plans_sees_the_air_that_it_flies_in(point, linear):
 
 
 @pytest.mark.parametrize("headwind", [pytest.param(-3.0, marks=pytest.mark.slow), 3.0])
-def test_a_law_that_plans_is_told_what_the_wind_adds_in_a_sample(point, known, headwind):
+def test_a_law_that_plans_is_told_what_the_wind_adds_in_a_sample(point, kalman, headwind):
     """A law that plans in still air is given speed and alpha relative to the air, and `shift`: what the
     wind adds to the states within a sample. After two seconds in a steady headwind without noise,
     the shift of the pitch rate is the difference of two samples that the test integrates: one in
     the wind, and one in still air from the states that are given to the law.
     """
     law = Watching("watching", point, 0.01)
-    policy, model = known.policy(law), point.model
+    policy, model = kalman.policy(law), point.model
     x, w = ca.SX.sym("x", len(point.x)), ca.SX.sym("w")
     winds = [w * (name == "headwind") for name in model.disturbances]
     vectors = ca.vertsplit(x), [*map(ca.SX, point.u)], [*map(ca.SX, model.p)]
@@ -432,7 +434,7 @@ def test_a_law_that_plans_is_told_what_the_wind_adds_in_a_sample(point, known, h
 
     X = point.x
     for _ in range(200):
-        policy(0.0, X[model.state_places(known.sensors)])
+        policy(0.0, X[model.state_places(kalman.sensors)])
         before, X = X, sample_later(X, headwind)
     V, path = before[0], before[3] - before[1]
     forward, up = V * np.cos(path), V * np.sin(path)
@@ -460,23 +462,23 @@ def test_wrong_arguments_of_a_filter_are_refused(linear, given, said):
         hfa.filter(linear, **given)
 
 
-def test_commands_of_a_fast_gain_are_faded_in_for_longer(point, known, gain):
+def test_commands_of_a_fast_gain_are_faded_in_for_longer(point, kalman, gain):
     """Commands are faded in over 3 s for the exact gain, because filter and gain alone, without the
     aircraft, are unstable with it, and over 1 s for a hundredth of it. A negative `fade` and one that
     is longer than the flight are refused.
     """
-    policy = known.policy(gain)
+    policy = kalman.policy(gain)
     assert policy.margins.compensator_radius > 1.0
-    assert (policy.fade, known.policy(0.01 * gain).fade) == (3.0, 1.0)
+    assert (policy.fade, kalman.policy(0.01 * gain).fade) == (3.0, 1.0)
     with pytest.raises(BadInputError, match="at least 0 s"):
-        known.policy(gain, fade=-1.0)
+        kalman.policy(gain, fade=-1.0)
     with pytest.raises(BadInputError, match="longer than the flight of 5 s"):
-        hfa.fly(point.model, point, known.policy(gain, fade=9.0), scenario=Scenario(5.0))
+        hfa.fly(point.model, point, kalman.policy(gain, fade=9.0), scenario=Scenario(5.0))
 
 
-def test_a_gain_of_other_sizes_is_refused(known, gain):
+def test_a_gain_of_other_sizes_is_refused(kalman, gain):
     with pytest.raises(BadInputError, match="size 5 x 5; give 5 x 6"):
-        known.policy(gain[:, 1:])
+        kalman.policy(gain[:, 1:])
 
 
 @pytest.mark.parametrize("delay", ["0", ".013"])
@@ -502,12 +504,12 @@ def test_a_loop_behind_a_filter_is_stable_up_to_its_margins_and_not_beyond(angle
     """
     linear = hfa.trim(hfa.aircraft(), dihedral=angle * DEG).linearize()
     K = np.array(hfa.solve(hfa.paper.published_game(linear)).K)
-    known = hfa.filter(linear, NOISE, AIR)
-    found = known.policy(K).margins
-    gain = K @ known.sight  # of the estimate: 6 states of the aircraft and 3 of the air
-    kept = np.eye(9) - known.L @ known.C
+    kalman = hfa.filter(linear, NOISE, AIR)
+    found = kalman.policy(K).margins
+    gain = K @ kalman.sight  # of the estimate: 6 states of the aircraft and 3 of the air
+    kept = np.eye(9) - kalman.L @ kalman.C
     both = np.zeros((14, 14))  # rates of these 9 states and of 5 held inputs
-    both[:9] = np.hstack([known.A, known.B])
+    both[:9] = np.hstack([kalman.A, kalman.B])
 
     def radius(factors, delay=0.0):
         whole, rest = int(delay // 0.01), delay % 0.01
@@ -516,12 +518,12 @@ def test_a_loop_behind_a_filter_is_stable_up_to_its_margins_and_not_beyond(angle
 
         def after(state):
             x, past, predicted = state[:9], state[9:-9].reshape(whole + 1, 5), state[-9:]
-            estimate = kept @ predicted + known.L @ known.C @ x
+            estimate = kept @ predicted + kalman.L @ kalman.C @ x
             u = -gain @ estimate
             commands = np.vstack([u * factors, past])  # the latest first
             for part, age in ((early, whole + 1), (late, whole)):
                 x = part @ np.concatenate([x, commands[age]])
-            predicted = known.Phi @ estimate + known.Gamma @ u
+            predicted = kalman.Phi @ estimate + kalman.Gamma @ u
             return np.concatenate([x, commands[: whole + 1].ravel(), predicted])
 
         columns = [after(state) for state in np.eye(18 + 5 * (whole + 1))]
@@ -535,19 +537,19 @@ def test_a_loop_behind_a_filter_is_stable_up_to_its_margins_and_not_beyond(angle
             ) == is_stable
         assert (radius(np.ones(5), share * found.unknown_delay) < 1.0) == is_stable
     # Filter and gain alone, without measured values.
-    alone = np.linalg.eigvals((known.Phi - known.Gamma @ gain) @ kept)
+    alone = np.linalg.eigvals((kalman.Phi - kalman.Gamma @ gain) @ kept)
     assert found.compensator_radius == pytest.approx(np.abs(alone).max(), rel=1e-9)
     without_limit = replace(found, unknown_delay=None).text()
     assert "No delay of all inputs up to 30 samples" in without_limit
 
 
-def test_a_gain_whose_loop_is_unstable_is_flown_and_reported(point, known, gain):
+def test_a_gain_whose_loop_is_unstable_is_flown_and_reported(point, kalman, gain):
     """Behind a filter, -K leaves the envelope. The report says that the linear loop is unstable, and
     predicts no rms by it.
     """
-    policy = known.policy(-gain)
+    policy = kalman.policy(-gain)
     margins = policy.margins
-    assert margins.radius == pytest.approx(np.abs(np.linalg.eigvals(known.loop(-gain).F)).max())
+    assert margins.radius == pytest.approx(np.abs(np.linalg.eigvals(kalman.loop(-gain).F)).max())
     assert margins.radius > 1.0
     assert (margins.gain_low, margins.gain_high, margins.unknown_delay) == (1.0, 1.0, 0.0)
     flown = flights_in_air(flights(point, policy, 2, 20.0))

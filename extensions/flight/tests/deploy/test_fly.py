@@ -94,10 +94,10 @@ def test_a_deployment_file_with_a_filter_flies_as_one_behind_hfa_filter(folder, 
     gtm_deployment(filter=FILTERED).save("filtered.toml")
     noisy = Scenario(0.2, tick=0.02, uncertainty=Uncertainty(noise=GTM_NOISE))
     scenario = noisy.drawn(1, 0, gtm_point)
-    known = hfa.filter(gtm_point.linearize(), GTM_NOISE, "light:1000", 0.02)
+    kalman = hfa.filter(gtm_point.linearize(), GTM_NOISE, "light:1000", 0.02)
     by_file, by_hand = (
         fly(gtm_point.model, gtm_point, policy, scenario=scenario)
-        for policy in ("filtered.toml", known.policy(gtm_deployment()))
+        for policy in ("filtered.toml", kalman.policy(gtm_deployment()))
     )
     np.testing.assert_array_equal(by_file.states, by_hand.states)
 

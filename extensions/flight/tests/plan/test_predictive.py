@@ -43,7 +43,7 @@ predictive = partial(hfa.predictive, budget=math.inf)
 LAWS = {"predictive": predictive, "state-dependent": hfa.state_dependent}
 
 
-def made(law="predictive", **settings):
+def cart_policy(law="predictive", **settings):
     """Return a policy of the cart with the weights `WEIGHTS`."""
     return LAWS[law](CART, AT_REST, *WEIGHTS, **settings)
 
@@ -134,7 +134,7 @@ def test_the_sample_time_resolves_the_fastest_pole():
         trim={"position": 0.0},
     )
     policy = predictive(filtered, hfa.trim(filtered), np.diag([1.0, 1.0, 1e-4]), np.eye(1))
-    slow = made()
+    slow = cart_policy()
     assert 0.3 < 50.0 * policy.dt <= 0.7 < 50.0 * slow.dt
 
 
@@ -144,7 +144,7 @@ def test_near_the_trim_the_plan_costs_the_exact_value_and_the_exact_gain_flies()
     """
     linear = hfa.linearize(CART, AT_REST)
     P = np.array(hfa.lqr(linear.A, linear.B, *WEIGHTS).P)
-    policy = made(horizon=0.5)
+    policy = cart_policy(horizon=0.5)
     z, later = np.array([0.02, -0.01]), np.array([0.015, -0.012])
     policy(0.0, z)
     assert policy.samples.first.cost == pytest.approx(z @ P @ z, rel=0.01)
@@ -270,7 +270,7 @@ def test_a_flight_costs_little_more_than_the_best_flight():
     best flight found. The linear policy ends the flight.
     """
     best = hfa.optimize(CART, AT_REST, {"position": 3.0}, *WEIGHTS)
-    policy = made(margin=1e-3)
+    policy = cart_policy(margin=1e-3)
     cost, states, inputs = flown(policy, CART, AT_REST, {"position": 3.0}, 8.0)
     assert best.reason is None
     assert 0.99 * best.cost < cost < 1.02 * best.cost
@@ -287,7 +287,7 @@ def test_a_plan_begins_at_the_state_that_is_reached_after_the_delay():
     """
     dt = 0.1
     start, delay = np.array([1.0, 0.3]), 0.2
-    policy = made(dt=dt)
+    policy = cart_policy(dt=dt)
     late, _, _ = flown(
         policy, CART, AT_REST, dict(zip(CART.states, start.tolist(), strict=True)), 15.0,
         tick=0.01, step=0.01, delay=delay,
@@ -310,9 +310,8 @@ def test_near_the_trim_the_gain_of_a_finite_delta_is_that_of_the_sampled_game():
     dt, plant = of_game.dt, np.array(linear.A)
     A, B, Q, N, R = over_hold(plant, np.array(linear.B), *WEIGHTS, dt)
     _, E, _, _, _ = over_hold(plant, np.eye(2), np.eye(2), np.eye(2), dt)
-    both = np.hstack(
-        [B, E]
-    )  # of the input u, which minimizes, and of the disturbances, which maximize
+    # The input u minimizes, and the disturbances maximize.
+    both = np.hstack([B, E])
     weight = np.diag([R[0, 0], -dt * delta**2, -dt * delta**2])
     cross = np.hstack([N, np.zeros((2, 2))])
     P = solve_discrete_are(A, both, Q, weight, s=cross)
@@ -332,7 +331,7 @@ def test_limits_are_those_of_the_next_sample_that_a_filter_predicts(shift, devia
     fastest: 0.99 m/s - shift - 4 deviation, at least 0.5 m/s
     """
     following = NextSample(np.array([0.0, shift]), np.array([0.0, deviation]))
-    policy, x, speeds = made(), np.array([-8.0, 0.0]), []
+    policy, x, speeds = cart_policy(), np.array([-8.0, 0.0]), []
     dt = policy.dt
     for number in range(round(4.0 / dt)):
         (u,) = policy.of_estimate(number * dt, x, following)
@@ -351,16 +350,16 @@ def test_a_long_horizon_is_cut():
 @pytest.mark.parametrize(
     ("says", "refused"),
     [
-        ("margin is 1.0", lambda: made(margin=1.0)),
-        ("dt is -0.1 s", lambda: made(dt=-0.1)),
-        ("dt is 1000.0 s; give at most", lambda: made(dt=1000.0)),
-        ("dt is 0.0 s", lambda: made("state-dependent", dt=0.0)),
-        ("limit_weight is -1.0", lambda: made("state-dependent", limit_weight=-1.0)),
-        ("budget is 0.0", lambda: made(budget=0.0)),
-        ("give at least 0.05 s", lambda: made(dt=0.05, horizon=0.01)),
-        ("below delta_min", lambda: made(delta=1e-3)),
-        ("X has shape (2, 2)", lambda: made()(0.0, np.zeros((2, 2)))),
-        ("X has shape (1,)", lambda: made("state-dependent")(0.0, [0.0])),
+        ("margin is 1.0", lambda: cart_policy(margin=1.0)),
+        ("dt is -0.1 s", lambda: cart_policy(dt=-0.1)),
+        ("dt is 1000.0 s; give at most", lambda: cart_policy(dt=1000.0)),
+        ("dt is 0.0 s", lambda: cart_policy("state-dependent", dt=0.0)),
+        ("limit_weight is -1.0", lambda: cart_policy("state-dependent", limit_weight=-1.0)),
+        ("budget is 0.0", lambda: cart_policy(budget=0.0)),
+        ("give at least 0.05 s", lambda: cart_policy(dt=0.05, horizon=0.01)),
+        ("below delta_min", lambda: cart_policy(delta=1e-3)),
+        ("X has shape (2, 2)", lambda: cart_policy()(0.0, np.zeros((2, 2)))),
+        ("X has shape (1,)", lambda: cart_policy("state-dependent")(0.0, [0.0])),
     ],
 )
 def test_wrong_settings_of_a_law_are_refused(says, refused):
@@ -393,7 +392,7 @@ def test_a_faulty_sample_does_not_change_the_flight(law):
 
     Samples that are not finite at the beginning, without a prediction, leave the flight finite.
     """
-    policy = made(law, dt=0.1)
+    policy = cart_policy(law, dt=0.1)
     expected = cart_flight(policy, {})
     wrong = {4: [np.nan, 0.2], 15: [1.0, 1.4], 25: [-2.0, 0.2]}
     np.testing.assert_allclose(cart_flight(policy, wrong), expected, atol=1e-6)
@@ -416,8 +415,8 @@ def test_copies_made_in_flight_continue_it_like_the_policy(law):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_a_sample_adds_at_most_its_time_to_the_memory_of_a_policy(law):
-    """The pickle of a policy grows by less than 20 bytes a sample, from sample 100 to 200: its memory keeps
-    the computing time of each sample, and no plan but the last one.
+    """The pickle of a policy grows by less than 20 bytes a sample, from sample 100 to 200: room for the
+    computing time of a sample, and not for its plan.
     """
     policy = LAWS[law](PENDULUM, UPRIGHT, *WEIGHTS)
     sizes = []
@@ -431,7 +430,7 @@ def test_a_sample_adds_at_most_its_time_to_the_memory_of_a_policy(law):
 @pytest.mark.parametrize("law", LAWS)
 def test_a_moved_aircraft_is_believed_at_the_second_sample(law):
     """A jump of the position by 2 m is ignored for one sample. If it stays, the policy acts on it."""
-    policy = made(law, dt=0.1)
+    policy = cart_policy(law, dt=0.1)
     policy(0.0, [0.0, 0.0])
     x = np.array([2.0, 0.0])
     forces = [policy(number * policy.dt, x)[0] for number in (1, 2)]
@@ -443,7 +442,7 @@ def test_a_plan_made_before_the_flight_does_not_change_the_first_input():
     """`begin` plans from the states that are expected. The first input is the same whether the first
     sample has these states, or others (0.02 m or 6 m off), from which the plan is made anew.
     """
-    policy = made()
+    policy = cart_policy()
     expected = policy(0.0, [3.0, 0.1]).item()
     for foreseen in ([3.0, 0.1], [3.02, 0.1], [-3.0, 0.5]):
         policy.begin(foreseen)
@@ -452,7 +451,7 @@ def test_a_plan_made_before_the_flight_does_not_change_the_first_input():
 
 def test_a_spent_budget_flies_the_last_plan_on():
     """Without time for a program, the second input is that of the first plan."""
-    policy = made(budget=1e-9)
+    policy = cart_policy(budget=1e-9)
     policy.begin([3.0, 0.1])
     plan = policy.controller.samples.first
     policy(0.0, [3.0, 0.1])

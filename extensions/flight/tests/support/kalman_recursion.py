@@ -13,14 +13,14 @@ class Recursion:
     value is updated as if all were used. Commands are faded in over a second.
     """
 
-    def __init__(self, known):
-        self.known, self.x, self.P, self.G = known, np.zeros(9), known.P, known.P
+    def __init__(self, kalman):
+        self.kalman, self.x, self.P, self.G = kalman, np.zeros(9), kalman.P, kalman.P
         self.share = self.in_a_row = self.samples = self.left_out = 0
-        model = known.point.model
-        self.last, self.trim = np.full(6, np.nan), known.point.x[model.state_places(known.states)]
-        self.climate = solve_discrete_lyapunov(known.Phi[6:, 6:], known.air[6:, 6:])
+        model = kalman.point.model
+        self.last, self.trim = np.full(6, np.nan), kalman.point.x[model.state_places(kalman.states)]
+        self.climate = solve_discrete_lyapunov(kalman.Phi[6:, 6:], kalman.air[6:, 6:])
         X, u, w = (ca.SX.sym("x", size) for size in (7, 5, 2))
-        of_wind = dict(zip(known.winds, ca.vertsplit(w), strict=True))
+        of_wind = dict(zip(kalman.winds, ca.vertsplit(w), strict=True))
         winds = [of_wind.get(name, 0.0) for name in model.disturbances]
         vectors = [ca.vertsplit(vector) for vector in (X, u, ca.SX(ca.DM(model.p)))]
         rates = model.layout.expressions(vectors, (), winds)[0]
@@ -34,7 +34,7 @@ class Recursion:
         return kept @ P @ kept.T + r * np.outer(L, L)
 
     def winds(self):
-        return self.known.W @ self.x[6:]
+        return self.kalman.W @ self.x[6:]
 
     def seen(self):
         """Return what a policy sees: the speed along the horizontal path, and alpha in the air."""
@@ -46,15 +46,15 @@ class Recursion:
 
     def predict(self, u):
         """Move the estimate by a sample, one Runge-Kutta step with winds that stay."""
-        known, rows, w = self.known, [0, 1, 3, 4, 5, 6], self.winds()
-        X, U = known.point.x, known.point.u + u
+        kalman, rows, w = self.kalman, [0, 1, 3, 4, 5, 6], self.winds()
+        X, U = kalman.point.x, kalman.point.u + u
         X[rows] += self.x[:6]
         A_x, A_w = (slope.full() for slope in self.slopes(X, U, w))
         A = np.zeros((9, 9))
         A[:6, :6], A[:6, 6:], A[6:, 6:] = (
             A_x[np.ix_(rows, rows)],
-            A_w[rows] @ known.W,
-            known.A[6:, 6:],
+            A_w[rows] @ kalman.W,
+            kalman.A[6:, 6:],
         )
 
         def rate(X):
@@ -65,11 +65,11 @@ class Recursion:
         k3 = rate(X + 0.005 * k2)
         X = X + 0.01 / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rate(X + 0.01 * k3))
         Phi = expm(0.01 * A)
-        self.x = np.append((X - known.point.x)[rows], Phi[6:, 6:] @ self.x[6:])
-        self.P, self.G = (Phi @ covariance @ Phi.T + known.Q for covariance in (self.P, self.G))
+        self.x = np.append((X - kalman.point.x)[rows], Phi[6:, 6:] @ self.x[6:])
+        self.P, self.G = (Phi @ covariance @ Phi.T + kalman.Q for covariance in (self.P, self.G))
 
     def __call__(self, y, u_of):
-        C, R = self.known.C, self.known.R
+        C, R = self.kalman.C, self.kalman.R
         away = np.abs(y - self.trim - C @ self.x)
         finite = np.isfinite(y) & (y != self.last)
         self.last = np.where(np.isfinite(y), y, self.last)
@@ -85,9 +85,9 @@ class Recursion:
             self.in_a_row, self.share = 0, 0.0
             self.x, self.P = np.append(self.x[:6], np.zeros(3)), self.P.copy()
             self.x[:6][finite] = (y - self.trim)[finite]
-            with_updraft = self.climate @ self.known.W[1]
+            with_updraft = self.climate @ self.kalman.W[1]
             updraft = -self.trim[0] * self.x[1]  # in which alpha is that of the trim
-            self.x[6:] = updraft * with_updraft / (self.known.W[1] @ with_updraft)
+            self.x[6:] = updraft * with_updraft / (self.kalman.W[1] @ with_updraft)
             rows = [*np.flatnonzero(finite), 6, 7, 8]
             self.P[rows], self.P[:, rows] = 0.0, 0.0
             self.P[:6, :6][finite, finite] = np.diag(R)[finite]
