@@ -30,7 +30,7 @@ def text(*words, code=DONE):
 
 
 def test_options_are_in_degrees_and_json_in_radians():
-    """Angles of --hold, --limit and --start are read in degrees, and JSON output is in radians."""
+    """Angles of --hold and --limit are read in degrees, and JSON output is in radians."""
     held = ("--hold", "gamma=-1.5", "--hold", "aileron_center=2")
     words = ("--dihedral", "10", *held, "--limit", "elevator_outer=-25:25")
     point = answer("trim", *words)["operating_point"]
@@ -43,6 +43,10 @@ def test_options_are_in_degrees_and_json_in_radians():
     assert answer("trim", *words)["variables"]["elevator_outer"]["margin"] == pytest.approx(
         margin, rel=1e-12
     )
+
+
+def test_the_start_of_a_search_is_typed_in_degrees():
+    """--start angle=30 is 30 deg in rad in the provenance of the trim."""
     begun = answer("trim", "--aircraft", PENDULUM, "--free", "angle", "--start", "angle=30")
     begin = begun["provenance"]["condition"]["begin"]
     assert begin["angle"] == pytest.approx(np.radians(30.0), rel=1e-15)
