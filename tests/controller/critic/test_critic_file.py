@@ -83,7 +83,6 @@ def test_a_value_with_a_policy_of_its_own_keeps_both(has_gain):
     critic = critic_in(stored("both.npz", W=np.array([1.0, 0.2, 3.0]), **policy), GAME)
     terms = np.array([x, y, x * x, x * y, y * y])
     assert critic.u(z) == pytest.approx(rows[:, :2] @ z if has_gain else rows @ terms)
-    assert critic.value is not None
     assert float(critic.value(z)) == pytest.approx(terms[2:] @ [1.0, 0.2, 3.0])
 
 
@@ -95,8 +94,6 @@ def test_functions_of_a_critic_follow_its_matrices():
     z = np.array([0.3, -0.2])
     weights = np.array([1.0, 2.0, 3.0, 0.5, 0.0])  # of x², xy, y², x⁴, y⁴
     critic = critic_in(stored("w.npz", W=weights), GAME, reading=Reading("quadratic+quartic"))
-    assert critic.value is not None
-    assert critic.gradient is not None
     x, y = z
     value = x**2 + 2 * x * y + 3 * y**2 + 0.5 * x**4
     slopes = np.array([2 * x + 2 * y + 2 * x**3, 2 * x + 6 * y])
@@ -118,22 +115,23 @@ def test_the_policy_of_a_value_is_that_of_its_symmetric_part():
 
 
 def test_the_files_basis_applies_unless_another_is_named():
-    """The basis named in a critic file applies unless the caller names another basis.
-
-    The basis in a file may be a list of functions. Beside P, an entry `basis` of another program is
-    ignored, but a list of functions of the caller requires W.
+    """The basis in a critic file, a name or a list of functions, applies to the file's weights W. A
+    basis that the caller names replaces it; the quadratic one does not fit five weights.
     """
     single = stored("w.npz", W=np.arange(5.0), basis="quadratic+linear")
-    found = critic_in(single, GAME).basis
-    assert found is not None
-    assert found.name == "quadratic+linear"
+    assert critic_in(single, GAME).basis.name == "quadratic+linear"
     with pytest.raises(
         BadInputError, match="W has 5 weights, but basis 'quadratic' of 2 states has 3"
     ):
         critic_in(single, GAME, reading=Reading("quadratic"))
     listed = critic_in(stored("f.npz", W=[1.0, 2.0], basis="x1**2, x2**4"), GAME)
-    assert listed.value is not None
     assert float(listed.value([3.0, 2.0])) == 9.0 + 32.0
+
+
+def test_a_basis_beside_p_is_ignored_and_functions_of_the_caller_require_w():
+    """In a file with P and no W, an entry `basis` of another program is ignored. Functions that the
+    caller lists are refused, since they need weights.
+    """
     np.savez("P.npz", P=np.eye(2), basis=["of", "another", "program"])
     assert np.array_equal(critic_in("P.npz", GAME).P, np.eye(2))
     with pytest.raises(BadInputError, match="add W, or give --basis a name"):
@@ -176,8 +174,8 @@ def test_a_critic_means_the_same_in_all_units(kind):
     """A critic in a file in kt, deg and lbf is converted for a plant in m/s, rad and N.
 
     At a state z in the plant's units, u and V equal those of the critic that is read without
-    conversion, for the game in the file's units, at the state PER_STATE z. L and H, where a critic
-    has them, are converted, too.
+    conversion (`own`), for the game in the file's units, at the state PER_STATE z. The matrices L of
+    d = L z, without units of d, and H of Q(x, u, w) are converted, too, where a critic has them.
     """
     game = STEPS if "H" in CRITICS[kind] else GAME
     game = replace(game, names=game.names._replace(**OF_PLANT))
@@ -186,7 +184,6 @@ def test_a_critic_means_the_same_in_all_units(kind):
     for z in np.array([[0.3, -0.2], [0.01, 0.4]]):
         np.testing.assert_allclose(found.u(z) * PER_INPUT, own.u(PER_STATE * z), rtol=1e-9)
         if own.value is not None:
-            assert found.value is not None
             assert float(found.value(z)) == pytest.approx(float(own.value(PER_STATE * z)))
     if own.L is not None:
         np.testing.assert_allclose(found.L, own.L * PER_STATE, rtol=1e-9)
@@ -195,6 +192,7 @@ def test_a_critic_means_the_same_in_all_units(kind):
         np.testing.assert_allclose(found.H, own.H * np.outer(sizes, sizes), rtol=1e-12)
 
 
+#: The game of a plant with names and units.
 NAMED = replace(
     GAME,
     names=GAME.names._replace(
@@ -213,14 +211,16 @@ NAMED = replace(
         ({"state_labels": ["alpha", "speed"]}, "the states are alpha, speed in the file"),
         ({"state_names": ["alpha", "speed"]}, "the states are alpha, speed in the file"),
         ({"time": "discrete"}, "a policy in discrete time"),
+        # H, the matrix of Q(x, u, w), exists in discrete time only.
         ({"H": np.eye(6)}, "a policy in discrete time"),
         ({"inputs": ["Aileron", "Elevator"]}, "the inputs are Aileron, Elevator in the file"),
         ({"states": ["alpha", "V"]}, "the states are alpha, V in the file"),
     ],
 )
-def test_other_units_and_another_order_than_the_plants_are_refused(entries, says):
-    """Units that cannot be converted, signals of NAMED in another order, and policies in discrete
-    time are refused in a line that names the file.
+def test_a_gain_of_another_plant_is_refused(entries, says):
+    """A file with a gain K is refused, in a line that names the file, if its units cannot be converted
+    to those of the plant, if its signals have other names or another order than speed, alpha and
+    elevator, aileron, or if it is a policy in discrete time.
     """
     with pytest.raises(BadInputError, match=f"^K.json: .*{says}"):
         critic_in(stored("K.json", K=I2, **entries), NAMED)
@@ -273,9 +273,7 @@ def test_labels_of_frames_are_matched_by_name(library):
         if library == "pandas":
             return package.DataFrame([[3.0, 4.0]], index=["push"], columns=columns)
         if library == "polars":
-            return package.DataFrame(
-                {each: [value] for each, value in zip(columns, (3.0, 4.0), strict=True)}
-            )
+            return package.DataFrame([[3.0, 4.0]], schema=columns, orient="row")
         return package.DataArray([[3.0, 4.0]], coords={"u": ["push"], "x": columns})
 
     assert hfa.from_gain(ONE, frame(["alpha", "speed"])).K.tolist() == [[4.0, 3.0]]
@@ -390,8 +388,8 @@ OF_GAME = {name: getattr(GAME, name) for name in ("A", "B", "E", "Q", "R", "delt
     ],
 )
 def test_each_entry_of_a_file_is_used_compared_or_noted(entries, note):
-    """Notes tell other names than those of the plant, matrices that differ from the game's, and
-    entries that are not used. Without notes, the report's data have no entry `declared`.
+    """Notes of a file with K name states that differ from the plant's, matrices that differ from the
+    game's, and entries that are not used. Without notes, the report's data have no entry `declared`.
     """
     plant = LinearModel.of(GAME.A, GAME.B, states=("angle", "rate"), inputs=("roll", "pitch"))
     named = hfa.game(plant, Q=GAME.Q, R=GAME.R, E=GAME.E, delta=GAME.delta)

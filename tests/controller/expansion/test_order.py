@@ -37,7 +37,6 @@ def test_the_written_file_is_a_critic_with_the_values_of_the_expansion(written):
     assert sizes == [pytest.approx(each, rel=1e-6) for each in known]
     critic = package.read_critic(written, game)
     z = np.linalg.solve(expansion.root.T, np.random.default_rng(1).standard_normal((6, 10)))
-    assert critic.value is not None
     assert np.array(critic.value(z)) == pytest.approx(np.array(expansion.V(z)), rel=1e-8)
     assert critic.u(z.T) == pytest.approx(np.array(expansion.policy(z)).T, rel=1e-8)
 

@@ -35,10 +35,11 @@ refusal = partial(network_files.refusal, states=3, inputs=2)
 
 @pytest.mark.parametrize("name", STORED["actions"])
 def test_a_zip_gives_the_actions_of_stable_baselines(name):
-    """The actions are those of `predict`, with squash, clip and box, without options of the user.
+    """The policy of a zip, read without options, gives the actions of `predict`, which squashes them or
+    clips them to their box.
 
-    The algorithm, the first part of the file's name, and the box are stated. All zips but those of
-    ARS have parts, such as a value, that are noted as unused.
+    The critic states the box and the algorithm, the first part of the file's name. All zips but those
+    of ARS have parts, such as a value, that are noted as unused.
     """
     critic = read(ZIPS / f"{name}.zip")
     assert critic.u(OBSERVED) == pytest.approx(np.array(STORED["actions"][name]), abs=1e-6)
@@ -58,13 +59,17 @@ def test_a_report_says_what_a_zip_states():
     assert declared["action"]["high"] == pytest.approx([2.0, 0.25])
 
 
-def test_a_value_beside_a_policy_is_read_with_the_activation_of_the_zip():
-    """V of a PPO zip is not limited to the box of u. Its activation "elu" may be given, no other."""
+def test_a_value_beside_a_policy_is_not_limited_to_the_box_of_actions():
+    """Of a PPO zip with a policy and V, the policy is limited to its box, and V is not."""
     both = read(ZIPS / "ppo.zip", network="V=value_net,policy=policy_net+action_net")
     assert both.u(OBSERVED) == pytest.approx(np.array(STORED["actions"]["ppo"]), abs=1e-6)
-    assert both.value is not None
     assert np.array(both.value(100.0 * OBSERVED.T)).max() > 2.0  # the upper end of the box
-    assert pytest.approx(both.K) == read(ZIPS / "ppo.zip", activation="ELU").K
+
+
+def test_only_the_activation_of_the_zip_may_be_given():
+    """The activation "elu" that a PPO zip contains may be given, too; another one is refused."""
+    own = read(ZIPS / "ppo.zip")
+    assert pytest.approx(own.K) == read(ZIPS / "ppo.zip", activation="ELU").K
     assert "but the file contains 'elu'" in refusal(ZIPS / "ppo.zip", activation="tanh")
 
 
@@ -106,10 +111,11 @@ def halved(data):
     ],
 )
 def test_another_box_and_another_squash_are_another_policy(name, change):
-    """A halved box of the actions of PPO, and PPO without its squash, change actions and error.
+    """If the box of the actions in a PPO zip is halved, or its squash is removed, the actions change,
+    and so does the policy error that `verify` finds in its box of states.
 
-    The error is that of the policy over the box of states of `verify`. Without squash, K at z = 0
-    is another one, too; a clip to a box does not act there.
+    Without the squash, K at z = 0 changes, too. It does not change with the box, since actions near 0
+    are not clipped.
     """
     own = ZIPS / f"{name}.zip"
     other = read(changed_zip(name, change))
@@ -121,7 +127,7 @@ def test_another_box_and_another_squash_are_another_policy(name, change):
 
 
 def test_a_zip_without_its_class_is_refused():
-    """The policy class says which layers are the policy's."""
+    """A zip is refused if its data lack the policy class, which says which layers are the policy's."""
     assert "policy_class" in refusal(changed_zip("ppo", lambda data: data.pop("policy_class")))
 
 
@@ -190,7 +196,8 @@ def mean_of(u):
     return u[:, :2]
 
 
-#: Library -> tensors of a checkpoint, layers of its policy, what follows them, its squash.
+#: Library -> tensors of a checkpoint, layers of its policy, and the function of their output: the
+#: squash, or the first half of the entries, which are the means.
 LIBRARIES = {
     "rsl_rl": (
         layers("model_state_dict.", *ACTOR)
@@ -281,9 +288,10 @@ LIBRARIES = {
 @pytest.mark.parametrize("write", [torch_file, safetensors_file])
 @pytest.mark.parametrize("library", LIBRARIES)
 def test_the_policy_in_a_checkpoint_is_that_of_its_library(library, write):
-    """The policy in a file of torch or safetensors is that of the layers and the squash listed above.
+    """The policy in a file of torch or safetensors, read without a choice of a network, is that of the
+    layers and the squash that `LIBRARIES` lists.
 
-    No words of the user select it. A note names unused tensors, which all but TD3 have.
+    A note names unused tensors, which all but TD3 have.
     """
     tensors, names, after = LIBRARIES[library]
     path = write(f"a.{'pt' if write is torch_file else 'safetensors'}", tensors)
@@ -318,17 +326,19 @@ NORMALIZERS = {
 
 @pytest.mark.parametrize("library", NORMALIZERS)
 def test_the_normalizer_in_a_checkpoint_is_that_of_its_library(library):
-    """Mean and divisor of a normalizer are read by each library's formula.
+    """Mean and divisor of a normalizer of observations are read by each library's formula.
 
-    A critic of the states is refused behind a normalizer. A note says if its statistics are those
-    before any data, the mean 0 and the spread 1.
+    The file is refused as a critic, which is a function of states and not of normalized observations.
+    A note tells a normalizer before any data, with mean 0 and spread 1.
     """
     tensors, *_ = LIBRARIES[library]
     mean, spread, divisor = NORMALIZERS[library]
     for numbers in (np.array([4.0, 0.25, 9.0]), np.ones(3)):
         of_normalizer = {mean: numbers - 1.0, spread: numbers}
         path = torch_file("a.pt", tensors | of_normalizer)
-        found = network_in(path, Asked(3, "policy=", "tanh", sizes=(2,))).declared
+        found = network_in(
+            path, Asked(states=3, network="policy=", activation="tanh", sizes=(2,))
+        ).declared
         assert found.normalizer.mean == pytest.approx(numbers - 1.0)
         assert found.normalizer.deviation == pytest.approx(divisor(numbers), rel=1e-12)
         assert ("saw no data" in " ".join(found.notes)) == (numbers[0] == 1.0)
@@ -342,14 +352,17 @@ def test_layers_of_flax_are_read(suffix):
     """
     names = ("Dense_0", "Dense_2", "Dense_10")
     tensors = chain(*names)
-    kernels = {f"params/{name}/kernel": tensors[f"{name}.weight"].T for name in names}
-    kernels |= {f"params/{name}/bias": tensors[f"{name}.bias"] for name in names}
+    nested = {
+        name: {"bias": tensors[f"{name}.bias"], "kernel": tensors[f"{name}.weight"].T}
+        for name in sorted(names)
+    }
     path = f"flax.{suffix}"
-    nested = {}
-    for name, each in sorted(kernels.items()):
-        _, layer, part = name.split("/")
-        nested.setdefault(layer, {})[part] = each
     if suffix == "npz":
+        kernels = {
+            f"params/{name}/{part}": each
+            for name, of_layer in nested.items()
+            for part, each in of_layer.items()
+        }
         np.savez(path, **kernels)
     elif suffix == "pkl":
         Path(path).write_bytes(pickle.dumps({"params": nested}))
@@ -402,8 +415,9 @@ ASKED = {
     | chain("other", widths=(4, 7)),
     "policy and value": chain("net.pi.0", "net.pi.2", "net.pi.4")
     | chain("net.vf.0", "net.vf.2", "net.vf.4", widths=CRITIC),
-    "twins": chain("fc1", "fc2", "fc_mu") | chain("q_fc1", "q_fc2", "q_out", widths=(5, 6, 6, 1)),
-    "twin Q functions": chain("linear1", "linear2", "linear3", widths=(3, 6, 6, 2))
+    "actor and Q function": chain("fc1", "fc2", "fc_mu")
+    | chain("q_fc1", "q_fc2", "q_out", widths=(5, 6, 6, 1)),
+    "two actors in numbered layers": chain("linear1", "linear2", "linear3", widths=(3, 6, 6, 2))
     | chain("linear4", "linear5", "linear6", widths=(3, 6, 6, 2)),
     "shared": chain("trunk.0", "trunk.2", widths=(3, 5, 4))
     | chain("actor", widths=(4, 2))
@@ -444,8 +458,10 @@ def test_a_policy_of_other_observations_is_no_q_function():
         hfa.read_critic(ZIPS / "sac.zip", game)
 
 
-def test_a_layer_on_a_basis_says_what_its_file_contains_besides():
-    """A layer of 6 weights is W of the quadratic basis of 3 states; the actor is noted as unused."""
+def test_an_actor_beside_the_weights_of_a_basis_is_noted_as_unused():
+    """A file has a layer `value` of 6 entries, which is W of the quadratic basis of 3 states, and an
+    actor. With network="V=value", a note says that the actor is not used.
+    """
     stored = chain("value", widths=(6, 1)) | chain(*ACTOR)
     critic = read(torch_file("both.pt", stored), network="V=value")
     assert critic.weights is not None

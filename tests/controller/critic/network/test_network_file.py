@@ -21,19 +21,19 @@ pytestmark = pytest.mark.usefixtures("folder")
 def test_a_torch_file_gives_the_value_of_torch(game):
     """A file written by torch gives the V that torch computed.
 
-    The gradient equals differences of V, and P equals differences of the gradient.
+    The gradient at a state equals central differences of V, and P those of the gradient at 0.
     """
     critic = from_network(game, HERE / "torch_2_13.pt", activation="tanh")
-    assert critic.value is not None
-    assert critic.gradient is not None
     V = np.array(critic.value(np.array(TORCH["x"]).T))
     F = np.array(critic.gradient(np.array(TORCH["x"]).T))
     assert V.ravel() == pytest.approx(TORCH["V"], rel=1e-12)
     step = 1e-5
+    both_ways = step * np.hstack([np.eye(6), -np.eye(6)])  # steps of each state
     z = np.array(TORCH["x"][0])
-    moved = np.array(critic.value(z[:, None] + step * np.hstack([np.eye(6), -np.eye(6)]))).ravel()
+    moved = np.array(critic.value(z[:, None] + both_ways)).ravel()
     assert F[:, 0] == pytest.approx((moved[:6] - moved[6:]) / (2 * step), abs=1e-9)
-    ends = np.array(critic.gradient(step * np.hstack([np.eye(6), -np.eye(6)])))
+    ends = np.array(critic.gradient(both_ways))
+    # P is half of the Hessian of V = z'Pz.
     assert np.allclose(critic.P, (ends[:, :6] - ends[:, 6:]) / (4 * step), atol=1e-9)
     assert critic.precision == "float32"
 
@@ -64,7 +64,6 @@ def test_layers_are_evaluated_in_the_order_of_their_numbers(game, path, write):
     names = list(layers) if write is torch_file else sorted(layers)
     write(path, {name: layers[name] for name in names})
     critic = read_critic(path, game, activation="tanh")
-    assert critic.value is not None
     first, second, third, last = layers.values()
     inside = np.tanh(third @ np.tanh(second @ np.tanh(first @ X[0])))
     assert float(critic.value(X[0])) == pytest.approx((last @ inside).item(), rel=1e-12)
@@ -76,6 +75,8 @@ def test_layers_are_evaluated_in_the_order_of_their_numbers(game, path, write):
 
 
 class Evil:
+    """Object whose unpickling makes the folder executed/."""
+
     def __reduce__(self):
         return os.mkdir, ("executed",)
 

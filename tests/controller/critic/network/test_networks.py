@@ -19,17 +19,19 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 
 def test_the_scale_of_inputs_is_applied(game):
-    """A layer whose weights were divided by a scale is the exact gain of the paper's game with it.
-
-    A scale of 2 numbers for 6 states is refused.
+    """With an option scale, a layer w is the policy u = w (scale z). The layer -K / scale with the exact
+    gain K of the paper's game passes.
     """
     scale = np.array([1 / 7.0, *[10.0] * 5])
     path = torch_file("scaled.pt", {"weight": -gain(game) / scale})
     assert verify(game, from_network(game, path, scale=scale), flights=1).ok
-    assert (
-        "does not consist of 6 finite numbers"
-        in hfa("verify", *AT_15, "--weights", path, "--set", "scale=1,2").err
-    )
+
+
+def test_a_scale_without_a_number_for_each_state_is_refused():
+    """A scale of 2 numbers is refused for 6 states."""
+    path = torch_file("scaled.pt", {"weight": np.ones((5, 6))})
+    said = hfa("verify", *AT_15, "--weights", path, "--set", "scale=1,2").err
+    assert "does not consist of 6 finite numbers" in said
 
 
 def test_six_outputs_on_a_plant_with_five_inputs_are_a_gradient(game):
@@ -63,13 +65,12 @@ def test_scale_applies_to_the_inputs_of_a_basis(game):
     squares = ca.Function("squares", [z], [z**2])
     path = stored("squares.npz", weight=weights[None, :6], bias=np.full(1, 2.0))
     critic = from_network(game, path, basis=squares, scale=scale)
-    assert critic.value is not None
     assert float(critic.value(np.ones(6))) == pytest.approx(2.0 + weights[:6] @ scale**2)
 
 
 def test_kind_of_an_npy_file_follows_from_shape(game):
-    """An array in an .npy file is W, P or K of the paper's game, 21 weights, 6 x 6 or 5 x 6, by its
-    shape. Another shape is refused.
+    """For the paper's game, an array in an .npy file is W with the shape (21,), P with (6, 6), and K with
+    (5, 6). Another shape is refused.
     """
     exact = {"weights": weights_of(value(game)), "P": value(game), "K": gain(game)}
     for name, right in exact.items():
@@ -106,6 +107,7 @@ def test_a_state_dict_needs_its_activation():
     )
     K = solve(plant).K
     np.savez("plant.npz", A=plant.A, B=plant.B, Q=plant.Q, R=plant.R)
+    # Small arguments of tanh: the policy is nearly -K z.
     torch_file("policy.pt", {"0.weight": 1e-4 * np.eye(2), "2.weight": -1e4 * K})
     line = "hfa verify --model plant.npz --weights policy.pt --set activation=tanh"
     assert hfa(*line.split()[1:]).code == DONE
@@ -157,8 +159,8 @@ def test_the_policy_of_a_value_contains_the_cross_weights():
 def test_a_nonsmooth_point_at_the_trim_is_found_in_any_unit_of_cost(cost_unit, bias, is_nonsmooth):
     """u = relu(z + bias) is nonsmooth at z = -bias, and at the trim z = 0 for the bias 0 only.
 
-    There, K = -∂u/∂z is the mean -0.5 of both sides; else -1 for a positive bias, and 0. The plant
-    has no box of states.
+    K = -∂u/∂z at the trim is -1 for a positive bias, 0 for a negative one, and their mean for 0. The
+    plant has no box of states from which a size of z would be known.
     """
     game = Game([[1.0]], [[1.0]], Q=[cost_unit], R=[cost_unit])
     z = ca.SX.sym("z")

@@ -269,7 +269,9 @@ def test_each_operator_equals_onnxruntime(name):
 
 
 def test_metadata_of_a_file_are_named_as_not_applied():
-    """A scale of actions in the metadata of V = z'Pz is noted as unused. V(1, ..., 1) is Σ P_ii."""
+    """A scale of actions in the metadata of a graph of V = z'Pz, P = diag(1, ..., 6), is noted as unused:
+    V(1, ..., 1) remains 1 + ... + 6.
+    """
     onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
     constants = {"P": np.diag(np.arange(1.0, 7.0)), "ones": ONES}
     model = onnx.load(onnx_file("plain.onnx", QUADRATIC, constants))
@@ -281,7 +283,7 @@ def test_metadata_of_a_file_are_named_as_not_applied():
     assert float(critic.value(np.ones(6))) == 21.0
 
 
-def test_a_normalizer_of_no_data_is_said():
+def test_a_normalizer_without_data_is_noted():
     """A graph that begins with (x - 0) / 1 is noted as normalized without data; (x - 1) / 1 is not."""
     nodes = [("Sub", "x mean", "c"), ("Div", "c std", "n"), ("MatMul", "n W", "y")]
     note = "the normalizer saw no data: its mean is 0 and its deviation 1"
@@ -316,7 +318,6 @@ def test_outputs_are_told_by_their_names_or_named_in_the_refusal():
     """
     critic = read(several_outputs(("actions", "values", "log_prob")), inputs=2)
     assert critic.u(np.ones(6)).tolist() == [3.0, 3.0]
-    assert critic.value is not None
     assert float(critic.value(np.ones(6))) == 3.0
     assert critic.declared.notes == ("not used: log_prob",)
     path = several_outputs(("left", "middle", "right"))

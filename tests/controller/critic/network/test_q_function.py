@@ -78,11 +78,11 @@ def test_a_q_not_quadratic_in_u_is_refused(power, says):
         read(Q, states=1, inputs=1)
 
 
-def test_the_selected_actor_of_twin_networks_is_read(game):
-    """Of a file with an actor and two Q functions, the actor is read, selected or not.
+def test_the_actor_beside_two_q_functions_is_read(game):
+    """Of a file with an actor and two Q functions, the actor is read, with network="policy=actor" and
+    without. With network="q1", the file is refused: this Q function is not quadratic in u.
 
-    A Q function, selected by network="q1", is refused: it is not quadratic in u. At x = 0, the
-    slope of the actor with tanh is the product of its weights.
+    At x = 0, where the slope of tanh is 1, that of the actor is the product of its weights.
     """
     tensors = {"actor.0.weight": RNG.normal(size=(8, 6)), "actor.2.weight": RNG.normal(size=(5, 8))}
     for name in ("q1", "q2"):

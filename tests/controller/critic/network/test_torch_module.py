@@ -59,15 +59,17 @@ def _network(activation):
 
 
 def test_another_module_is_read_through_its_state_dict():
-    """A module of the user's class, and its state dict, are the network of the stored layers.
+    """A module of the user's class, and its state dict, are the network of two linear layers with the
+    given activation between them.
 
-    The given activation acts between them. Without an activation, or with a tensor that is no
-    linear layer, the module is refused.
+    Without an activation, or with a tensor that belongs to no linear layer, the module is refused.
     """
-    arrays = dict(zip(("body.0.weight", "head.weight"), WEIGHTS, strict=True))
-    arrays |= dict(zip(("body.0.bias", "head.bias"), BIASES, strict=True))
-    ordered = {name: arrays[name] for name in sorted(arrays)}
-    tensors = {name: _Tensor(array) for name, array in ordered.items()}
+    tensors = {
+        "body.0.bias": _Tensor(BIASES[0]),
+        "body.0.weight": _Tensor(WEIGHTS[0]),
+        "head.bias": _Tensor(BIASES[1]),
+        "head.weight": _Tensor(WEIGHTS[1]),
+    }
     made = type("Actor", (), {"state_dict": lambda self: tensors, "__call__": lambda self, x: x})
     critic = hfa.from_network(GAME, made(), activation="tanh")
     u = np.tanh(POINTS @ WEIGHTS[0].T + BIASES[0]) @ WEIGHTS[1].T + BIASES[1]
@@ -129,8 +131,9 @@ def test_each_activation_is_that_of_torch(kind):
 
     The modules have torch's default settings, which the reader compares.
     """
-    defaults = {"ELU": {"alpha": 1.0}, "GELU": {"approximate": "none"}}
-    defaults |= {
+    defaults = {
+        "ELU": {"alpha": 1.0},
+        "GELU": {"approximate": "none"},
         "Hardtanh": {"min_val": -1.0, "max_val": 1.0},
         "LeakyReLU": {"negative_slope": 0.01},
         "Softplus": {"beta": 1.0, "threshold": 20.0},
