@@ -112,9 +112,9 @@ def reason_for(exact: Solution, critic: Critic, limit: float) -> str:
     """
     game = exact.game
     if critic.H is not None:
-        right = exact_action_value(critic, exact)
-        if right is not None and action_value_error(critic.H, right) > limit:
-            return _reason_for_action_value(game, critic.H, right, limit)
+        exact_H = exact_action_value(critic, exact)
+        if exact_H is not None and action_value_error(critic.H, exact_H) > limit:
+            return _reason_for_action_value(game, critic.H, exact_H, limit)
         implied = q_extremum(game, critic.H)
         if all(np.array_equal(getattr(critic, name), implied[name]) for name in "PK"):
             return ""  # P and K follow from H: nothing else can be wrong
@@ -150,14 +150,14 @@ def _reason_for_policy(exact: Solution, critic: Critic, P: np.ndarray, limit: fl
     )
 
 
-def _reason_for_action_value(game: Game, H: np.ndarray, right: np.ndarray, limit: float) -> str:
+def _reason_for_action_value(game: Game, H: np.ndarray, exact_H: np.ndarray, limit: float) -> str:
     """Return a sentence that names the mistake in the matrix H of an action value, or "".
 
-    right: the exact H of the same signals
+    exact_H: the exact H of the same signals
     """
-    sizes = floored(np.sqrt(np.abs(np.diag(right))))
+    sizes = floored(np.sqrt(np.abs(np.diag(exact_H))))
     values = Compared(
-        "H", H, right, np.outer(sizes, sizes), lambda M: action_value_error(M, right) <= limit
+        "H", H, exact_H, np.outer(sizes, sizes), lambda M: action_value_error(M, exact_H) <= limit
     )
     n, m = game.B.shape
     blocks = {"x": numbered("x", n), "u": numbered("u", m), "w": numbered("w", len(H) - n - m)}
@@ -178,13 +178,13 @@ def _reason_for_action_value(game: Game, H: np.ndarray, right: np.ndarray, limit
 
 def _of_other_games(exact: Solution, compared: Compared) -> Iterator[Mistake]:
     """Yield that P or K is exact for a game that differs by one number, the nearest game first."""
-    kind, given, right = compared.kind, compared.given, compared.exact
-    distinct = np.triu(right) if kind == "P" else right
+    kind, given, exact_matrix = compared.kind, compared.given, compared.exact
+    distinct = np.triu(exact_matrix) if kind == "P" else exact_matrix
     if np.count_nonzero(distinct) < 2:
         return  # a single number agrees with many games
     mistakes = [
         # Without the mistake, the error against this game is that against the other game.
-        Mistake(f"{kind} is {says}", right + (given - exact_of_other))
+        Mistake(f"{kind} is {says}", exact_matrix + (given - exact_of_other))
         for says, exact_of_other in other_games(exact, kind, given, compared.sizes)
     ]
     yield from sorted(mistakes, key=lambda mistake: np.max(compared.errors(mistake.undone)))
@@ -294,10 +294,10 @@ def _of_gain(game: Game, gains: Compared) -> Iterator[Mistake]:
         yield Mistake("K is transposed", K.T)
     says = "K was read row by row, but its entries are stored column by column"
     yield Mistake(says, K.reshape(K.shape[::-1]).T)
-    for first, right in (("", K), ("the gain has the wrong sign, and ", -K)):
-        for says, undone in _of_rows("input", UNITS_OF_INPUTS, right, exact):
+    for first, signed in (("", K), ("the gain has the wrong sign, and ", -K)):
+        for says, undone in _of_rows("input", UNITS_OF_INPUTS, signed, exact):
             yield Mistake(first + says, undone)
-        for says, undone in _of_rows("state", UNITS_OF_STATES, right.T, exact.T):
+        for says, undone in _of_rows("state", UNITS_OF_STATES, signed.T, exact.T):
             yield Mistake(first + says, undone.T)
     yield from _one_entry(gains)
     yield from _multiples(game, gains)
@@ -419,12 +419,15 @@ def _one_entry(compared: Compared) -> Iterator[Mistake]:
     errors = compared.errors(given)
     place = np.unravel_index(int(np.argmax(errors)), errors.shape)
     name = f"{kind}({place[0] + 1}, {place[1] + 1})"
-    wrong, right = float(given[place]), float(exact[place])
-    says = f"only {name} differs by more than the limit: it is {wrong:.6g} in place of {right:.6g}"
+    given_entry, exact_entry = float(given[place]), float(exact[place])
+    says = (
+        f"only {name} differs by more than the limit: it is {given_entry:.6g} in place of "
+        f"{exact_entry:.6g}"
+    )
     undone = given.copy()
-    undone[place] = right
+    undone[place] = exact_entry
     if kind == "P":
-        undone[place[::-1]] = right
+        undone[place[::-1]] = exact_entry
     yield Mistake(says, undone)
 
 

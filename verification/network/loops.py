@@ -547,12 +547,12 @@ def costs_above_optimum(
     return np.where(optima > 0.0, above, without_optimum), None
 
 
-def _reach(loop: Loop, b: np.ndarray, few: int) -> float:
-    """Return the largest tested multiple of the box from which `few` flights converge, or 0."""
+def _reach(loop: Loop, b: np.ndarray, flights: int) -> float:
+    """Return the largest tested multiple of the box from which `flights` flights converge, or 0."""
 
     def converges(size: float) -> bool:
         """Return whether all flights from a multiple of the box converge."""
-        starts = size * starts_in(b, few)
+        starts = size * starts_in(b, flights)
         first, others = starts[:1], starts[1:]  # if the first, a corner, fails, no others fly
         return all(
             loop.simulate(flown).outcome is FlightOutcome.CONVERGED

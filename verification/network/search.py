@@ -262,11 +262,11 @@ def errors_of(exact: Solution, critic: Critic, b: np.ndarray, z: ca.SX) -> tuple
         ("policy", critic.policy, -ca.DM(K) @ z, sizes_of_u),
     )
     kinds, errors = [], []
-    for kind, function, right, sizes in table:
+    for kind, function, exact_value, sizes in table:
         if function is not None:
             constant = critic.constant if kind == "value" else 0.0
             kinds += [kind] * len(sizes)
-            errors.append((function(z) - constant - right) / ca.DM(sizes))
+            errors.append((function(z) - constant - exact_value) / ca.DM(sizes))
     return kinds, ca.vertcat(*errors)
 
 
