@@ -100,7 +100,7 @@ def test_the_covariance_is_the_end_of_the_riccati_recursion(point, linear):
     np.testing.assert_allclose(found.P[:6, :6], P[:6, :6], rtol=1e-5, atol=1e-12)
 
 
-def test_the_gain_is_the_optimal_one(kalman):
+def test_the_gain_of_a_filter_minimizes_the_covariance_of_the_errors(kalman):
     """The errors with the gain L have the covariance P; with other gains they are larger. The filter
     is stable and observes every mode.
     """
@@ -181,7 +181,7 @@ def samples_of(kalman, random):
         yield y
 
 
-def test_a_filter_of_faulty_samples_equals_a_recursion_of_the_test(point, kalman, gain):
+def test_a_filter_of_faulty_samples_equals_a_kalman_filter_in_numpy(point, kalman, gain):
     """Commands and estimates are those of `Recursion`, a Kalman filter in NumPy, over samples with missing,
     frozen and impossible values. The estimate begins at the first sample, and anew where most values
     are impossible; commands are then faded in over 1 s. The gain acts on the speed along the
@@ -213,7 +213,7 @@ def test_a_gust_stronger_than_the_turbulence_is_not_taken_for_a_faulty_sensor(po
     assert policy.unused == 0
 
 
-def test_commands_fade_in_only_where_the_beginning_is_unknown(point, kalman, gain):
+def test_commands_fade_in_only_where_the_initial_states_are_unknown(point, kalman, gain):
     """A flight begins at known states: at .05 rad of pitch its first command is far from the trim.
     After a reset, the first command at this value is that of the trim, and a later one is not.
     """
@@ -300,7 +300,7 @@ def test_commands_behind_a_filter_are_within_the_limits_of_the_inputs(
 
 
 @pytest.mark.parametrize(("delay", "samples"), [(0.03, 4), (0.025, 3)])
-def test_a_delay_is_known_to_the_filter(point, linear, gain, delay, samples):
+def test_a_filter_predicts_over_a_known_delay(point, linear, gain, delay, samples):
     """The first command is that of the state predicted over the delay. The estimate follows the
     linear model, in which this command acts after the delay.
 
@@ -395,7 +395,7 @@ class Watching(SampledPolicy):
         return self(t, X)
 
 
-def test_a_law_that_plans_sees_the_air_that_it_flies_in(point, linear):
+def test_a_law_that_plans_is_given_speed_and_alpha_relative_to_the_air(point, linear):
     """In a steady updraft of 5 ft/s, a law behind a filter sees speed and alpha of the trim, and the
     estimate has the speed over the ground.
     """
@@ -649,6 +649,6 @@ def test_a_pass_says_which_rms_is_far_above_its_prediction(point, linear, gain):
         ("export -o c --fade 1", "add --filter"),
     ],
 )
-def test_what_a_filter_cannot_be_is_refused(folder, words, said):
+def test_wrong_filter_options_are_refused(folder, words, said):
     """A filter without noise or policy, with a command of a state, and noise alone are refused."""
     assert_refused(run(*words.split(), "--dihedral", "10"), 2, said)

@@ -136,6 +136,6 @@ def test_the_command_finds_the_thresholds():
         ("--gust smalest", "give LENGTH:PEAK[:BEGIN] or smallest"),
     ],
 )
-def test_what_the_smallest_gust_cannot_have_is_refused(words, said):
+def test_wrong_options_of_the_smallest_gust_are_refused(words, said):
     """Wrong lengths and words, draws, noise without a filter, an aircraft without speed are refused."""
     assert_refused(run("fly", *words.split()), 2, said)

@@ -101,6 +101,7 @@ def test_the_folder_contains_page_pictures_and_numbers(folder):
     data = json.loads(text, parse_constant=pytest.fail)
     assert json.loads(result.out) == data
     assert data["ok"]
+    # Numbers, also by the commands that compute them alone.
     counts = [len(data["regeneration"]["cases"]), len(data["sweep"]["A"]), len(data["angles"])]
     assert counts == [2, 3, 1]
     linearized = json.loads(hfa("linearize", "--dihedral", "15", "--json").out)
@@ -111,6 +112,7 @@ def test_the_folder_contains_page_pictures_and_numbers(folder):
     flown = json.loads(hfa(*words, "--json").out)
     assert data["in_turbulence"]["ok"] is flown["within_limits"] is True
     assert data["in_turbulence"]["rms_error"] == pytest.approx(flown["rms_error"], rel=1e-9)
+    # The page: verdict, pictures in the file itself, no address but that of the paper, matrices, costs.
     html = page_of(folder / "report.html")
     assert 'are <strong class="good">regenerated</strong>' in html
     assert html.count('src="data:image/png;base64,') == html.count("<img ") == 3
@@ -146,7 +148,7 @@ def test_pictures_of_the_documents_are_current():
 
 
 @pytest.mark.slow
-def test_the_page_of_an_aircraft_is_about_it(folder):
+def test_the_page_of_another_aircraft_has_its_numbers_and_nothing_of_the_paper(folder):
     """The numbers of another aircraft are those of `hfa trim`; its page has its name, trims, modes,
     book, warnings and the game of its Q and R, and nothing of the paper. With Izz = 3, no rigid
     body has its inertias; at 8 m/s, a condition of book.csv, it has no trim.
@@ -224,7 +226,7 @@ def test_wrong_options_of_report_are_refused(words, named):
     assert list(Path().iterdir()) == [Path("file")]
 
 
-def test_a_slider_has_ends():
+def test_a_slider_ends_at_declared_limits_or_beyond_the_default_trim():
     """A slider ends at 1.5 times the value at the default trim. A value of 0 there is refused
     unless the variable has limits, which are then the ends.
     """
@@ -244,7 +246,7 @@ def test_a_slider_has_ends():
 
 
 @pytest.mark.slow
-def test_other_parameters_fail_and_are_told_from_those_of_stored_flights():
+def test_other_parameters_fail_and_are_distinguished_from_those_of_stored_flights():
     """With the parameters of another study, the printed pairs are not regenerated, and the page
     states that its stored flights are those of another aircraft.
     """

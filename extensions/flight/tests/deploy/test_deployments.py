@@ -177,7 +177,9 @@ def rewrite_zip(folder, more=None, *, weights=None):
         ({"policy_kwargs": pickled({"scale_inputs": True})}, "'scale_inputs'"),
     ],
 )
-def test_a_zip_of_anything_else_is_refused_and_not_run(folder, monkeypatch, more, said):
+def test_a_zip_that_stable_baselines3_does_not_write_is_refused_and_not_run(
+    folder, monkeypatch, more, said
+):
     """Zips that would call a function, with entries that Stable-Baselines3 does not write, or with
     other classes are refused, and nothing is called.
     """
@@ -263,7 +265,7 @@ def test_weights_that_torch_did_not_write_are_refused(folder):
 @pytest.mark.parametrize(
     ("size", "said"), [(100, "this is not a readable zip"), (2**28 + 1, "unpacks to")]
 )
-def test_zips_that_lie_about_their_size_are_refused(folder, size, said):
+def test_zips_that_state_a_wrong_size_are_refused(folder, size, said):
     """The directory of the zip states another size of its first file than the zip has."""
     rewrite_zip(folder, {"more": " " * 10**6})
     zipped = bytearray((folder / "ppo_gtm.zip").read_bytes())
@@ -390,7 +392,7 @@ def test_a_deployment_of_a_zip_has_the_actions_of_its_critic(name):
             _ = gtm_deployment({"file": file, **policy}, action=action, **tables).actor
 
 
-def test_the_normalizer_of_a_checkpoint_is_that_of_the_deployment(tmp_path):
+def test_the_normalizer_in_a_checkpoint_is_applied(tmp_path):
     """The normalizer in a file of rsl_rl is applied, (o - mean) / (deviation + .01). A second one in
     the deployment is refused.
     """

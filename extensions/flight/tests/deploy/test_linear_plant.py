@@ -86,7 +86,7 @@ def test_a_linear_plant_is_assessed(assessed, tmp_path):
     assert assessed(-K, A=A, B=B)[0] == 1
 
 
-def test_a_gain_alone_is_assessed(folder):
+def test_a_gain_is_assessed_without_a_deployment_file(folder):
     """K.npz with --sample-time .05 has the spectral radius of a deployment file of K.npz with dt = .05 and
     all states and inputs. So does the same gain in a file in deg and lbf ft, units.npz.
     """
@@ -106,7 +106,7 @@ def test_a_gain_alone_is_assessed(folder):
 
 
 @pytest.mark.slow
-def test_a_network_of_the_states_is_assessed_alone(folder):
+def test_a_network_is_assessed_without_a_deployment_file(folder):
     """A network with a sample time is assessed as by a deployment file. One that was trained behind a
     normalizer is refused.
     """

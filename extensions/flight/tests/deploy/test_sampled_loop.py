@@ -46,7 +46,7 @@ def gtm_lqr():
     return gain_case()  # assessment, linear model and gain, without a delay
 
 
-def test_half_a_sample_delay_equals_twice_the_rate():
+def test_a_delay_of_half_a_sample_equals_one_of_a_sample_at_twice_the_rate():
     """A loop with half a sample of delay has the spectral radius of a loop at half the sample time.
 
     In the loop for comparison, the delay is one sample and the command changes every second sample.

@@ -52,7 +52,7 @@ def test_the_cost_ratio_is_that_of_the_closed_form():
     assert f"{ratio:.3g}x the exact gain" in told.first_line
 
 
-def test_the_cost_above_the_optimum_is_that_of_summed_samples():
+def test_the_cost_above_the_optimum_is_that_of_gauss_quadrature():
     """The cost of a command 1.4 samples late, with a weight of a sum of states, is that of Gauss'
     quadrature.
 
@@ -102,6 +102,7 @@ def test_the_cost_above_the_optimum_is_that_of_summed_samples():
             X += both.T @ weight @ both
             x = (motion @ both)[:2]
         older, newer = newer, command
+    # Costs above the optimum, in %: the worst deviation and the mean one, relative to x'Px.
     above = 100.0 * eigh(X - P, P, eigvals_only=True)
     told = assess(model, late, samples=0)
     cost = told.points[0].cost
@@ -222,7 +223,7 @@ def test_the_first_departure_is_reported():
 
 
 @pytest.mark.parametrize("dt", [0.1, 0.5, pytest.param(1.0, marks=pytest.mark.slow)])
-def test_a_flight_whose_rate_is_not_a_number_leaves_then(dt):
+def test_a_flight_departs_when_its_rate_is_not_a_number(dt):
     """v' = 2 v - v sqrt(1 - v^2) is not a number beyond 1, which is within the limits of v.
 
     The departure is in the sample in which |v| reaches 1, also if v is a number at earlier
@@ -240,7 +241,7 @@ def test_a_flight_whose_rate_is_not_a_number_leaves_then(dt):
         assert dt * math.floor(expected / dt) <= left.time - 1e-9 <= dt * math.ceil(expected / dt)
 
 
-def test_a_flight_without_limits_leaves_where_it_overflows():
+def test_a_flight_without_limits_departs_when_it_overflows():
     """From v(0) = v, v' = v + v^3 is infinite after ln(1 + 1 / v^2) / 2 s, with the sign of v(0)."""
     model = scalar(lambda v, f: v + v**3 + f)
     sides = set()
@@ -325,7 +326,7 @@ def refusal(points=(45.0,), observation=None, action=None, **settings):
         ({"box": {"pitch": -1.0}}, "box of pitch"),
     ],
 )
-def test_what_cannot_be_assessed_is_refused(given, said):
+def test_wrong_formulas_points_and_boxes_are_refused(given, said):
     """Wrong formulas, points and boxes are refused in one line."""
     assert said in refusal(**given)
 

@@ -20,7 +20,7 @@ def deployment(gain, offset=0.0):
     return deployed(policy, 0.05, observation={"v": {"about": 0.0}}, cost=None)
 
 
-def test_every_flight_must_converge_or_the_required_share():
+def test_every_flight_or_the_required_share_of_flights_must_converge():
     """With v' = v + f and |f| <= 0.5 only flights from |v| < 0.5 converge, about half, although the
     linear loop is stable. The policy passes if the required share is at most this share, and not if
     every flight must converge.
@@ -76,7 +76,7 @@ def test_a_policy_passes_only_if_every_flight_returns_to_the_trim(offset, passes
         assert error.startswith(f"steady-state v error {sign}")
 
 
-def test_a_flight_has_returned_when_its_cost_to_go_is_a_twentieth():
+def test_a_flight_has_returned_if_its_cost_to_go_is_below_5_percent():
     """A flight has returned if its cost-to-go is less than 5 % of the sum of cost and cost-to-go.
 
     v' = -1.1 v with f = -v costs 2 v² a second; the linear cost-to-go is P v² with P² + .2 P = 1.

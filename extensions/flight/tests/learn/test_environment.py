@@ -89,6 +89,7 @@ def test_episodes_begin_in_the_box_and_survive_a_second_without_action(flexible)
     box = np.array([*flexible.start_box.values()])
     rows = flexible.model.state_places(flexible.model.linear)
     for seed in range(5):
+        # A reset draws the initial states of the linear model from the box about the trim.
         start = flexible.reset(seed=seed)[1]["X"] - flexible.point.x
         assert (np.abs(start[rows]) <= box).all()
         stepped = [flexible.step(nothing) for _ in range(round(1.0 / flexible.dt))]
@@ -251,6 +252,7 @@ def test_wrong_actions_and_steps_out_of_turn_are_refused():
     for wrong in ([np.nan, 0.0], [0.0], ["full", 0.0], None):
         with pytest.raises(BadInputError, match="the action"):
             env.step(wrong)
+    # The second sample of 0.05 s ends the episode of 0.1 s (truncated).
     assert [env.step(still)[3] for _ in range(2)] == [False, True]
     with pytest.raises(BadInputError, match="no episode is under way"):
         env.step(still)
@@ -274,7 +276,7 @@ def test_wrong_actions_and_steps_out_of_turn_are_refused():
         ({"vary": {"lift_slope": (-9.0, 1.0)}}, "lift_slope is -9"),
     ],
 )
-def test_what_no_environment_can_be_is_refused(given, said):
+def test_wrong_arguments_of_an_environment_are_refused(given, said):
     """Wrong points, weights, actions, times and drawn parameters are refused."""
     model = model_of(f"{ROOT}/examples/gtm.py:UNCERTAIN_GTM")
     with pytest.raises(BadInputError, match=said):
@@ -327,7 +329,7 @@ def test_episodes_with_equal_seeds_have_equal_turbulence():
 
 
 @pytest.mark.filterwarnings("ignore:turbulence without")
-def test_turbulence_during_a_sample_is_the_mean_of_its_ends():
+def test_turbulence_in_a_sample_is_the_mean_of_the_winds_at_its_ends():
     """x' is the wind, so that x moves in a sample of 1 s by its mean wind, (begin + end) / 2. Winds at
     different ends are nearly independent, and neighbouring samples share one: their means correlate by
     1/2.

@@ -29,6 +29,7 @@ def test_saturated_double_integrator_cost_equals_closed_form():
     u = -λ2 / 2, saturated at -1. The problem is convex. Pontryagin's conditions are therefore
     sufficient.
     """
+    # P of the LQR with Q = I and R = 1, whose gain is P[1].
     P = np.array([[np.sqrt(3.0), 1.0], [1.0, np.sqrt(3.0)]])
     switch = np.array(
         [3.0, (1.0 - 3.0) / np.sqrt(3.0)]
@@ -39,6 +40,7 @@ def test_saturated_double_integrator_cost_equals_closed_form():
     lambda2 = -2.0 * x2.integ() - lambda1.integ() + 2.0 * P[1] @ switch
     begin = -1.5  # s
     assert (lambda2(np.linspace(begin, 0.0, 50)) >= 2.0 - 1e-12).all()
+    # The cost up to the switch, with u = -1, and x'Px from there on.
     running = x1**2 + x2**2 + 1.0
     cost = -running.integ()(begin) + switch @ P @ switch
     uphill = replace(

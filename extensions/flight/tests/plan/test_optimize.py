@@ -66,7 +66,7 @@ def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(fold
     assert (unstable["converges"], unstable["cost"], unstable["over_best"]) == (False, None, None)
 
 
-def test_a_flight_between_trims_begins_at_the_held_value_and_ends_at_that_of_to(capsys):
+def test_a_best_flight_between_trims_begins_at_that_of_hold_and_ends_at_that_of_to(capsys):
     """The best flight of the pendulum begins at the trim of --hold, 5 deg, and ends at that of --to,
     the upright one.
     """

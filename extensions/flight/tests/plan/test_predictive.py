@@ -99,7 +99,7 @@ def test_the_gradient_at_the_trim_is_the_optimal_gain_of_held_inputs():
     np.testing.assert_allclose(policy.K, forever, rtol=1e-9)
 
 
-def test_one_program_finds_the_exact_input_where_the_state_is_not_that_of_the_plan():
+def test_one_quadratic_program_finds_the_optimal_input_off_the_plan():
     """At the second sample, the state differs from the plan of the first. One quadratic program then
     finds the optimal input -K z of the linear cart (`gain_of_holds`), not that of the first plan.
     """
@@ -324,7 +324,9 @@ def test_near_the_trim_the_gain_of_a_finite_delta_is_that_of_the_sampled_game():
     ("shift", "deviation", "fastest"),
     [(0.0, 0.0, 0.99), (0.0, 0.1, 0.59), (0.0, 10.0, 0.5), (0.2, 0.0, 0.79), (-0.2, 0.1, 0.79)],
 )
-def test_limits_are_those_of_the_next_sample_that_a_filter_predicts(shift, deviation, fastest):
+def test_limits_are_moved_and_narrowed_by_the_next_sample_that_a_filter_predicts(
+    shift, deviation, fastest
+):
     """The limit of the speed, 1 m/s, is moved by what the air adds to the speed, and narrowed by 4
     standard deviations, at most to its half. The margin narrows it by 1 %.
 
@@ -414,7 +416,7 @@ def test_copies_made_in_flight_continue_it_like_the_policy(law):
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_a_sample_adds_at_most_its_time_to_the_memory_of_a_policy(law):
+def test_the_memory_of_a_policy_grows_by_less_than_20_bytes_a_sample(law):
     """The pickle of a policy grows by less than 20 bytes a sample, from sample 100 to 200: room for the
     computing time of a sample, and not for its plan.
     """
@@ -428,7 +430,7 @@ def test_a_sample_adds_at_most_its_time_to_the_memory_of_a_policy(law):
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_a_moved_aircraft_is_believed_at_the_second_sample(law):
+def test_a_jump_of_the_measured_state_is_acted_on_at_its_second_sample(law):
     """A jump of the position by 2 m is ignored for one sample. If it stays, the policy acts on it."""
     policy = cart_policy(law, dt=0.1)
     policy(0.0, [0.0, 0.0])
@@ -449,7 +451,7 @@ def test_a_plan_made_before_the_flight_does_not_change_the_first_input():
         assert policy(0.0, [3.0, 0.1]).item() == pytest.approx(expected, abs=1e-3)
 
 
-def test_a_spent_budget_flies_the_last_plan_on():
+def test_without_time_for_a_new_plan_the_last_one_is_flown():
     """Without time for a program, the second input is that of the first plan."""
     policy = cart_policy(budget=1e-9)
     policy.begin([3.0, 0.1])
@@ -507,7 +509,7 @@ def test_laws_fly_and_are_compared_on_the_command_line(law, capsys):
         ("--keep-inside", "move no limited state"),
     ],
 )
-def test_what_the_command_refuses(words, named):
+def test_options_that_do_not_apply_to_the_policy_are_refused(words, named):
     """Options that do not apply to the policy, or to the pendulum, are refused."""
     assert_refused(hfa_command("fly", "--aircraft", PENDULUM_FILE, *words.split()), 2, named)
 

@@ -92,7 +92,7 @@ def test_initial_conditions_without_a_flight_count_in_the_share(folder, monkeypa
         assert command(*words, "--need", f"share={share}").code == code
 
 
-def test_without_a_flight_of_either_the_start_is_refused(monkeypatch):
+def test_initial_conditions_without_a_flight_within_the_limits_are_refused(monkeypatch):
     """If IPOPT finds nothing (planted) and the saturated LQR leaves the limits, the start is refused.
 
     The cart needs 18 m to stop, of which 5 m are left.

@@ -80,7 +80,7 @@ def test_the_filter_keeps_a_rate_inside_its_limit():
     assert flight.policy["changed_samples"] > 0
 
 
-def test_a_policy_that_needs_no_filter_is_unchanged():
+def test_keep_inside_does_not_change_a_policy_inside_the_limits():
     """Inside all limits, a policy behind `keep_inside` flies the same states and inputs."""
     policy = GainPolicy("gain", np.array([[1.0, 1.0]]))
     kept = hfa.keep_inside(policy, DUFFING, AT_REST)
