@@ -206,7 +206,7 @@ def _rates_and_outputs(
     params = dict(zip(system.params, p, strict=True))
     arguments = (time, _array_of(x), _array_of(u), params)
     rates = system.updfcn(*arguments)
-    outputs = system.outfcn(*arguments) if system.outfcn else x
+    outputs = system.outfcn(*arguments) if system.outfcn else x  # y = x by default
     by_label = dict(zip(system.output_labels, outputs, strict=True))
     return (
         dict(zip(system.state_labels, rates, strict=True)),

@@ -53,7 +53,7 @@ class Limits:
         changes: name -> (lowest, highest), instead of the declared min and max; None for no changes
         """
         # The tolerances are relative to the size of a limit, nominal + |limit|: a limit may be 0.
-        rows = []
+        rows = []  # each with the fields of `Limits` in their order
         for name in names:
             signal = model.signal(name)
             declared = (signal.min, signal.max)

@@ -601,6 +601,7 @@ class Model(Reported):
         for name in outputs:
             refuse_unknown("unknown output", name, known)
         rows = linearized_rows(self.layout, tuple(outputs), tuple(disturbances))
+        # One row of arguments gives one result, which has one row: all fields one after the other.
         ((flat,),) = rows(*(np.asarray(vector)[None] for vector in (x, u, self.p)))
         n, m, k, d = len(self.states), len(self.inputs), len(outputs), len(disturbances)
         if not np.isfinite(flat).all():

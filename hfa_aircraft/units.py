@@ -27,7 +27,7 @@ from hfa_support.units import (
 )
 
 #: CasADi's operations that require an angle in radians, with their names in Python.
-_OF_ANGLES = {ca.OP_SIN: "sin", ca.OP_COS: "cos", ca.OP_TAN: "tan"}
+_TRIGONOMETRIC = {ca.OP_SIN: "sin", ca.OP_COS: "cos", ca.OP_TAN: "tan"}
 #: CasADi's operations whose result has the unit of their arguments.
 _KEEP_THE_UNIT = (ca.OP_ASSIGN, ca.OP_NEG, ca.OP_ADD, ca.OP_SUB)
 
@@ -77,9 +77,9 @@ def _angles_in_degrees(layout: Layout, names: tuple[str, ...]) -> tuple[tuple[st
             signals = (name,) if name in names else ()
         elif operation in _KEEP_THE_UNIT:
             signals = tuple(name for index in arguments for name in in_degrees.get(index, ()))
-        elif operation in _OF_ANGLES:
+        elif operation in _TRIGONOMETRIC:
             for name in in_degrees.get(arguments[0], ()):
-                found[name, _OF_ANGLES[operation]] = None
+                found[name, _TRIGONOMETRIC[operation]] = None
         for result in program.instruction_output(number):
             in_degrees[result] = signals
     return tuple(found)

@@ -402,6 +402,8 @@ def _carried_air(plate: _Plate, panel: _Panel, x: Any, p: Any) -> _CarriedAir:
     # components are -m w' normal to the plate, -m w ω forward and m w η' toward the center.
     # The moment -m u (b/2) ω of Theodorsen's lift at the three-quarter chord is added here, because
     # the circulatory lift at the quarter chord omits this moment.
+    # The inertia about the pitch axis, (m b²/8) cos² η, changes with the dihedral η of the panel:
+    # Lagrange's equations then contain the terms `gyroscopic` in q' and `centrifugal` in η''.
     turning = panel.spanwise_rate
     normal_speed = panel.calm.downward + turning * plate.aft
     slopes, steady_acceleration = _normal_acceleration(plate, panel, x, p)
@@ -433,7 +435,8 @@ def _normal_acceleration(plate: _Plate, panel: _Panel, x: Any, p: Any) -> tuple[
     # w is the normal velocity of its mid-chord, in a constant headwind h, and w_b = V sin α.
     # With the descent w_h of the hinge (`center_velocity`), its arm r, the panel span s, and the
     # distance `aft` of the mid-chord behind the wing's quarter chord,
-    # w = (w_h + aft q) cos(panel) - r η', and w_h' = w_b' + (s/3) (cos η η')' + h cos θ q.
+    # w = (w_h + aft q) cos η_p - r η', and w_h' = w_b' + (s/3) (cos η η')' + h cos θ q. η_p is the
+    # dihedral of the panel, 0 or η. `steady` contains the terms without w_b', q' and η''.
     cos_eta = ca.cos(x.dihedral)
     third = p.panel_span / 3
     headwind = _headwind(panel.wind)

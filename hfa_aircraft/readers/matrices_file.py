@@ -294,6 +294,7 @@ def plant_names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> 
     notes: list of notes for the user
     """
     names: dict[str, tuple[str, ...]] = {}
+    # states, inputs, and their units
     for key, size in zip(NAME_KEYS, (n, m, n, m), strict=True):
         texts = words(stored, key)
         is_unit = key.endswith("units")
@@ -340,7 +341,10 @@ def linear_plant(path: str) -> Model:
     unused = ["E"] if "E" in stored and "disturbances" not in stored else []
     if "delta" in stored and one_number("delta", stored["delta"]) < math.inf:
         unused.insert(0, "delta")
-    verb = "are" if len(unused) > 1 else "is"
-    note = f"{' and '.join(unused)} of the file {verb} not used; --model uses what the file has"
-    about = replace(model.about, weights=weights, notes=model.about.notes + (note,) * bool(unused))
-    return replace(model, about=about)
+    notes_on_model = model.about.notes
+    if unused:
+        verb = "are" if len(unused) > 1 else "is"
+        notes_on_model += (
+            f"{' and '.join(unused)} of the file {verb} not used; --model uses what the file has",
+        )
+    return replace(model, about=replace(model.about, weights=weights, notes=notes_on_model))

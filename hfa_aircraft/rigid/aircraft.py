@@ -246,6 +246,7 @@ class Motion:
         self.rates = angular_velocity(x)
         self._x = x
         self._gravity = gravity
+        # row `down` of the matrix from body axes to north, east and down: gravity's direction
         self._down = rotation(x.roll, x.pitch, x.yaw)[2, :].T
 
     def acceleration(self, specific_force: Any) -> Any:

@@ -159,7 +159,8 @@ def mach_of_pitot(impact_pressure: Any, pressure: Any) -> Any:
     """
     ratio = impact_pressure / pressure + 1.0
     subsonic = ca.sqrt(5.0 * (ratio ** (2.0 / 7.0) - 1.0))  # isentropic flow
-    # Rayleigh's formula, solved for the M² that remains when (7 M² - 1)^2.5 is divided by M^5.
+    # Rayleigh's formula as ratio = 1.2^3.5 (1.2/1.4)^2.5 M² / (1 - 1/(7 M²))^2.5 is solved for the
+    # first M², with the second from the last iteration. Both formulas give M = 1 at the same ratio.
     coefficient = 1.2 ** (-0.25 * 7.0) * (1.2 / 1.4) ** (-0.5 * 2.5)
     supersonic = ca.fmax(subsonic, 1.0)
     for _ in range(10):  # as many fixed-point iterations as JSBSim's
@@ -324,8 +325,8 @@ def _crossover(
     model: Model, first: str, second: str, altitude: str, imposed: Mapping[str, Any]
 ) -> Any:
     """Return the altitude at which two airspeeds are one true airspeed, a number or an array."""
-    # The true airspeed of a lower Mach number or of a higher kcas, keas and ktas grows with
-    # altitude: two different kinds agree at one altitude at most.
+    # The difference of the two speeds grows or falls with altitude, and has one zero at most. That
+    # of ktas and mach changes with the temperature only, and may have two: none is found then.
     from scipy.optimize import brentq
 
     lowest, highest = (height * _factor_to_model(model, altitude, "ft") for height in ALTITUDES)

@@ -46,8 +46,8 @@ class Interpolator:
         arguments: d scalars, numbers or expressions
         """
         axes = [np.asarray(points, dtype=float) for points in breakpoints]
-        # Each axis of values, by breakpoints, is replaced by two: (level, slope), and the cells. In
-        # a cell, the table is the line level + slope * offset.
+        # In each cell of an argument, the table is the line level + slope * offset. The axis of its
+        # breakpoints in `lines` is therefore replaced by two axes: (level, slope), and the cells.
         lines = np.asarray(values, dtype=float)
         for number, points in enumerate(axes):
             axis = 2 * number
@@ -78,8 +78,8 @@ class Interpolator:
 def lines_of_cells(values: Any, points: np.ndarray) -> tuple[Any, Any]:
     """Return the lines that interpolate a table in its cells, as levels and slopes.
 
-    The level is the value of the line at the middle breakpoint. Both arrays have the shape (n - 1,
-    ...).
+    The level is the value of the line at the middle breakpoint of the table (`Interval.offset`).
+    Both arrays have the shape (n - 1, ...).
 
     values: values at the breakpoints, (n, ...), an array, or expressions as a column
     points: breakpoints, (n,)

@@ -95,7 +95,7 @@ def _unpacked(file: Path) -> Path:
 def _interface(folder: Path, description: Description) -> Interface:
     """Return what the calls of an unpacked FMU require."""
     resources = folder / "resources"
-    parameters = [
+    parameters = [  # the fields: name, value reference, FMI's type, is_whole, start value
         Parameter(
             description.names[parameter.name],
             parameter.reference,

@@ -263,6 +263,8 @@ class DimensionalDerivative:
 def dimensional_of(name: str, surfaces: Iterable[str]) -> DimensionalDerivative | None:
     """Return the parts of the name of a dimensional derivative, or None for any other name.
 
+    The name of a control surface follows an underscore, M_elevator, unlike a variable, Mw.
+
     surfaces: names of the control surfaces
     """
     match = re.fullmatch(r"([XYZLMN])(_?)(\w+)", name)

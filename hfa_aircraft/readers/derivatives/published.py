@@ -14,7 +14,7 @@ from hfa_support.units import STANDARD_GRAVITY
 #: Factor beyond the published values. With it, 1 % of the figures of an aircraft of the table are
 #: outside those of the others.
 _BEYOND = 1.5
-_DEGREE = math.degrees(1.0)
+_DEGREES_PER_RADIAN = math.degrees(1.0)
 #: Columns of `published.csv` that are no entries.
 _WORDS = ("name", "source")
 
@@ -47,6 +47,7 @@ def _induced(entry: Values) -> float:
     """Return 1/e of C_D = C_D0 + C_L² / (pi e aspect ratio), of CD_CL2 or of CD_alpha."""
     slope = entry["CD_CL2"]
     if math.isnan(slope):
+        # dC_D/dalpha = 2 CD_CL2 C_L C_L,alpha
         slope = entry["CD_alpha"] / (2.0 * entry["CL_0"] * entry["CL_alpha"] or math.nan)
     return slope * math.pi * entry["span"] ** 2 / entry["wing_area"]
 
@@ -115,7 +116,7 @@ def unusual(figure: str, value: float) -> str:
             "" if is_entry else ", or entries are exchanged"
         )
     if is_entry:
-        for factor, unit in ((_DEGREE, "deg"), (1.0 / _DEGREE, "rad")):
+        for factor, unit in ((_DEGREES_PER_RADIAN, "deg"), (1.0 / _DEGREES_PER_RADIAN, "rad")):
             if _is_usual(factor * value, low, high):
                 return f"{says}; it may be given per {unit} (a factor of 57.3)"
     return f"{says}; check it"
