@@ -139,26 +139,26 @@ def _gain_table(games: list[NamedGame], at: np.ndarray, source: Mapping[str, Any
     linear = games[0].linear
     assert linear is not None  # the games of a table are those of an aircraft
     model = linear.model
-    by, is_angle = model.schedule, model.is_typed_in_degrees
+    schedule, is_angle = model.schedule, model.is_typed_in_degrees
     rows = []
     for value, solution in zip(at.tolist(), solutions, strict=True):
         margin = solution.disk_margin
         rows.append(
             (
-                model.describe(by, value),
+                model.describe(schedule, value),
                 f"{solution.delta_min:.6g}",
                 f"{solution.poles().real.max():.4g}",
                 "none" if margin is None else f"{margin.disk:.4g}",
             )
         )
     columns = (
-        by,
+        schedule,
         "delta_min",
         f"largest real part, 1/{model.time_unit}",
         "disk margin, all inputs",
     )
     title = (
-        f"Gain table over {by} for {model.title}: {len(rows)} exact solutions, proved,"
+        f"Gain table over {schedule} for {model.title}: {len(rows)} exact solutions, proved,"
         f" {rows[0][0]} to {rows[-1][0]}"
     )
     data = {

@@ -79,10 +79,10 @@ def _plan(points: GivenPoints, axes: Mapping[str, Any]) -> SweepPlan:
             f"no variable is swept; give --{at_name(model)} RANGE, --hold NAME=RANGE or "
             "--conditions FILE.csv"
         )
-    condition, by = points.condition(), model.schedule
+    condition, schedule = points.condition(), model.schedule
     is_hfa = model.about.names_schedule  # at a dihedral of 0 by default
-    if is_hfa and not points.listed and by not in (*axes, *points.constants, *condition.free):
-        warn(f"no --{by} is given: every point is at 0 deg")
+    if is_hfa and not points.listed and schedule not in (*axes, *points.constants, *condition.free):
+        warn(f"no --{schedule} is given: every point is at 0 deg")
     return SweepPlan(
         axes=axes,
         model=model,

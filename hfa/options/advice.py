@@ -25,10 +25,10 @@ def trimmed(given: GivenTrim) -> OperatingPoint:
 
     Raises TrimError, with the reason and with options that help, if no trim is found.
     """
-    by = given.model.schedule
-    if given.at is not None and by in given.condition.free:
-        typed = f"--{at_name(given.model)} {given.model.describe(by, given.at)}"
-        warn(f"{by} is free: the search begins at {'--start' if given.start else typed}")
+    schedule = given.model.schedule
+    if given.at is not None and schedule in given.condition.free:
+        typed = f"--{at_name(given.model)} {given.model.describe(schedule, given.at)}"
+        warn(f"{schedule} is free: the search begins at {'--start' if given.start else typed}")
     try:
         return trim(given.model, given.condition, given.start)
     except TrimError as failure:

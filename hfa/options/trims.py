@@ -167,8 +167,10 @@ class TrimInput(NamedTuple):
         """
         for name, rows in self.rows_replacing_options().items():
             if len(rows) == len(self.rows):
-                by = "--hold" if name in self.hold else f"--{at_name(self.model)}"
-                raise BadInputError(f"give {name} either in the file of --conditions or by {by}")
+                option = "--hold" if name in self.hold else f"--{at_name(self.model)}"
+                raise BadInputError(
+                    f"give {name} either in the file of --conditions or by {option}"
+                )
         free = tuple(name for name in self.free if name not in row.values)
         return self._replace(
             hold={**self.hold, **{name: (value,) for name, value in row.values.items()}},
@@ -466,30 +468,30 @@ def _scheduled(
 
     Raises BadInputError also if --hold or --free gives the scheduling variable, too.
     """
-    by, is_hfa = model.schedule, model.about.names_schedule
+    schedule, is_hfa = model.schedule, model.about.names_schedule
     if request.dihedral is not None and not is_hfa:
         raise BadInputError(f"--dihedral applies only to the HFA; {model.name} takes --at VALUE")
     texts = {text for text in (request.at, request.dihedral) if text is not None}
     if not texts:
         if request.needs_dihedral and is_hfa and request.conditions is None:
-            raise BadInputError(f"no value of {by} is given; add --{by} DEG")
+            raise BadInputError(f"no value of {schedule} is given; add --{schedule} DEG")
         return None
     option = f"--{at_name(model)}"
     if len(texts) > 1:
         raise BadInputError(
             f"{option} is given twice ({' and '.join(sorted(texts))}); give one value"
         )
-    if not by:
+    if not schedule:
         raise BadInputError(
             f"--at must be removed, because {model.name} declares no scheduling variable"
         )
     with option_errors(option):
-        values = values_of(model, by, texts.pop())
+        values = values_of(model, schedule, texts.pop())
     is_guess = len(values) == 1  # at which the search begins, if the variable is free
-    other = "--hold" if by in hold else "--free"
-    if by in hold or (by in free and not is_guess):
+    other = "--hold" if schedule in hold else "--free"
+    if schedule in hold or (schedule in free and not is_guess):
         raise BadInputError(
-            f"{by} is given by both {option} and {other}; remove one of these options"
+            f"{schedule} is given by both {option} and {other}; remove one of these options"
         )
     return values
 
