@@ -93,7 +93,9 @@ class LinearLoop:
         stable = _proved_check(name, pole, stable_below, is_stable, unstable, "stability")
         checks = [stable, *others]
         if math.isfinite(game.delta) and self.critic.is_finite:
-            reason = f"the closed loop has an L2 gain of {self.gain:.4g}, not below delta"
+            is_proved = math.isinf(self.suboptimality.low)
+            below = "not below delta" if is_proved else "not proved to be below delta"
+            reason = f"the closed loop has an L2 gain of {self.gain:.4g}, {below}"
             # The cost has a bound if and only if the gain is below delta.
             has_bound = self.suboptimality.matrix is not None
             checks.append(

@@ -197,7 +197,7 @@ def _cost_text(verdict: Verdict) -> str:
     if enclosed.is_known and not math.isinf(enclosed.low):  # both bounds have the same digits
         return f"{least} above the optimum"
     if enclosed.matrix is None:  # no quadratic form bounds the cost
-        return "cost without bound"
+        return "cost without bound" if math.isinf(enclosed.low) else "cost not decided"
     if math.isinf(enclosed.low):  # the ratio to an optimum of 0
         return f"costs {enclosed.from_free:.3g} where the optimum is 0"
     if math.isinf(enclosed.high):

@@ -66,8 +66,8 @@ class Suboptimality:
     """Cost of u = -K z above the optimum, under the worst disturbance of the policy.
 
     low, high: bounds of the largest one over all initial states, relative to the optimal cost.
-        Both are inf if the cost has no bound, or is positive where the optimum is 0; high alone is
-        inf if no bound is proved.
+        Both are inf if it is proved that the cost has no bound, or is positive where the optimum
+        is 0; high alone is inf if no bound is proved.
     mean: mean suboptimality over initial states with the same optimal cost, relative to it
     worst: initial state with the suboptimality `low`, at the edge of the box, (n,); nan without one
     matrix: D, (n, n), or None without a bounded cost
@@ -114,18 +114,18 @@ def suboptimality_of(enclosure: Enclosure, K: np.ndarray, box: np.ndarray) -> Su
     box: half-widths of the box of states, (n,)
     """
     game, gain = enclosure.game, ball_matrix(K)
-    suboptimality = without_bound(game)
+    suboptimality = without_bound(game, low=0.0)
     for bits in ATTEMPTS:
         with precision(bits):
             loop = loop_with(game, gain)
             is_stable = is_summable = stability_of(loop, is_discrete=game.is_discrete)
             if game.discount != 1.0:
                 is_summable = stability_of(discounted(loop, game), is_discrete=game.is_discrete)
-            found = without_bound(
-                game, is_stable=is_stable is True, is_summable=is_summable is True
-            )
             if is_summable is False:
-                return found
+                return without_bound(game, is_stable=is_stable is True)
+            found = replace(
+                suboptimality, is_stable=is_stable is True, is_summable=is_summable is True
+            )
             if is_summable:
                 try:
                     found = _bounded(found, enclosed_in_bits(enclosure, bits), gain, box)
@@ -134,23 +134,24 @@ def suboptimality_of(enclosure: Enclosure, K: np.ndarray, box: np.ndarray) -> Su
         suboptimality = found  # perhaps with wide bounds, which more bits make narrower
         if suboptimality.is_known and suboptimality.matrix is not None:
             break
+    if suboptimality.is_summable and suboptimality.matrix is None:
+        is_beyond = ClosedLoops(enclosure).l2_gain(K).low >= game.delta
+        return replace(suboptimality, low=math.inf if is_beyond else 0.0)
     return suboptimality
 
 
-def without_bound(
-    game: Game, *, is_stable: bool = False, is_summable: bool = False
-) -> Suboptimality:
-    """Return the suboptimality of a policy whose cost has no bound."""
+def without_bound(game: Game, *, low: float = math.inf, is_stable: bool = False) -> Suboptimality:
+    """Return the suboptimality where no bound of the cost is known; low is inf if there is none."""
     n, k = game.E.shape
     return Suboptimality(
-        low=math.inf,
+        low=low,
         high=math.inf,
         mean=math.inf,
         worst=np.full(n, math.nan),
         matrix=None,
         disturbance_gain=np.zeros((k, n)),
         is_stable=is_stable,
-        is_summable=is_summable,
+        is_summable=False,
     )
 
 
@@ -159,7 +160,7 @@ def _bounded(
 ) -> Suboptimality:
     """Return the suboptimality of a policy with a stable loop over the box of states.
 
-    The given one, without a bound, is returned if none is proved with the bits of `precision`.
+    The given one is returned if no bound is proved with the bits of `precision`.
     """
     game = enclosure.game
     solved = _solved(enclosure, K)
@@ -184,7 +185,7 @@ def _bounded(
         costs = _costs_at(solved.D, free, box)
         suboptimality = replace(suboptimality, from_free=costs.largest, free_state=costs.state)
         if not costs.most <= SAME_DOUBLE * float(np.diag(midpoints(enclosure.P)) @ box**2):
-            return replace(suboptimality, worst=costs.state)
+            return replace(suboptimality, low=math.inf, worst=costs.state)
     # The other states are judged with the gain without its error on that subspace.
     without_error = _solved(enclosure, error.without_error)
     if without_error is None:
