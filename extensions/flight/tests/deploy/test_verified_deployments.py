@@ -91,6 +91,7 @@ def test_contradictions_with_a_deployment_are_refused(folder, words, said):
     """Other inputs, an observation of an input, and options of a critic: one line says the remedy."""
     text = (FOLDER / "td3_gtm.toml").read_text().replace("td3_gtm.", f"{FOLDER}/td3_gtm.")
     Path("stated.toml").write_text(text)
+    # This one observes the throttle, an input, in place of the output gamma.
     Path("observed.toml").write_text(text.replace("gamma = {", "throttle = {"))
     assert_refused(hfa("verify", "--aircraft", GTM, *words.split()), BAD_INPUT, said)
 

@@ -110,6 +110,6 @@ def test_optimize_counts_and_summarizes_initial_conditions(folder, capsys):
         ("--hold angle=10 --to angle=10", "give another initial condition"),
     ],
 )
-def test_wrong_options_are_refused(words, says):
+def test_wrong_options_of_optimize_are_refused(words, says):
     """Options that are missing, contradict each other or name no state are refused in one line."""
     assert_refused(run("optimize", "--aircraft", PENDULUM, *words.split()), 2, says)

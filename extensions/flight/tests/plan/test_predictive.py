@@ -168,6 +168,7 @@ def test_the_first_plan_of_a_linear_model_is_the_optimum_with_limited_inputs(sta
     policy(0.0, start)
     # The states before a hold are `free + forced @ inputs`, with the inputs of all holds.
     free, forced = np.array(start), np.zeros((2, len(policy.holds)))
+    # The cost of a hold is the sum of squares of root @ (state, input).
     rows, known = [], []
     for number, h in enumerate(policy.holds):
         A, B, Qh, N, Rh = over_hold(*plant, h)
@@ -231,11 +232,11 @@ def test_wrong_solutions_of_the_quadratic_program_leave_the_old_plan(monkeypatch
     """If every program returns a wrong step that promises a lower cost (planted), all steps are
     refused. The first guess is flown, and the pendulum converges.
     """
-    true = ca.conic
+    unplanted = ca.conic
 
     def conic(*arguments):
         """Return a solver whose every step is 1000 in all unknowns, for a cost of -1e9."""
-        solve = true(*arguments)
+        solve = unplanted(*arguments)
         names = solve.name_in(), solve.name_out()
         given = [ca.MX.sym(name, solve.sparsity_in(name)) for name in names[0]]
         results = [ca.MX(solve.sparsity_out(name)) for name in names[1]]
@@ -246,6 +247,7 @@ def test_wrong_solutions_of_the_quadratic_program_leave_the_old_plan(monkeypatch
     policy = predictive(PENDULUM, UPRIGHT, *WEIGHTS)
     _, states, _ = flown(policy, PENDULUM, UPRIGHT, {"angle": 0.8, "rate": -0.5}, 6.0)
     assert np.abs(states[-1]).max() < 1e-2
+    # Refused steps of the first plan, which is the best one of several guesses, are not counted.
     assert policy.samples.refused == policy.samples.planned - 1 > 0
 
 
