@@ -106,14 +106,7 @@ def library(version):
     return made.read_bytes()
 
 
-def fmu(
-    fault="",
-    version=2,
-    has_derivatives=False,
-    folder="",
-    name="pendulum.fmu",
-    **of_variables,
-):
+def fmu(fault="", version=2, has_derivatives=False, folder="", name="pendulum.fmu", **of_variables):
     """Write the FMU of the pendulum, by default of length 2 and damping .5, and return its path.
 
     fault: faults and variants of pendulum.c
@@ -136,6 +129,11 @@ def packed(text, version=2, folder="", name="pendulum.fmu"):
         archive.writestr("modelDescription.xml", text)
         archive.writestr(f"binaries/{folder}/pendulum.so", library(version))
     return name
+
+
+def unwrapped(text):
+    """Return a text without its line breaks."""
+    return " ".join(text.split())
 
 
 def by_turns(kinds):
@@ -168,10 +166,8 @@ def test_trim_and_linear_model_of_a_pendulum(has_derivatives, version):
     np.testing.assert_allclose(linear.B, [[0.0], [1.0]], atol=tolerance)
     np.testing.assert_allclose(linear.C, [[math.sin(angle), 0.0]], atol=tolerance)
     said = point.report().text()
-    assert ("exact, by the FMU" in said, "steps 2e-06" in said) == (
-        has_derivatives,
-        not has_derivatives,
-    )
+    # without derivatives of the FMU, differences with these steps
+    assert ("exact, by the FMU" in said) == has_derivatives != ("steps 2e-06" in said)
 
 
 def test_the_trim_of_least_effort_needs_no_second_derivatives():
@@ -195,9 +191,9 @@ def test_names_that_become_alike_are_told_apart():
     assert not any("alike" in each for each in hfa.load_model(fmu()).about.notes)
 
 
-def test_the_part_of_all_states_is_left_out_of_their_names():
-    """plane[1].body.angle and plane[1].body.rate become angle and rate, unless an output is angle:
-    then the full names are used.
+def test_a_prefix_of_all_states_is_left_out_of_their_names():
+    """The states plane[1].body.angle and plane[1].body.rate of the FMU become angle and rate, and keep
+    their full names if an output has the name angle.
     """
     text = description().replace('name="body.angle"', 'name="plane[1].body.angle"')
     text = text.replace('name="rate"', 'name="plane[1].body.rate"')
@@ -290,10 +286,7 @@ def test_an_unsuitable_fmu_is_refused(case):
 
 def test_an_fmu_for_another_system_is_refused():
     """An FMU for another system is refused with the system that it supports."""
-    written = fmu(folder="win32")
-    assert_refused(
-        run("trim", "--aircraft", written), 2, "no library for this system (found: win32)"
-    )
+    assert_refused(run("trim", "--aircraft", fmu(folder="win32")), 2, "this system (found: win32)")
 
 
 #: Fault of pendulum.c -> words of `hfa`, and the reason in its line. Calls fail at angles above 1
@@ -316,8 +309,8 @@ def test_a_failure_of_the_library_is_refused_in_one_line(fault, version, monkeyp
     if fault == "stuck":  # only this call lasts until the limit of time
         monkeypatch.setattr("hfa_fmu.read._LONGEST_RUN", 0.1)
     words, said = FAILURES[fault]
-    free = ["--free", "torque", "--free", "rate_dot"]
-    given = free if "body_angle" in words else []
+    # a trim at a held angle
+    given = ["--free", "torque", "--free", "rate_dot"] if "body_angle" in words else []
     result = run(*words.split(), *given, "--aircraft", fmu(fault, version))
     assert_refused(result, 2, said)
 
@@ -336,8 +329,9 @@ def test_a_sweep_has_no_trim_where_the_library_fails():
     [("error", "returns error", 1.0, ("--units", "si")), ("event", "event", 0.5, ())],
 )
 def test_a_flight_into_a_failure_or_an_event_is_refused(fault, said, angle, units):
-    """A flight from the angle 0 with 200 deg/s is refused at the time when it reaches 1 rad, where
-    calls fail, or .5 rad, where the event is. The time is somewhat more than angle / rate.
+    """A flight from the angle 0 with 200 deg/s is refused where it reaches 1 rad, where calls fail, or
+    .5 rad, where the event is. The refusal has the time: more than angle / rate, since gravity slows
+    the pendulum, by at most 30 %.
 
     A flight that stays below passes. The FMU's height in ft makes `--units si` convert.
     """
@@ -345,8 +339,8 @@ def test_a_flight_into_a_failure_or_an_event_is_refused(fault, said, angle, unit
     given = ("--aircraft", packed(text), *units, "--policy", "none", "--duration")
     refused = run("fly", *given, "2", "--initial", "rate=200")
     assert_refused(refused, 1, said)
-    met = float(re.search(r"it is met at\s+([0-9.]+) s", refused.err)[1])
-    assert 1.0 < met * np.radians(200.0) / angle < 1.3
+    time = float(re.search(r"it is met at\s+([0-9.]+) s", refused.err)[1])
+    assert 1.0 < time * np.radians(200.0) / angle < 1.3
     calm = run("fly", *given, "0.1", "--initial", "rate=1")
     assert calm.out.startswith("PASS")
 
@@ -370,7 +364,7 @@ def test_both_sides_of_a_kink_are_reported():
     the linear model relative to its largest entry.
     """
     linear = hfa.trim(hfa.load_model(fmu("kinked"))).linearize()
-    said = " ".join(linear.report().text().split())
+    said = unwrapped(linear.report().text())
     assert "A(rate, rate) is 0.5 below and -1.5 above" in said
     assert "error about 0.2 at the start values" in said  # half the jump of 2, by g / l = 4.9
 
@@ -384,7 +378,7 @@ def test_differences_replace_derivatives_that_fail():
     pull = -9.81 / 2.0 * math.cos(point["body_angle"])
     np.testing.assert_allclose(linear.A, [[0.0, 1.0], [pull, -0.5]], atol=1e-8)
     np.testing.assert_allclose(linear.B, [[0.0], [1.0]], atol=1e-8)
-    assert "fmi2GetDirectionalDerivative returns error" in " ".join(point.report().text().split())
+    assert "fmi2GetDirectionalDerivative returns error" in unwrapped(point.report().text())
 
 
 def added(version, head, kind, of_kind):
@@ -435,14 +429,12 @@ def test_parameters_of_all_types_are_held(version, kind, causality):
         np.testing.assert_allclose(A[1], [-gravity / 8.0, -0.7], atol=1e-8)
 
 
-def test_a_whole_number_is_required_and_a_derivative_by_it_is_not_a_number():
-    """A truth value or whole number is held at a whole number within its limits. The derivative by
-    one is not a number; those by states, input, length (gravity / length² sin(angle)) and damping are.
+def test_a_parameter_that_is_a_whole_number_requires_one():
+    """A truth value or whole number can be held at a whole number within its limits alone, and the
+    report lists such parameters.
     """
     written = with_parameters(2)
-    said = " ".join(
-        run("trim", "--full", "--aircraft", written, "--hold", "the_moon=1").out.split()
-    )
+    said = unwrapped(run("trim", "--full", "--aircraft", written, "--hold", "the_moon=1").out)
     assert "parameters that --hold sets: length, damping, the_moon, links" in said
     assert "whole numbers (1 is true, 0 false): the_moon, links" in said
     for typed, refusal in (
@@ -453,7 +445,13 @@ def test_a_whole_number_is_required_and_a_derivative_by_it_is_not_a_number():
         ("the_moon=true", "'true'; give a finite number (1 for true, 0 for false)"),
     ):
         assert_refused(run("trim", "--aircraft", written, "--hold", typed), 2, refusal)
-    model = hfa.load_model(written)
+
+
+def test_a_derivative_by_a_whole_number_is_nan():
+    """Derivatives of the rates by `the.moon` and `links` are not a number. Those by states, input,
+    length (9.81 / length² sin(angle) of rate') and damping are.
+    """
+    model = hfa.load_model(with_parameters(2))
     by_state, by_input, by_parameter = rates_of(model).jacobian()([0.3, 0.0], [0.0], model.p, 0.0)
     assert np.isfinite(by_state.full()).all()
     assert np.isfinite(by_input.full()).all()
@@ -509,15 +507,15 @@ def test_values_do_not_depend_on_what_was_evaluated_before():
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_derivative_that_is_not_listed_and_a_missing_unit_are_noted(version):
-    """Notes name body.angle, no state because ModelStructure does not list its derivative, and rate,
-    which has no unit.
+    """Notes name body.angle, which is no state because ModelStructure does not list its derivative, and
+    rate, which has no unit.
     """
     text = description(version).replace('unit="rad/s"', "")
     listed = {
-        2: '<Derivatives><Unknown index="6" dependencies="2"/>',
+        2: '<Unknown index="6" dependencies="2"/>',
         3: '<ContinuousStateDerivative valueReference="6" dependencies="1"/>',
     }
-    text = text.replace(listed[version], "<Derivatives>" * (version == 2))
+    text = text.replace(listed[version], "", 1)
     notes = hfa.load_model(packed(text, version)).about.notes
     assert any(each.endswith("does not list their derivatives: body.angle") for each in notes)
     assert any(each.endswith("sheet of an aircraft requires: rate") for each in notes)
@@ -525,27 +523,27 @@ def test_a_derivative_that_is_not_listed_and_a_missing_unit_are_noted(version):
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_an_event_at_the_start_values_hinders_no_trim(version):
-    """The trim at the angle 0 is found from the start angle of .5, which is at the event. The report
-    says that searches begin there.
+    """The trim at the angle 0 is found although the start angle of .5 is at the event, and the report
+    says that searches begin beside the event.
     """
     text = description(version, "event").replace('start="0.3"', 'start="0.5"')
     point = hfa.trim(hfa.load_model(packed(text, version)))
     assert point["body_angle"] == pytest.approx(0.0, abs=1e-9)
-    said = " ".join(point.report().text().split())
+    said = unwrapped(point.report().text())
     assert "as at the start values: searches begin" in said
 
 
-def test_units_of_types_discrete_inputs_and_capital_suffixes_are_read():
-    """A type gives units and limits, an input may change in steps, and a file may be an .FMU."""
+def test_types_of_variables_discrete_inputs_and_capital_suffixes_are_read():
+    """The type of a variable gives its unit and limits, an input that changes in steps is taken as
+    continuous, with a note, and the name of the file may end in .FMU.
+    """
     written = fmu(name="PENDULUM.FMU", torque='causality="input" variability="discrete"')
     model = hfa.load_model(written)
-    # The type of the angle declares its unit and limits.
-    assert model.states["body_angle"][:3] == ("rad", 1.0, -1.5)
-    # The discrete torque is an input like any other, and the report says so.
+    angle = model.states["body_angle"]
+    assert (angle.unit, angle.min) == ("rad", -1.5)
     linear = hfa.linearize(model, hfa.trim(model, hold={"torque": 1.5}))
     np.testing.assert_allclose(linear.B, [[0.0], [1.0]], atol=1e-8)
-    said = " ".join(hfa.trim(model).report().text().split())
-    assert "taken as continuous: torque" in said
+    assert "taken as continuous: torque" in unwrapped(hfa.trim(model).report().text())
 
 
 @pytest.mark.slow
@@ -640,12 +638,16 @@ def test_commands_that_need_equations_refuse_an_fmu(words, said):
 
 
 def test_a_data_file_executes_no_fmu():
-    """A file of parameters that names an FMU as its aircraft is refused, and so is a file named .fmu
-    that is no zip archive.
+    """A .toml file of parameters that names an FMU as its aircraft is refused, since the FMU's library
+    would be executed.
     """
     Path("changed.toml").write_text('aircraft = "pendulum.fmu"\n[parameters]\nlength = 3.0\n')
     fmu()
     assert_refused(run("trim", "--aircraft", "changed.toml"), 2, "executes none")
+
+
+def test_a_file_that_is_no_archive_is_refused():
+    """A file named .fmu that is no zip archive is refused."""
     Path("text.fmu").write_text("no archive")
     assert_refused(run("trim", "--aircraft", "text.fmu"), 2, "not a readable zip file")
 

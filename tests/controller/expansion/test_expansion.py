@@ -15,7 +15,7 @@ import hfa
 from hfa import BadInputError, Model, NoSolutionError, Signal, expand
 from trim import usual_condition
 
-#: Rounding of the identity, relative to the sizes of its terms.
+#: Bound of rounding errors in an expression that is 0 in theory, relative to the sizes of its terms.
 ROUNDING = 1e-12
 
 
@@ -85,8 +85,8 @@ def hamiltonian(expansion, z, u):
     slope = ca.gradient(V, z)
     N = ca.DM(game.N)
     cost = ca.bilin(game.Q, z) + 2 * ca.dot(z, N @ u) + ca.bilin(game.R, u)
-    paid = game.delta**2 * ca.dot(d, d) if np.isfinite(game.delta) else 0.0
-    return ca.dot(slope, expansion.rates(z, u) + ca.DM(game.E) @ d) + cost - paid
+    reward = game.delta**2 * ca.dot(d, d) if np.isfinite(game.delta) else 0.0
+    return ca.dot(slope, expansion.rates(z, u) + ca.DM(game.E) @ d) + cost - reward
 
 
 def taylor(expression, z, degree):
@@ -134,9 +134,11 @@ def test_hamiltonian_and_its_slope_vanish_to_the_degree_of_the_value(delta, degr
 
 @pytest.mark.parametrize("kind", ["value_terms", "policy_terms"])
 def test_identity_error_and_residual_show_a_wrong_coefficient(kind):
-    """One coefficient of V or u that is 1 % off gives an `identity_error` far above `ROUNDING`.
+    """One coefficient of V or u that is 1 % off gives an `identity_error`, which is rounding for the
+    exact expansion, above 1e-4.
 
-    The stated residual shows a wrong coefficient of V, too.
+    The residual that the expansion states exceeds 1e-6 for V. For u it is of second order, since ∂H/∂u
+    is 0.
     """
     linear = linear_of(MIXED)
     exact = expand(linear, hfa.solve(mixed_game(linear, delta=3.0)), order=4)
@@ -150,8 +152,10 @@ def test_identity_error_and_residual_show_a_wrong_coefficient(kind):
 
 
 @pytest.mark.parametrize("degree", [3, *(pytest.param(d, marks=pytest.mark.slow) for d in (4, 5))])
-def test_flexible_aircraft_satisfies_the_identity(degree):
-    """The stated residual is rounding for the paper's aircraft at the dihedrals 5 and 15 deg."""
+def test_residual_of_the_flexible_aircraft_is_rounding(degree):
+    """At the dihedrals 5 and 15 deg of the paper's aircraft, the residual of the Hamilton-Jacobi-Isaacs
+    equation that the expansion states is rounding.
+    """
     for degrees in (5.0, 15.0):
         solution = hfa.solve(game_at(degrees))
         expansion = expand(model_at(degrees), solution, degree)
@@ -210,6 +214,6 @@ def test_what_has_no_expansion_is_refused(case):
 
 
 def test_a_switch_away_from_the_trim_is_permitted():
-    """The plant switches at x = 1, and its trim is x = 0."""
+    """A plant that switches at x = 1 is expanded about its trim x = 0, with a residual of rounding."""
     found = scalar_expansion(lambda x: x + x**2 + ca.fmax(x, 1.0) - 1.0)
     assert found.residual <= ROUNDING

@@ -36,7 +36,7 @@ def states_at(expansion, size, count, seed):
 
 
 def costs(expansion, z):
-    """Return the costs of flights from states z (n, count) with both policies, by RK4, (count,)."""
+    """Return the costs of flights with u and d of the expansion, by RK4 from z (n, count), (count,)."""
     game = expansion.game
     loop = np.linalg.eigvals(game.worst_case_loop(expansion.solution.P))
     step = 0.2 / np.abs(loop).max()
@@ -62,10 +62,10 @@ def costs(expansion, z):
 
 
 def test_flights_inside_the_radius_agree_and_some_outside_do_not():
-    """V2 and V of degree 4 of a pendulum are within the stated share of the costs of 50 flights from
-    random states with z'Pz <= c.
+    """For a pendulum, V of degree 4 and its quadratic part each state a set z'Pz <= c. Inside, they
+    differ from the costs of 50 flights by at most their stated share of the cost.
 
-    Of 200 flights from 1.3 times the distance from the trim, at least one differs by more.
+    Of 200 flights from states at 1.3 times the distance √c, at least one differs by more.
     """
     expansion = expanded(4)
     for radius in expansion.radii:
@@ -80,7 +80,7 @@ def test_flights_inside_the_radius_agree_and_some_outside_do_not():
 
 
 def test_the_radius_grows_with_the_degree():
-    """V of degree 4 of a pendulum agrees with flights in a larger set z'Pz <= c than V2."""
+    """V of degree 4 of a pendulum agrees with flights in a larger set z'Pz <= c than its quadratic part."""
     quadratic, whole = expanded(4).radii
     assert (quadratic.degree, whole.degree) == (2, 4)
     assert 0.0 < quadratic.c < whole.c
@@ -94,7 +94,9 @@ def test_extents_are_those_of_the_ellipsoid():
 
 
 def test_linear_plant_agrees_everywhere():
-    """V2 and V of degree 3 of a linear plant agree with flights from sets z'Pz <= c of each c."""
+    """For a linear plant, whose V is quadratic, V of degree 3 and its quadratic part agree with flights
+    from any state: c is infinite.
+    """
     linear = hfa.LinearModel.of([[0.0, 1.0], [-1.0, 0.3]], [[0.0], [1.0]])
     solution = hfa.solve(hfa.game(linear, Q=[1.0, 1.0], R=[2.0], delta=5.0))
     assert [radius.c for radius in expand(linear, solution, order=3).radii] == [math.inf, math.inf]

@@ -26,13 +26,14 @@ STABLE = Game(
 PAPER = game_models()["published-5"]
 
 
-def with_cross_weights(game):
-    """Return the game with cross weights N."""
-    return replace(game, N=0.1 * np.ones(game.B.shape))
-
-
 @pytest.mark.parametrize(
-    "game", [*game_models().values(), STABLE, with_cross_weights(STABLE), STABLE.with_delta(np.inf)]
+    "game",
+    [
+        *game_models().values(),
+        STABLE,
+        replace(STABLE, N=[[0.1], [0.1]]),  # with cross weights
+        STABLE.with_delta(np.inf),
+    ],
 )
 def test_the_learned_solution_is_the_exact_one(game):
     """P and K agree with the exact ones within 1e-9, and `verify` accepts the run."""
@@ -93,7 +94,8 @@ FIRST = 100.0
 def printed_law(game, pool):
     """Return regressors, constants, α1 and α2 (Eq. 32-33 and 48-49), sample by sample.
 
-    The paper has γ = 0.01, η = 0.8, T = 5 s; θ is 0.9. c1 = (2γλ0)^(1-η/2), and c2 alike.
+    The paper has γ = 0.01, η = 0.8 and T = 5 s; θ is 0.9. With the least eigenvalue λ0 of the Gram
+    matrix of n regressors, c1 = (2 γ λ0)^(1 - η / 2), and c2 = n^(-η / 2) (2 γ λ0)^(1 + η / 2).
     """
     n = len(game.A)
     S = game.B @ np.linalg.inv(game.R) @ game.B.T - game.E @ game.E.T / game.delta**2
@@ -114,13 +116,16 @@ def printed_law(game, pool):
 
 
 def test_the_law_as_printed_overflows_on_the_aircraft_of_the_paper():
-    """The message has the step of the overflow, and the one that Theorem 1 requires."""
+    """The paper's learning law, with its explicit steps, is refused for the paper's aircraft. The message
+    has the step at which it overflows, and the largest step that Theorem 1 permits.
+    """
     with pytest.raises(NoSolutionError, match=r"overflows at step .* explicit step below"):
         learn(PAPER, "published")
 
 
 def test_the_law_as_printed_is_eq_46():
-    """The first tick equals 100 Euler steps of 1e-4 s of Eq. (46), written sample by sample.
+    """The first tick of the paper's law for the weight W of a scalar game equals 100 Euler steps of
+    1e-4 s of Eq. (46), with γ = 0.01, written sample by sample.
 
     The exponents are 1 - η = 0.2 and 1 + η = 1.8.
     """
@@ -141,7 +146,9 @@ def test_the_law_as_printed_is_eq_46():
 
 
 def test_a_long_run_of_a_users_learner_keeps_its_first_and_last_rows():
-    """Of more than 20,000 ticks some rows are left out. The progress never falls, and ends at 1."""
+    """A learner of 30,001 ticks, with an observation of each, has a history of at most 20,001 rows, with
+    the first and the last one. The progress never falls, and ends at 1.
+    """
 
     class Counter:
         ticks = 30_001

@@ -1,7 +1,6 @@
 """`hfa.learn(data=...)`: the exact solution from recorded data, bands, and refusals by cause."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -57,10 +56,10 @@ def assert_exact(game, run, largest=1e-9):
 @pytest.mark.parametrize("game", [STEPS, RATES, *game_models().values()])
 @pytest.mark.parametrize("margin", [np.inf, 1.2])
 def test_exact_data_give_the_exact_solution_without_a_and_b(game, margin):
-    """Transitions without noise determine P and K of a game whose A and B are 0.
+    """Transitions without noise determine P and K of a game that is given with A = 0 and B = 0.
 
-    Without recorded disturbances, E of the game is used; with them, E of the game is 0. The delta
-    is infinite, or 1.2 times the smallest one.
+    Without recorded disturbances d, E of the game is used. With them, E is given as 0 and determined,
+    too. The delta is infinite, or 1.2 times the smallest one.
     """
     if np.isfinite(margin):
         game = game.with_delta(margin * minimum_delta(game).value)
@@ -105,9 +104,10 @@ def trajectory(game, count, seed=0, probing=1.0):
 
 
 def test_successive_samples_of_several_episodes_are_read():
-    """Three episodes of 30 steps are told by a number for each row, or are a list of three sources.
+    """Three episodes of 30 steps are marked by a number in each row, or are a list of three sources.
 
-    Without a matrix of ends, a row ends at the next one. Times of the rows change nothing.
+    Without `x_next`, the next state of a row is the state of the following row. Times of the rows do
+    not change the result.
     """
     parts = [trajectory(STEPS, 30, seed) for seed in range(3)]
     x, u = (np.array(each) for each in zip(*parts, strict=True))  # (3, 31, 3) and (3, 30, 2)
@@ -121,15 +121,6 @@ def test_successive_samples_of_several_episodes_are_read():
         assert (run.data.rows, run.data.episodes) == (90, 3)
 
 
-def as_columns(data, names, units):
-    """Return the columns of data, "alpha [deg]" -> values, for names and units of the states."""
-    heads = [f"{name} [{unit}]" for name, unit in zip(names, units, strict=True)]
-    ends = [f"{name}_next [{unit}]" for name, unit in zip(names, units, strict=True)]
-    of_inputs = [f"{name} [N]" for name in ("left", "right")]
-    blocks = np.hstack([data["x"], data["u"], data["x_next"]])
-    return dict(zip([*heads, *of_inputs, *ends], blocks.T, strict=True))
-
-
 NAMED = replace(
     STEPS,
     names=PlantNames(("alpha", "q", "h"), ("left", "right"), ("rad", "rad/s", "m"), ("N", "N")),
@@ -139,17 +130,19 @@ FACTORS = np.array([180.0 / np.pi, 180.0 / np.pi, 1.0])
 
 
 def in_columns():
-    """Return data of NAMED in columns, first inputs and ends, then states, in degrees."""
+    """Return data of NAMED by columns, "alpha [deg]" -> values: inputs, next states and states."""
     data = recorded(STEPS)
-    data |= {key: data[key] * FACTORS for key in ("x", "x_next")}
-    columns = as_columns(data, ("alpha", "q", "h"), ("deg", "deg/s", "m"))
-    return dict([*columns.items()][3:] + [*columns.items()][:3])
+    columns = dict(zip(("left [N]", "right [N]"), data["u"].T, strict=True))
+    for key, ending in (("x_next", "_next"), ("x", "")):
+        heads = (f"alpha{ending} [deg]", f"q{ending} [deg/s]", f"h{ending} [m]")
+        columns |= zip(heads, (FACTORS * data[key]).T, strict=True)
+    return columns
 
 
 def csv_file(columns):
-    rows = zip(*columns.values(), strict=True)
-    lines = [",".join(columns), *(",".join(map(repr, map(float, row))) for row in rows)]
-    Path("data.csv").write_text("\n".join(lines))
+    """Write columns with all digits, and return the path."""
+    rows = np.column_stack([*columns.values()])
+    np.savetxt("data.csv", rows, "%.17g", ",", header=",".join(columns), comments="")
     return "data.csv"
 
 
@@ -165,28 +158,32 @@ def test_columns_are_told_by_name_and_unit():
 
 
 def test_the_command_learns_from_data_with_and_without_a_plant():
-    """With a plant, the verdict is printed. Without, the weights are in the units of the data, in
-    which `hfa verify` reads the written file.
+    """`hfa learn --data` with the plant in rad gives the verdict, with 3 states and 2 inputs excited.
+
+    Without a plant, Q is in the units of the data, degrees, R is required, and no verdict is given. The
+    written critic passes `hfa verify` for the plant in rad.
     """
     path = csv_file(in_columns())
     plant = {"A": STEPS.A, "B": STEPS.B, "Q": STEPS.Q, "R": STEPS.R, "dt": 0.1}
     np.savez("plant.npz", **plant, **{key: getattr(NAMED.names, key) for key in NAME_KEYS})
     told = answer("learn", "--model", "plant.npz", "--data", path)
     assert (told["converged"], told["data"]["excitation"]["rank"]) == (True, 5)
-    scaled = ",".join(map(repr, (1.0 / FACTORS**2).tolist()))
-    words = ("learn", "--data", path, "--Q", scaled, "--R", "1,1", "-o", "own.json")
-    assert "not compared" in hfa_command(*words).out
+
+    Q_in_degrees = ",".join(map(repr, (1.0 / FACTORS**2).tolist()))
+    words = ("learn", "--data", path, "--Q", Q_in_degrees)
+    assert "give R" in hfa_command(*words).err
+    assert "not compared" in hfa_command(*words, "--R", "1,1", "-o", "own.json").out
     assert hfa_command("verify", "--model", "plant.npz", "--weights", "own.json").code == DONE
-    assert "give R" in hfa_command("learn", "--data", path, "--Q", scaled).err
 
 
 @pytest.mark.parametrize("game", [STEPS, RATES.with_delta(9.0)])
 @pytest.mark.parametrize("hold", [None, 0.1])
-def test_bands_hold_the_exact_entries_in_95_percent(game, hold):
-    """Of 40 noisy records, the bands of P and K hold 90 to 99 % of the exact entries.
+def test_bands_contain_the_exact_entries_in_95_percent(game, hold):
+    """The 95 % bands of P and K from 40 noisy records contain 90 to 99 % of the exact entries: the
+    entries of a record are correlated, so that their share scatters.
 
-    Their mean half-width is that of the standard deviation over the records. The entries of a record
-    are correlated. The stated noise is that of the data.
+    The mean half-width of the bands agrees with the standard deviation over the records, and the
+    stated noise with that of the data.
     """
     if hold and game.is_discrete:
         pytest.skip("has its own sample time")
@@ -205,10 +202,10 @@ def test_bands_hold_the_exact_entries_in_95_percent(game, hold):
     assert 0.3 * noise < runs[-1].data.noise.mean() < 2.0 * noise
 
 
-def test_what_contradicts_a_linear_plant_is_said():
-    """Notes name a constant part and noise of sensors, and units that are not stated.
-
-    Independent noise of the ends gives no note.
+def test_notes_name_what_contradicts_a_linear_plant():
+    """Notes tell a constant part of the states, noise of the sensors that measure them, and data without
+    the units that the plant has. Independent noise of the next states, which a linear plant may have,
+    gives no note.
     """
     data = recorded(STEPS, noise=1e-3)
     assert learn(STEPS, data=data).data.notes == ()
@@ -273,7 +270,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("said", REFUSED)
-def test_data_that_cannot_tell_are_refused_by_cause(said):
+def test_unusable_data_are_refused_with_the_cause(said):
     """Data with wrong shapes, times, units or names, and data that do not determine the plant, such
     as inputs that are a policy of the states, are refused in one line with the cause.
     """
@@ -287,9 +284,9 @@ def test_data_that_cannot_tell_are_refused_by_cause(said):
 
 @pytest.mark.parametrize("amplitude", [0.01, 0.1, 1.0])
 def test_an_excitation_of_one_unit_of_a_decimal_place_is_accepted(amplitude):
-    """Inputs of -1, 0 and 1 unit of a decimal place are no policy of the states.
+    """Inputs that are -1, 0 or 1 unit of a decimal place, at random, give the exact solution.
 
-    Only the rounding to this place is attributed to them, and the exact solution is learned.
+    Rounding errors of a policy u = -K x, from which nothing can be learned, would be smaller.
     """
     rng = np.random.default_rng(0)
     x, u = rng.normal(size=(80, 3)), amplitude * rng.integers(-1, 2, (80, 2))
