@@ -176,7 +176,7 @@ def load_model(
             )
         text = f"{text}{MASS}{mass}"
     if kind:
-        model = _of_data(text, kind)
+        model = _model_of_data(text, kind)
     else:
         _refuse_unnamed(text)
         model = _with_source(*model_of_python(text), text)
@@ -197,7 +197,7 @@ def reloaded(text: str, digest: str, parameters: dict[str, float]) -> Model:
     return model.with_parameters(**parameters)
 
 
-def _of_data(text: str, kind: str, changed_by: tuple[str, ...] = ()) -> Model:
+def _model_of_data(text: str, kind: str, changed_by: tuple[str, ...] = ()) -> Model:
     """Return the aircraft in a data file or of a scheme, with its source.
 
     kind: suffix or scheme (`_format_of`)
@@ -205,7 +205,7 @@ def _of_data(text: str, kind: str, changed_by: tuple[str, ...] = ()) -> Model:
     """
     with file_faults(text):
         if kind == ".toml" and "aircraft" in read_toml(text):
-            model = _of_parameter_file(text, changed_by)
+            model = _model_of_parameter_file(text, changed_by)
         else:
             model = _reader_of(kind)(text)
             if not isinstance(model, Model):
@@ -220,13 +220,13 @@ def _of_data(text: str, kind: str, changed_by: tuple[str, ...] = ()) -> Model:
     return _with_source(model, digest, text)
 
 
-def _of_parameter_file(path: str, changed_by: tuple[str, ...]) -> Model:
+def _model_of_parameter_file(path: str, changed_by: tuple[str, ...]) -> Model:
     """Return the aircraft of a file that names another one and new values of its parameters."""
     # The other aircraft may be described by such a file too. Its path is relative to the folder of
     # the file that names it. Code (Python or an FMU) is never executed.
-    # changed_by: as in `_of_data`
+    # changed_by: as in `_model_of_data`
     file = ParameterFile.read(path)
-    base = _with_files(file.aircraft, lambda name: str(Path(Path(path).parent, name)))
+    base = _with_changed_paths(file.aircraft, lambda name: str(Path(Path(path).parent, name)))
     kind = _format_of(base)
     if kind in ("", COMPILED):
         if not kind:  # Python code, or no aircraft at all
@@ -243,7 +243,7 @@ def _of_parameter_file(path: str, changed_by: tuple[str, ...]) -> Model:
         names = " -> ".join((*named, base))
         raise BadInputError(f"{names}: these files name each other; name a table of data")
     with prefix_errors(files[0]):
-        model = _of_data(base, kind, files)
+        model = _model_of_data(base, kind, files)
     return file.read_as_aircraft(model)
 
 
@@ -281,10 +281,10 @@ def relative_to(text: str, folder: Path) -> str:
         except ValueError:  # on another drive of Windows
             return real.as_posix()
 
-    return _with_files(text, from_folder)
+    return _with_changed_paths(text, from_folder)
 
 
-def _with_files(text: str, change: Callable[[str], str]) -> str:
+def _with_changed_paths(text: str, change: Callable[[str], str]) -> str:
     """Return an argument of --aircraft with changed paths, if it has any.
 
     change: path -> new path

@@ -152,15 +152,15 @@ def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model],
                 name: (low * factors[name], high * factors[name], source)
                 for name, (low, high, source) in domain.range.items()
             },
-            envelope=domain.envelope and partial(_envelope, factors, domain.envelope),
-            check=domain.check and partial(_check, factors, domain.check),
+            envelope=domain.envelope and partial(_converted_envelope, factors, domain.envelope),
+            check=domain.check and partial(_converted_check, factors, domain.check),
             reference=_scaled(factors, domain.reference),
             by_speed=domain.by_speed,
         ),
         trimming=replace(
             model.trimming,
-            begin=begin and partial(_begin, factors, begin),
-            explain=explain and partial(_explain, factors, explain),
+            begin=begin and partial(_converted_begin, factors, begin),
+            explain=explain and partial(_converted_explain, factors, explain),
         ),
         source=Source(model.source.text, model.source.digest, native=model, reload=reload),
     )
@@ -187,13 +187,13 @@ def _unscaled(factors: Mapping[str, float], values: Mapping[str, Any]) -> dict[s
     return {name: value / factors.get(name, 1.0) for name, value in values.items()}
 
 
-def _declared(factors: Mapping[str, float], vector: Any) -> Any:
+def _in_declared_units(factors: Mapping[str, float], vector: Any) -> Any:
     """Return a named tuple of converted values in the declared units of the original model."""
     values = zip(vector._fields, vector, strict=True)
     return record(vector._fields)(*(value / factors[name] for name, value in values))
 
 
-def _envelope(
+def _converted_envelope(
     factors: Mapping[str, float],
     envelope: Callable[[Any, Any], Mapping[str, tuple[float, float]]],
     x: Any,
@@ -203,18 +203,18 @@ def _envelope(
 
     x, p: state and parameters of a trim, in converted units
     """
-    limits = envelope(_declared(factors, x), _declared(factors, p))
+    limits = envelope(_in_declared_units(factors, x), _in_declared_units(factors, p))
     return {
         name: (low * factors[name], high * factors[name]) for name, (low, high) in limits.items()
     }
 
 
-def _check(factors: Mapping[str, float], check: Callable[[Any], None], x: Any) -> None:
+def _converted_check(factors: Mapping[str, float], check: Callable[[Any], None], x: Any) -> None:
     """Raise BadInputError as `Domain.check` does, whose message has declared units."""
-    check(_declared(factors, x))
+    check(_in_declared_units(factors, x))
 
 
-def _begin(
+def _converted_begin(
     factors: Mapping[str, float],
     begin: Callable[[Mapping[str, Any]], Mapping[str, Any]],
     imposed: Mapping[str, Any],
@@ -223,7 +223,7 @@ def _begin(
     return _scaled(factors, begin(_unscaled(factors, imposed)))
 
 
-def _explain(
+def _converted_explain(
     factors: Mapping[str, float],
     explain: Callable[[Mapping[str, Any], Callable[..., Any]], str],
     imposed: Mapping[str, Any],
@@ -258,7 +258,9 @@ class _Equations:
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return state -> rate and output -> value, all in converted units."""
         factors = dict(self.factors)
-        rates, outputs = self.equations(*(_declared(factors, vector) for vector in (x, u, p, w)))
+        rates, outputs = self.equations(
+            *(_in_declared_units(factors, vector) for vector in (x, u, p, w))
+        )
         return _scaled(dict(self.rates), rates), _scaled(factors, outputs)
 
 

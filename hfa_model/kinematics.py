@@ -149,7 +149,7 @@ def angle_of_attack(x: State[Quantity], wind: Wind) -> Quantity:
     downward = (
         x.speed * ca.sin(x.alpha) + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)
     )
-    return ca.atan2(downward, _forward(x, wind))
+    return ca.atan2(downward, _forward_velocity(x, wind))
 
 
 def center_velocity(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> Velocity:
@@ -167,7 +167,7 @@ def center_velocity(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> 
     p: parameters
     wind: wind at the center panel
     """
-    forward = _forward(x, wind) + x.pitch_rate * center_height(x.dihedral, p)
+    forward = _forward_velocity(x, wind) + x.pitch_rate * center_height(x.dihedral, p)
     descent = x.speed * ca.sin(x.alpha) + p.panel_span / 3 * ca.cos(x.dihedral) * x.dihedral_rate
     downward = descent + wind.updraft * ca.cos(x.pitch) + wind.headwind * ca.sin(x.pitch)
     return Velocity(forward, 0.0, downward)
@@ -192,7 +192,7 @@ def outer_velocity(x: State[Quantity], p: Parameters[Quantity], wind: Wind) -> V
     hinge = center_velocity(x, p, wind).downward  # which moves like the center panel
     sin_eta = ca.sin(x.dihedral)
     cos_eta = ca.cos(x.dihedral)
-    forward = _forward(x, wind) + x.pitch_rate * outer_height(x.dihedral, p)
+    forward = _forward_velocity(x, wind) + x.pitch_rate * outer_height(x.dihedral, p)
     normal = hinge * cos_eta - wind.outward * sin_eta - p.panel_span / 2 * x.dihedral_rate
     return Velocity(forward, hinge * sin_eta + wind.outward * cos_eta, normal)
 
@@ -213,7 +213,7 @@ def _is_still(wind: Wind) -> bool:
     return all(isinstance(part, float) and part == 0.0 for part in wind)
 
 
-def _forward(x: State[Quantity], wind: Wind) -> Quantity:
+def _forward_velocity(x: State[Quantity], wind: Wind) -> Quantity:
     """Return the forward component of the velocity relative to the air, ft/s."""
     # The component is V cos α - w sin θ + h cos θ in body axes, with the speed V over ground.
     return (

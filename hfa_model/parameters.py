@@ -104,7 +104,7 @@ _ANGLE = Signal("rad", 0.1, rate=0.1)
 _RATE = Signal("rad/s", 0.1, rate=1.0)
 
 
-def _within(limit_deg: float) -> Signal:
+def _limited_angle(limit_deg: float) -> Signal:
     """Return an angle with the assumed limits ±limit_deg."""
     limit = math.radians(limit_deg)
     return _ANGLE._replace(min=-limit, max=limit, assumed=True)
@@ -115,16 +115,16 @@ def _within(limit_deg: float) -> Signal:
 #: and the altitudes of the atmosphere model.
 STATE_SIGNALS = State(
     speed=Signal("ft/s", 68.0, 1.0, 500.0, start=68.0, rate=32.2, assumed=True),
-    alpha=_within(20),
+    alpha=_limited_angle(20),
     altitude=Signal("ft", 1000.0, 0.0, HIGHEST_ALTITUDE, rate=1.0, assumed=True),
-    pitch=_within(60),
+    pitch=_limited_angle(60),
     pitch_rate=_RATE,
-    dihedral=_within(60),
+    dihedral=_limited_angle(60),
     dihedral_rate=_RATE,
 )
 _THROTTLE = Signal("1", 40.0, 0.0, 200.0, start=40.0, assumed=True)
-_AILERON = _within(20)
-_ELEVATOR = _within(30)
+_AILERON = _limited_angle(20)
+_ELEVATOR = _limited_angle(30)
 INPUT_SIGNALS = Input(_THROTTLE, _AILERON, _AILERON, _ELEVATOR, _ELEVATOR)
 
 INPUT_UNITS: tuple[str, ...] = tuple(signal.unit for signal in INPUT_SIGNALS)

@@ -158,7 +158,7 @@ def checked_outputs(document: Document) -> list[CheckedOutput]:
     Raises BadInputError if a case names an unknown variable, uses another unit than the variable,
     or contains an output that cannot be computed from the inputs.
     """
-    return [output for case in document.cases for output in _checked(document, case)]
+    return [output for case in document.cases for output in _outputs_of_case(document, case)]
 
 
 def refuse_wrong(document: Document) -> None:
@@ -173,7 +173,7 @@ def refuse_wrong(document: Document) -> None:
         )
 
 
-def _checked(document: Document, case: CheckCase) -> list[CheckedOutput]:
+def _outputs_of_case(document: Document, case: CheckCase) -> list[CheckedOutput]:
     """Return the outputs of one check case."""
     inputs = {_variable(document, case, given).key: given.value for given in case.inputs}
     outputs = []

@@ -83,16 +83,18 @@ def expression(element: ElementTree.Element, value_of: Callable[[str], Any]) -> 
         operator_element, *arguments = element
         if not arguments and operator_element.tag in ("apply", "piecewise", "ci", "cn"):
             return expression(operator_element, value_of)  # a formula in brackets
-        return _finite(operator_element, [expression(argument, value_of) for argument in arguments])
+        return _finite_result(
+            operator_element, [expression(argument, value_of) for argument in arguments]
+        )
     raise BadInputError(
         f"<{shortened(element.tag)}> is not supported in a formula; rewrite the formula"
     )
 
 
-def _finite(element: ElementTree.Element, arguments: list[Any]) -> Any:
+def _finite_result(element: ElementTree.Element, arguments: list[Any]) -> Any:
     """Return the result of an operator. Raises BadInputError if that of numbers is not finite."""
     try:
-        result = _applied(element, arguments)
+        result = _result_of_operator(element, arguments)
         is_finite = not isinstance(result, complex)  # as Python's (-8) ** 0.5
         if is_finite and all(isinstance(argument, int | float) for argument in arguments):
             is_finite = math.isfinite(result)
@@ -106,7 +108,7 @@ def _finite(element: ElementTree.Element, arguments: list[Any]) -> Any:
     return result
 
 
-def _applied(element: ElementTree.Element, arguments: list[Any]) -> Any:
+def _result_of_operator(element: ElementTree.Element, arguments: list[Any]) -> Any:
     """Return the result of the operator that an element names, applied to arguments."""
     name = element.tag
     if name == "csymbol":
@@ -184,7 +186,7 @@ class Expressions:
         """
         self._document = document
         self._values = {
-            key: _between(value, document.variables[key].least, document.variables[key].most)
+            key: _clipped(value, document.variables[key].least, document.variables[key].most)
             for key, value in given.items()
         }
         self._table = table
@@ -214,7 +216,7 @@ class Expressions:
             )
         self._pending.append(key)
         try:
-            self._values[key] = _between(self._value(variable), variable.least, variable.most)
+            self._values[key] = _clipped(self._value(variable), variable.least, variable.most)
         except RecursionError as error:
             raise self._document.error(
                 f"variable {key}", "the formula is nested too deeply; use further variables"
@@ -227,7 +229,7 @@ class Expressions:
         """Return the value of the table, of the formula, or the initial value of a variable."""
         function = self._document.functions.get(variable.key)
         if function is not None:
-            arguments = [_between(self[axis.key], axis.least, axis.most) for axis in function.axes]
+            arguments = [_clipped(self[axis.key], axis.least, axis.most) for axis in function.axes]
             return function.table.value(arguments, self._table)
         if variable.formula is not None:
             try:
@@ -245,7 +247,7 @@ class Expressions:
         return variable.initial
 
 
-def _between(value: Any, least: float, most: float) -> Any:
+def _clipped(value: Any, least: float, most: float) -> Any:
     """Return a value, clipped to limits that may be infinite."""
     if np.isfinite(least):
         value = ca.fmax(value, least)

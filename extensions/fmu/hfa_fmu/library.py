@@ -92,7 +92,7 @@ class Instance:
         self._interface = interface
         self._library = ctypes.CDLL(interface.library)
         self._functions: dict[str, Any] = {}
-        self._said = ""
+        self._last_message = ""
         self._lock = RLock()
         self._component: c_void_p | None = None
         self._has_ended = False
@@ -106,8 +106,8 @@ class Instance:
         # Arguments of the calls that set the states and the inputs, and get the rates and outputs.
         self._x = self._v, c_size_t(n)
         self._rates = self._f, c_size_t(n)
-        self._inputs = self._reals(interface.inputs, self._v, n)
-        self._outputs = self._reals(interface.outputs, self._f, n)
+        self._inputs = self._arguments_of_reals(interface.inputs, self._v, n)
+        self._outputs = self._arguments_of_reals(interface.outputs, self._f, n)
         #: Places of the inputs and of the parameters in the bytes of v, 8 for each number.
         self._of_inputs, self._of_parameters = slice(8 * n, 8 * (n + m)), slice(8 * (n + m), None)
         #: Bytes of the inputs at the last event, and of the parameters of the instance.
@@ -145,7 +145,7 @@ class Instance:
             return []
         with self._lock:
             self._set(v, 0.0)
-            return self._indicated()
+            return self._indicators_now()
 
     def along(self, v: Any, direction: Any) -> list[float]:
         """Return the derivatives of f that the FMU gives, along a direction of (x, u).
@@ -168,7 +168,9 @@ class Instance:
             self._call("GetDirectionalDerivative", unknown, unknowns, known, knowns, *vectors)
             return list(found)
 
-    def _reals(self, references: list[int], memory: Any, first: int) -> tuple[Any, ...]:
+    def _arguments_of_reals(
+        self, references: list[int], memory: Any, first: int
+    ) -> tuple[Any, ...]:
         """Return the arguments of a call that sets or gets variables.
 
         memory, first: array of doubles, and the place of the first variable in it
@@ -302,9 +304,9 @@ class Instance:
 
     def _signs_now(self) -> list[bool]:
         """Return whether each event indicator is positive."""
-        return [value > 0.0 for value in self._indicated()]
+        return [value > 0.0 for value in self._indicators_now()]
 
-    def _indicated(self) -> list[float]:
+    def _indicators_now(self) -> list[float]:
         """Return the event indicators at the variables that are set."""
         found = (c_double * self._interface.indicators)()
         self._call("GetEventIndicators", found, c_size_t(len(found)))
@@ -346,7 +348,7 @@ class Instance:
 
     def _reason(self) -> str:
         """Return the last message of the FMU in brackets, or "", and forget it."""
-        said, self._said = " ".join(self._said.split()), ""
+        said, self._last_message = " ".join(self._last_message.split()), ""
         return f" ({said[:_LONGEST_MESSAGE]})" if said else ""
 
     def _made_callbacks(self) -> list[Any]:
@@ -357,7 +359,7 @@ class Instance:
 
         def say(message: bytes | None) -> None:
             """Keep a message as it is; FMI 2.0's fields for `printf` (%d) are not filled in."""
-            self._said = (message or b"").decode(errors="replace")
+            self._last_message = (message or b"").decode(errors="replace")
 
         if self._interface.version == 3:
             kind: Any = CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p)

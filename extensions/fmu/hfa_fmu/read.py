@@ -164,7 +164,7 @@ def _model(
     whole = [parameter.is_whole for parameter in description.parameters]
     count = len(states) + len(outputs)  # of the values that the FMU computes
     evaluator = Evaluator(instance, nominals, count, description.indicators, whole)
-    begun = _beside_events(evaluator, np.array(start), len(states))  # where searches begin
+    begun = _start_beside_events(evaluator, np.array(start), len(states))  # where searches begin
     about = _about(evaluator, description, begun)
     on_events = _note_on_events(description.indicators, begun.tolist() != start)
     on_names = _note_on_similar_names(description.names)
@@ -195,7 +195,7 @@ def _model(
     )
 
 
-def _beside_events(evaluator: Evaluator, start: np.ndarray, n: int) -> np.ndarray:
+def _start_beside_events(evaluator: Evaluator, start: np.ndarray, n: int) -> np.ndarray:
     """Return start values (x, u, p), moved off an event at which no derivative exists.
 
     n: number of states, which are moved
@@ -282,8 +282,8 @@ def _why_no_derivatives(evaluator: Evaluator, description: Description, start: n
 
 def _error_of_differences(evaluator: Evaluator, start: np.ndarray) -> float:
     """Return the error of the central differences, relative to the largest entry of a row."""
-    below, above = _one_sided(evaluator, start, STEP)
-    far_below, far_above = _one_sided(evaluator, start, 2.0 * STEP)
+    below, above = _one_sided_jacobians(evaluator, start, STEP)
+    far_below, far_above = _one_sided_jacobians(evaluator, start, 2.0 * STEP)
     slopes, nominals = 0.5 * (below + above), evaluator.nominals[: evaluator.count_of_x_and_u]
     # Where f is smooth, the error is c h² for the step h. Steps of h and 2 h then differ by 3 c h².
     smooth_error = (0.5 * (far_below + far_above) - slopes) / 3.0
@@ -295,7 +295,7 @@ def _error_of_differences(evaluator: Evaluator, start: np.ndarray) -> float:
 
 def _warnings(evaluator: Evaluator, start: np.ndarray) -> tuple[str, ...]:
     """Return a warning about derivatives of an FMU that are not those of its rates."""
-    below, above = _one_sided(evaluator, start, STEP)
+    below, above = _one_sided_jacobians(evaluator, start, STEP)
     differences = 0.5 * (below + above)
     given = np.array([evaluator.along(start, unit) for unit in _unit_vectors(evaluator)]).T
     nominals = evaluator.nominals[: evaluator.count_of_x_and_u]
@@ -310,7 +310,7 @@ def _unit_vectors(evaluator: Evaluator) -> np.ndarray:
     return np.eye(evaluator.count_of_x_and_u, evaluator.nominals.size)
 
 
-def _one_sided(
+def _one_sided_jacobians(
     evaluator: Evaluator, start: np.ndarray, step: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the Jacobians (m, n) by differences from below and from above the start values.

@@ -45,15 +45,15 @@ _TOTALS = {"CL": "CLtot", "CD": "CDtot", "CY": "CYtot", "Cl": "Cl'tot", "Cm": "C
 #: Suffix of a derivative in the stability file -> suffix in a table.
 _ARGUMENTS = {"a": "alpha", "b": "beta", "p": "p", "q": "q", "r": "r"}
 _REFERENCE = ("Xref", "Yref", "Zref")
-_STRAIGHT = ("Beta", "pb/2V", "qc/2V", "rb/2V")
-_KNOWN = re.compile(
+_ZERO_IN_STRAIGHT_FLIGHT = ("Beta", "pb/2V", "qc/2V", "rb/2V")
+_KNOWN_NAME = re.compile(
     "|".join(
         (
             "[SCB]ref",
             *_REFERENCE,
             "Alpha",
             "Mach",
-            *_STRAIGHT,
+            *_ZERO_IN_STRAIGHT_FLIGHT,
             "CDvis",
             "e",
             "Xnp",
@@ -72,7 +72,7 @@ _REFERENCE_TOLERANCE = 1e-4
 _NEUTRAL_POINT = 1e-3
 #: Difference of the factors sqrt(1 - M²) of AVL and of the flight condition that needs no note.
 _COMPRESSIBILITY = 0.05
-_AGAIN = "write the file again with ST in AVL's menu OPER"
+_WRITE_AGAIN = "write the file again with ST in AVL's menu OPER"
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class StabilityFile:
     def value(self, name: str) -> float:
         """Return a number of the file."""
         if name not in self.values:
-            raise BadInputError(f"{self.path}: {name} is missing; {_AGAIN}")
+            raise BadInputError(f"{self.path}: {name} is missing; {_WRITE_AGAIN}")
         return number(name, self.values[name], "1")
 
     @property
@@ -170,9 +170,9 @@ def read_stability_file(path: str) -> StabilityFile:
     content = regular_file(path).read_bytes()
     lines = list(enumerate(content.decode("utf-8", "replace").splitlines(), start=1))
     if not any("Stability-axis derivatives" in line for _, line in lines):
-        raise BadInputError(f"{path} contains no stability derivatives of AVL; {_AGAIN}")
-    is_machine_readable = lines[0][1].strip() == "DERMATS"
-    values_in_lines = _machine_readable(lines) if is_machine_readable else _printed(lines)
+        raise BadInputError(f"{path} contains no stability derivatives of AVL; {_WRITE_AGAIN}")
+    is_mrf = lines[0][1].strip() == "DERMATS"
+    values_in_lines = _machine_readable_values(lines) if is_mrf else _printed_values(lines)
     values: dict[str, Entry] = {}
     deflections: dict[str, Entry] = {}
     for place, name, value, is_deflection in values_in_lines:
@@ -202,7 +202,7 @@ def _controls(
     if len(deflections) < count:
         raise BadInputError(
             f"{path}: {count} controls have derivatives, but only {len(deflections)} have a "
-            f"deflection; {_AGAIN}"
+            f"deflection; {_WRITE_AGAIN}"
         )
     identifier = identifiers(deflections)
     before_design_variables = list(deflections.items())[:count]
@@ -216,7 +216,7 @@ def _refuse_run_case(file: StabilityFile) -> None:
             "Clp is 0, because the case is one half of a symmetric aircraft; set iYsym to 0 in the "
             ".avl file, with YDUPLICATE, and write the file again"
         )
-    for name in _STRAIGHT:
+    for name in _ZERO_IN_STRAIGHT_FLIGHT:
         if abs(file.value(name)) > _PRINTED_ZERO:
             raise file.values[name].error(
                 f"{name} is {file.value(name):g}; write the file at a run case with {name} 0"
@@ -238,7 +238,7 @@ class _Value(NamedTuple):
     is_deflection: bool
 
 
-def _printed(lines: Iterable[tuple[int, str]]) -> Iterable[_Value]:
+def _printed_values(lines: Iterable[tuple[int, str]]) -> Iterable[_Value]:
     """Yield the values in the lines of a printed file."""
     # The deflections stand between the line of CYff, the last of the total forces, and a rule.
     shows_deflections = False
@@ -251,13 +251,13 @@ def _printed(lines: Iterable[tuple[int, str]]) -> Iterable[_Value]:
                 yield _Value(place, control.strip(), deflection.strip(), is_deflection=True)
         elif ":" not in line and " / " not in line:  # no title, and not the spiral criterion
             for name, value in re.findall(r"([A-Za-z][\w'/]*\*?)\s*=\s*([^\s|]+)", line):
-                if _KNOWN.fullmatch(name):
+                if _KNOWN_NAME.fullmatch(name):
                     yield _Value(place, name, value, is_deflection=False)
         if "CYff" in line:
             shows_deflections = True
 
 
-def _machine_readable(lines: Iterable[tuple[int, str]]) -> Iterable[_Value]:
+def _machine_readable_values(lines: Iterable[tuple[int, str]]) -> Iterable[_Value]:
     """Yield the values in the lines of a machine-readable file."""
     # Its lines are such as
     # 9.0 0.75 12.0 | Sref, Cref, Bref
@@ -277,11 +277,11 @@ def _machine_readable(lines: Iterable[tuple[int, str]]) -> Iterable[_Value]:
         elif shows_deflections and len(text.split()) > 1:
             deflection, _, control = text.partition(" ")
             yield _Value(place, control.strip(), deflection, is_deflection=True)
-        for name, value in _labelled(line):
+        for name, value in _labelled_values(line):
             yield _Value(place, name, value, is_deflection=False)
 
 
-def _labelled(line: str) -> Iterator[tuple[str, str]]:
+def _labelled_values(line: str) -> Iterator[tuple[str, str]]:
     """Yield the known names and values of a line "values | title : names", if it is one."""
     numbers, _, labels = line.partition("|")
     values = numbers.split()
@@ -290,7 +290,7 @@ def _labelled(line: str) -> Iterator[tuple[str, str]]:
         names = [names[0][:-1] + str(k + 1) for k in range(len(values))]
     # Lines of other content, with any number of words, have no known names.
     for name, value in zip(names, values, strict=False):
-        if _KNOWN.fullmatch(name):
+        if _KNOWN_NAME.fullmatch(name):
             yield name, value
 
 
@@ -318,10 +318,10 @@ def with_stability_file(
         del own[name]
     entries = {
         "axes": Entry("stability", file.path),
-        "wing_area": _stated(file, "Sref", f"{length}^2"),
-        "span": _stated(file, "Bref", length),
-        "chord": _stated(file, "Cref", length),
-        "alpha": _stated(file, "Alpha", "deg"),
+        "wing_area": _with_unit(file, "Sref", f"{length}^2"),
+        "span": _with_unit(file, "Bref", length),
+        "chord": _with_unit(file, "Cref", length),
+        "alpha": _with_unit(file, "Alpha", "deg"),
     }
     _refuse_missing_drag(own, file, where)
     # With the entry INDUCED, C_D is C_D,0 + INDUCED C_L², and the slopes in the file are not used.
@@ -332,7 +332,7 @@ def with_stability_file(
             value = file.total("CD") - induced * file.total("CL") ** 2
             entries["CD_0"] = Entry(value, file.path)
         else:
-            entries |= _of_coefficient(coefficient, file, fixed)
+            entries |= _entries_of_coefficient(coefficient, file, fixed)
     return {**entries, **own}
 
 
@@ -342,7 +342,7 @@ def _name_in_model(name: str, file: StabilityFile) -> str:
     return identifier if identifier in file.controls else name
 
 
-def _of_coefficient(
+def _entries_of_coefficient(
     coefficient: str, file: StabilityFile, fixed: Mapping[str, float]
 ) -> dict[str, Entry]:
     """Return the entries of a coefficient: its value without deflections, and its derivatives."""
@@ -354,7 +354,7 @@ def _of_coefficient(
     for suffix, argument in _ARGUMENTS.items():
         slope = file.value(coefficient + suffix)
         if abs(slope) > _DERIVATIVE_ZERO:
-            entries[f"{coefficient}_{argument}"] = _stated(file, coefficient + suffix, "1/rad")
+            entries[f"{coefficient}_{argument}"] = _with_unit(file, coefficient + suffix, "1/rad")
     for k, (control, deflection) in enumerate(file.controls.items(), start=1):
         slope = file.slope(coefficient, k)
         value += slope * (fixed.get(control, 0.0) - number(control, deflection, "deg"))
@@ -363,7 +363,7 @@ def _of_coefficient(
     return {f"{coefficient}_0": Entry(value, file.path), **entries}
 
 
-def _stated(file: StabilityFile, name: str, unit: str) -> Entry:
+def _with_unit(file: StabilityFile, name: str, unit: str) -> Entry:
     """Return a value of a file with its unit."""
     return Entry(f"{file.value(name)!r} {unit}", file.values[name].where)
 

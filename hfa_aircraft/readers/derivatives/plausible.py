@@ -37,12 +37,12 @@ def warnings_about(table: DerivativeTable, parameters: Mapping[str, float]) -> I
     thrust = {"thrust": most} if math.isfinite(most) else {}
     entries = Values({**table.values, **table.derivatives, **thrust, **parameters})
     yield from table.warnings
-    yield from _of_angles(table)
+    yield from _angle_warnings(table)
     xx, yy, zz = (entries[name] for name in ("Ixx", "Iyy", "Izz"))
     products = (0.0, entries.get("Ixz", 0.0), 0.0)
     if warning := inertia_warning(inertia_matrix((xx, yy, zz), products)):
         yield warning
-    yield from _unusual(table, entries)
+    yield from _figure_warnings(table, entries)
     needed = (*_NEEDED, *(_NEEDED_OF[name] for name in table.surfaces if name in _NEEDED_OF))
     if missing := [name for name in needed if not entries.get(name)]:
         yield f"{', '.join(missing)} missing or 0; no published aircraft has 0"
@@ -50,10 +50,10 @@ def warnings_about(table: DerivativeTable, parameters: Mapping[str, float]) -> I
     idle = [name for name in table.surfaces if not any(e.endswith(f"_{name}") for e in not_zero)]
     if idle:
         yield f"no derivative of {', '.join(idle)} is given: no effect on the aircraft"
-    yield from _of_weight(table, entries)
+    yield from _weight_warnings(table, entries)
 
 
-def _unusual(table: DerivativeTable, entries: Values) -> Iterator[str]:
+def _figure_warnings(table: DerivativeTable, entries: Values) -> Iterator[str]:
     """Yield a sentence for each figure outside those of published aircraft, with its entries."""
     # Left out are figures of entries that are named already or that the table declares as checked,
     # and figures that are 0: `warnings_about` names missing entries.
@@ -71,7 +71,7 @@ def _unusual(table: DerivativeTable, entries: Values) -> Iterator[str]:
             yield f"{warning} ({given})" if given else warning
 
 
-def _of_angles(table: DerivativeTable) -> Iterator[str]:
+def _angle_warnings(table: DerivativeTable) -> Iterator[str]:
     """Yield a sentence for each angle that was probably typed in degrees, without a unit."""
     angles = {"alpha": (abs(table.values.get("alpha", 0.0)), _LARGEST_USUAL_ALPHA)}
     angles |= {
@@ -87,7 +87,7 @@ def _of_angles(table: DerivativeTable) -> Iterator[str]:
             )
 
 
-def _of_weight(table: DerivativeTable, entries: Values) -> Iterator[str]:
+def _weight_warnings(table: DerivativeTable, entries: Values) -> Iterator[str]:
     """Yield a sentence if lift, weight and alpha at the stated condition contradict each other."""
     air = air_at(table.values.get("altitude", 0.0), table.system)
     dynamic_pressure = 0.5 * float(air.density) * entries["speed"] ** 2
@@ -104,7 +104,7 @@ def _of_weight(table: DerivativeTable, entries: Values) -> Iterator[str]:
         lift_ratio = largest_lift / weight_coefficient
         which = f"largest lift (CL {largest_lift:.3g})"
     else:
-        yield from _of_alpha(entries, weight_coefficient)
+        yield from _alpha_warnings(entries, weight_coefficient)
         return
     yield (
         f"the {which} at {entries['speed']:.4g} {table.unit('speed')} carries {lift_ratio:.2g} "
@@ -113,12 +113,12 @@ def _of_weight(table: DerivativeTable, entries: Values) -> Iterator[str]:
     )
 
 
-def _of_alpha(entries: Values, weight_coefficient: float) -> Iterator[str]:
+def _alpha_warnings(entries: Values, weight_coefficient: float) -> Iterator[str]:
     """Yield a sentence if level flight needs another alpha than the stated one.
 
     weight_coefficient: lift coefficient that carries the weight at the stated speed and altitude
     """
-    # No warning without a stated alpha (nan), or for an unusual CL_alpha, which `_unusual` reports.
+    # No warning without a stated alpha (nan), or for an unusual CL_alpha (`_figure_warnings`).
     stated, slope = entries["alpha"], entries["CL_alpha"]
     change = (weight_coefficient - entries["CL_0"]) / slope if slope else 0.0
     if math.isfinite(stated) and abs(change) > _ALPHA_ERROR and not unusual("CL_alpha", slope):

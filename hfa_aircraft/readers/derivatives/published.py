@@ -13,7 +13,7 @@ from hfa_support.units import STANDARD_GRAVITY
 
 #: Factor beyond the published values. With it, 1 % of the figures of an aircraft of the table are
 #: outside those of the others.
-_BEYOND = 1.5
+_PERMITTED_FACTOR = 1.5
 _DEGREES_PER_RADIAN = math.degrees(1.0)
 #: Columns of `published.csv` that are no entries.
 _WORDS = ("name", "source")
@@ -43,7 +43,7 @@ def _drag(entry: Values) -> float:
     return entry["CD_0"] + entry.get("CD_CL2", 0.0) * entry["CL_0"] ** 2
 
 
-def _induced(entry: Values) -> float:
+def _inverse_efficiency(entry: Values) -> float:
     """Return 1/e of C_D = C_D0 + C_L² / (pi e aspect ratio), of CD_CL2 or of CD_alpha."""
     slope = entry["CD_CL2"]
     if math.isnan(slope):
@@ -69,7 +69,7 @@ FIGURES: Mapping[str, Callable[[Values], float]] = {
     "CD_0 + CD_CL2 CL_0^2": _drag,
     **{name: itemgetter(name) for name in _ENTRIES},
     "-Cm_alpha / CL_alpha (static margin)": lambda entry: -_ratio("Cm_alpha / CL_alpha", entry),
-    "CD_CL2 or CD_alpha / (2 CL_0 CL_alpha), times pi aspect ratio": _induced,
+    "CD_CL2 or CD_alpha / (2 CL_0 CL_alpha), times pi aspect ratio": _inverse_efficiency,
     "CT_u / (CD_0 + CD_CL2 CL_0^2)": lambda entry: entry["CT_u"] / (_drag(entry) or math.nan),
     **{text: partial(_ratio, text) for text in (*_RATIOS, *_RATIOS_OF_CONTROLS)},
 }
@@ -90,12 +90,12 @@ def _published() -> list[Values]:
 
 
 def _is_usual(value: float, low: float, high: float) -> bool:
-    """Return whether a value is at most `_BEYOND` times beyond published ones, low to high, or nan.
+    """Return whether a value is in the published range, low to high, or close to it, or nan.
 
-    The permitted range is wider than the published one at both ends, also where an end is below 0.
+    The permitted range is wider by `_PERMITTED_FACTOR` at both ends, also where an end is below 0.
     """
-    lowest = low * _BEYOND if low < 0.0 else low / _BEYOND
-    highest = high * _BEYOND if high > 0.0 else high / _BEYOND
+    lowest = low * _PERMITTED_FACTOR if low < 0.0 else low / _PERMITTED_FACTOR
+    highest = high * _PERMITTED_FACTOR if high > 0.0 else high / _PERMITTED_FACTOR
     return not (value < lowest or value > highest)
 
 

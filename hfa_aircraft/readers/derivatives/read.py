@@ -284,14 +284,14 @@ class _Equations:
 
         # The rate of alpha follows from the forces without it.
         coefficients = self._force_coefficients(p, of_forces)
-        air_force = self._in_body_axes(x, motion, coefficients)
+        air_force = self._force_in_body_axes(x, motion, coefficients)
         specific_force = (air_force + thrust_force) / p.mass
         alpha_rate = self._alpha_rate(x, p, motion, specific_force)
         alphadot = alpha_rate * values["chord"] / (2.0 * x.speed)
         of_alphadot = _ForceCoefficients(
             *(self._coefficient(name, p, {"alphadot": alphadot}) for name in _FORCES)
         )
-        force_of_alphadot = self._in_body_axes(x, motion, of_alphadot)
+        force_of_alphadot = self._force_in_body_axes(x, motion, of_alphadot)
         specific_force += force_of_alphadot / p.mass
 
         # Aerodynamic force that acts at the point of the derivatives, and the same force without
@@ -301,10 +301,10 @@ class _Equations:
         force_at_point = air_force + force_of_alphadot
         if TAIL_ARM in values:
             without_tail = self._force_coefficients(p, variables | {"q": 0.0})
-            steady_force = force_at_point = self._in_body_axes(x, motion, without_tail)
+            steady_force = force_at_point = self._force_in_body_axes(x, motion, without_tail)
 
         # Moment about the center of gravity, which is `shift` behind this point.
-        moment = self._moment_at_point(p, motion, of_moments | {"alphadot": tail * alphadot})
+        moment = self._aerodynamic_moment(p, motion, of_moments | {"alphadot": tail * alphadot})
         moment -= ca.vertcat(0.0, values.get("thrust_height", 0.0) * thrust_force[0], 0.0)
         _, side_force, down_force = ca.vertsplit(force_at_point + thrust_force)
         moment += shift * ca.vertcat(0.0, -down_force, side_force)
@@ -328,13 +328,13 @@ class _Equations:
             outputs["largest_lift_coefficient"] = values[LARGEST_LIFT]
         return rates, outputs
 
-    def _in_body_axes(self, x: Any, motion: Motion, coefficients: _ForceCoefficients) -> Any:
+    def _force_in_body_axes(self, x: Any, motion: Motion, coefficients: _ForceCoefficients) -> Any:
         """Return the force q̄ S (C_L, C_D, C_Y) in body axes, (3,)."""
         along_axes = ca.vertcat(-coefficients.drag, coefficients.side, -coefficients.lift)
         along_body_axes = ca.mtimes(wind_axes(x.alpha, 0.0), along_axes)
         return motion.pressure * self._table.values["wing_area"] * along_body_axes
 
-    def _moment_at_point(self, p: Any, motion: Motion, variables: Mapping[str, Any]) -> Any:
+    def _aerodynamic_moment(self, p: Any, motion: Motion, variables: Mapping[str, Any]) -> Any:
         """Return the moment q̄ S (b C_l, c C_m, b C_n) in body axes, (3,)."""
         values = self._table.values
         coefficients = [self._coefficient(name, p, variables) for name in ("Cl", "Cm", "Cn")]
@@ -412,8 +412,8 @@ class _Equations:
         # specific_force: force without that of alphadot, divided by mass, in body axes, (3,)
         values = self._table.values
         _, rate, _ = flow_rates(motion.velocity, motion.acceleration(specific_force))
-        per_mass = (
+        acceleration_scale = (
             motion.pressure * values["wing_area"] * values["chord"] / (2.0 * x.speed * p.mass)
         )
-        slope = getattr(p, "CL_alphadot", 0.0) * per_mass / (x.speed * ca.cos(x.beta))
+        slope = getattr(p, "CL_alphadot", 0.0) * acceleration_scale / (x.speed * ca.cos(x.beta))
         return rate / (1.0 + slope)

@@ -119,7 +119,7 @@ def read_table(path: str, stability_file: str = "") -> DerivativeTable:
     with file_faults(path):
         content = regular_file(path).read_bytes()
         is_csv = path.endswith(".csv")
-        entries = _rows(path, content) if is_csv else dict(_flat(read_toml(path), path))
+        entries = _csv_entries(path, content) if is_csv else dict(_flat(read_toml(path), path))
     folder = Path(path).parent
     file = _stability_file(entries, path, folder, stability_file)
     if file is not None:
@@ -195,7 +195,7 @@ def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:
             yield name, Entry(held, place)
 
 
-def _rows(path: str, content: bytes) -> dict[str, Entry]:
+def _csv_entries(path: str, content: bytes) -> dict[str, Entry]:
     """Return name -> entry of a CSV file with the columns name, value and unit."""
     # The limits of an input are written low:high.
     try:
