@@ -328,7 +328,7 @@ def verdicts_report(verdicts: Mapping[str, Verdict], limit_cost: float | None = 
     for name, verdict in verdicts.items():
         above = verdict.cost_above_optimum_percent
         # A cost that differs from the optimum by rounding alone is printed as 0.
-        above = above if above > OPTIMAL else 0.0
+        above = 0.0 if above <= OPTIMAL else above
         gain = verdict.value_of("l2_gain")
         rows.append(
             (
@@ -338,7 +338,7 @@ def verdicts_report(verdicts: Mapping[str, Verdict], limit_cost: float | None = 
                 _number_text(verdict.K_rel_error),
                 _number_text(verdict.largest_error),
                 "yes" if verdict.stabilizing else "no",
-                percent(above, 3).removesuffix(" %"),
+                "?" if math.isnan(above) else percent(above, 3).removesuffix(" %"),
                 "" if math.isnan(gain) else f"{gain:.4g}",
             )
         )

@@ -500,7 +500,7 @@ def _freed(model: Model, text: str) -> str:
     """Return the model's name of the variable that --free gives."""
     if "," in text:
         options = " ".join(f"--free {name.strip()}" for name in text.split(","))
-        raise BadInputError(f"--free give one variable; write {options}")
+        raise BadInputError(f"--free takes one variable; write {options}")
     return model.about.name_of(text)
 
 

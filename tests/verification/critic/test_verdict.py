@@ -14,6 +14,7 @@ from scipy.linalg import solve_discrete_lyapunov
 from hfa import BadInputError, Game, from_gain, solve, verify
 from hfa.extend import Check
 from hfa_support.reporting.text import percent
+from verification.reports import verdicts_report
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -50,6 +51,14 @@ def test_a_wrong_critic_among_several_fails():
     words = ("verify", "--model", plant, "--weights")
     assert answer(*words, files[0])["ok"]
     assert not answer(*words, *files, code=1)["ok"]
+
+
+def test_an_undecided_cost_is_not_printed_as_0():
+    """The table of several critics has "?" where the cost above the optimum is not known."""
+    game = Game([[1.0]], [[1.0]], Q=[[2.0]], R=[[1.0]])
+    undecided = replace(verify(game, solve(game)), cost_above_optimum_percent=math.nan)
+    row = str(verdicts_report({"undecided": undecided})).split("undecided")[1].splitlines()[0]
+    assert row.split()[-1] == "?"
 
 
 @pytest.mark.parametrize(
