@@ -57,8 +57,7 @@ def test_an_undecided_cost_is_not_printed_as_0():
     """The table of several critics has "?" where the cost above the optimum is not known."""
     game = Game([[1.0]], [[1.0]], Q=[[2.0]], R=[[1.0]])
     undecided = replace(verify(game, solve(game)), cost_above_optimum_percent=math.nan)
-    row = str(verdicts_report({"undecided": undecided})).split("undecided")[1].splitlines()[0]
-    assert row.split()[-1] == "?"
+    assert str(verdicts_report({"undecided": undecided})).split()[-1] == "?"
 
 
 @pytest.mark.parametrize(
