@@ -121,7 +121,7 @@ def test_the_gain_of_a_filter_minimizes_the_covariance_of_the_errors(kalman):
 
 def test_modes_that_no_sensor_observes_are_named():
     """A decaying mode that no sensor observes is noted. One that does not decay is refused with the
-    sensor to add, with which there is a filter.
+    sensor to add, with which the filter is stable.
     """
     states = {name: hfa.Signal(nominal=1.0) for name in ("x", "y")}
 

@@ -181,7 +181,7 @@ def test_a_zip_that_stable_baselines3_does_not_write_is_refused_and_not_run(
     folder, monkeypatch, more, said
 ):
     """Zips that would call a function, with entries that Stable-Baselines3 does not write, or with
-    other classes are refused, and nothing is called.
+    other classes are refused, and nothing is called: a call of `Caller` would make the file `made`.
     """
     monkeypatch.chdir(folder)
     rewrite_zip(folder, more)

@@ -64,9 +64,9 @@ def duffing_flight(policy, start):
     return hfa.fly(DUFFING, AT_REST, policy, 8.0, initial=start, predict=False)
 
 
-def test_the_filter_keeps_a_rate_inside_its_limit():
-    """A gain whose flight leaves the rate's limit of 1.5 m/s converges with the filter, which changes
-    its commands. The rate then exceeds 90 % of the limit, and never the limit.
+def test_keep_inside_keeps_a_rate_inside_its_limit():
+    """The flight of a gain exceeds the limit of the rate, 1.5 m/s. Behind `keep_inside`, which changes
+    commands near the limit, it converges; the rate exceeds 90 % of the limit, and never the limit.
     """
     gain = hfa.lqr([[0.0, 1.0], [-1.0, 0.0]], [[0.0], [1.0]], [100.0, 1.0], [0.1])
     policy = GainPolicy("gain", np.array(gain.K))
