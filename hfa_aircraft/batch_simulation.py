@@ -259,13 +259,13 @@ def resolved(
     step: integration step of simulate(1), s
     """
     parts = 1
-    flown = simulate(parts)
+    coarser = simulate(parts)
     while True:
         finer = simulate(2 * parts)
-        figure, change = _largest_change(figures(flown), figures(finer))
+        figure, change = _largest_change(figures(coarser), figures(finer))
         if change <= RESOLVED or 2 * parts >= _MOST_PARTS:
-            return flown, IntegrationError(step / parts, change, figure)
-        flown = finer
+            return coarser, IntegrationError(step / parts, change, figure)
+        coarser = finer
         parts *= 2
 
 

@@ -291,9 +291,9 @@ def _with_changed_paths(text: str, change: Callable[[str], str]) -> str:
     """
     # scheme:NAME and package.module:NAME have none.
     # Each of the three paths of aero.dml+engine.dml?mass=mass.toml is changed.
-    where, _, name = text.rpartition(":")
-    if where.endswith(".py"):
-        return f"{change(where)}:{name}"
+    file, _, name = text.rpartition(":")
+    if file.endswith(".py"):
+        return f"{change(file)}:{name}"
     suffix = _format_of(text)
     if not suffix.startswith("."):
         return text

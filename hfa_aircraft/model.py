@@ -140,14 +140,14 @@ class Model(Reported):
     def _refuse_undeclared(self) -> None:
         """Raise BadInputError if a field of names contains an undeclared name."""
         named: dict[str, list[str]] = {"modes": [], "parts": []}
-        for kind, found in named.items():
+        for kind, names_in_groups in named.items():
             for group, members in getattr(self, kind).items():
                 if isinstance(members, str) or not isinstance(members, Sequence):
                     raise BadInputError(
                         f"{self.name}: {kind} {shown(group)} is {shown(members)}; give a tuple of "
                         "names"
                     )
-                found += members
+                names_in_groups += members
         schedule = [self.schedule] if self.schedule else []
         schedulable = [*self.states, *self.inputs, *self.parameters]
         for meaning, names, declared in (

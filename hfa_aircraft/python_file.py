@@ -144,7 +144,7 @@ def model_of_python(text: str) -> tuple[Model, str]:
     try:
         module = _executed(where) if where.endswith(".py") else _imported(where)
         sources = hash_of_sources(Path(str(module.__file__)), module.__package__ or "")
-        models = {key: held for key, held in vars(module).items() if isinstance(held, Model)}
+        models = {key: value for key, value in vars(module).items() if isinstance(value, Model)}
         only_model = next(iter(models.values())) if len(models) == 1 else None
         model = getattr(module, name, None) if name else only_model
         if isinstance(model, Model):

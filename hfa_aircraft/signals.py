@@ -311,13 +311,13 @@ class PlantNames(NamedTuple):
             "state_units": ("",) * n,
             "input_units": ("",) * m,
         }
-        for key, usual in completed.items():
+        for key, default in completed.items():
             known = getattr(self, key)
-            if known and len(known) != len(usual):
+            if known and len(known) != len(default):
                 raise BadInputError(
-                    f"{key} has {len(known)} entries; give {len(usual)} for this plant"
+                    f"{key} has {len(known)} entries; give {len(default)} for this plant"
                 )
-            completed[key] = tuple(known) or usual
+            completed[key] = tuple(known) or default
         return self._replace(**completed)
 
 

@@ -179,7 +179,7 @@ def state_rates(
     climb: rate of the altitude
     """
     speed_rate, alpha_rate, beta_rate = flow_rates(velocity, velocity_rate)
-    turning = turn_rate(x)
+    heading_rate = turn_rate(x)
     return {
         "speed": speed_rate,
         "alpha": alpha_rate,
@@ -187,9 +187,9 @@ def state_rates(
         "roll_rate": rotation_rate[0],
         "pitch_rate": rotation_rate[1],
         "yaw_rate": rotation_rate[2],
-        "roll": x.roll_rate + ca.sin(x.pitch) * turning,
+        "roll": x.roll_rate + ca.sin(x.pitch) * heading_rate,
         "pitch": x.pitch_rate * ca.cos(x.roll) - x.yaw_rate * ca.sin(x.roll),
-        "yaw": turning,
+        "yaw": heading_rate,
         "altitude": climb,
     }
 
@@ -295,10 +295,10 @@ class Motion:
         moment: moment about the center of gravity, in body axes, (3,)
         inertia: inertia matrix, (3, 3)
         """
-        turning = angular_acceleration(self.rates, moment, inertia)
+        rotation_rate = angular_acceleration(self.rates, moment, inertia)
         climb = -ca.dot(self._down, self.velocity)
         velocity_rate = self.acceleration(specific_force)
-        rates = state_rates(self._x, self.velocity, velocity_rate, turning, climb)
+        rates = state_rates(self._x, self.velocity, velocity_rate, rotation_rate, climb)
         outputs = {
             "gamma": ca.asin(climb / self._x.speed),
             "turn_rate": rates["yaw"],
@@ -402,13 +402,13 @@ def coordinated(gravity: float, imposed: Mapping[str, Any]) -> dict[str, Any]:
         return {}
     speed = imposed["speed"]
     if "turn_rate" in imposed:
-        turning = imposed["turn_rate"]
-        bank = np.arctan(speed * turning / gravity)
+        rate_of_turn = imposed["turn_rate"]
+        bank = np.arctan(speed * rate_of_turn / gravity)
     else:
         bank = np.arccos(1.0 / np.maximum(imposed["load_factor"], 1.0))
-        turning = gravity * np.tan(bank) / speed
+        rate_of_turn = gravity * np.tan(bank) / speed
     return {
         "roll": bank,
-        "pitch_rate": turning * np.sin(bank),
-        "yaw_rate": turning * np.cos(bank),
+        "pitch_rate": rate_of_turn * np.sin(bank),
+        "yaw_rate": rate_of_turn * np.cos(bank),
     }

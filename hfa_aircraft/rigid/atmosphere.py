@@ -85,7 +85,7 @@ def air_at(altitude: Any, system: str, warmer: Any = 0.0) -> Air:
     if isinstance(altitude, int | float):
         # the formula of a layer gives a complex Python number outside it, in CasADi nan
         altitude = ca.DM(altitude)
-    height = altitude * _EARTH_RADIUS / (_EARTH_RADIUS + altitude)
+    height = altitude * _EARTH_RADIUS / (_EARTH_RADIUS + altitude)  # geopotential altitude
     base_pressure = SEA_LEVEL_PRESSURE
     temperature: Any = 0.0
     pressure: Any = 0.0
@@ -102,7 +102,7 @@ def air_at(altitude: Any, system: str, warmer: Any = 0.0) -> Air:
         base_pressure = float(
             base_pressure * _pressure_ratio(base_temperature, lapse, top - bottom)
         )
-    temperature = temperature + 1.8 * warmer
+    temperature = temperature + 1.8 * warmer  # degrees Rankine
     sound = ca.sqrt(HEAT_RATIO * _GAS_CONSTANT * temperature)
     return Air(temperature, pressure, pressure / (_GAS_CONSTANT * temperature), sound)
 
@@ -113,7 +113,7 @@ def density_altitude(density: Any) -> Any:
     In a layer with lapse rate L, ρ/ρ_bottom = (T_bottom / T)^(1 + g/(R L)), or for L = 0
     exp(-g climb / (R T)), from which the climb above its bottom follows.
     """
-    height: Any = 0.0
+    height: Any = 0.0  # geopotential altitude
     base_pressure = SEA_LEVEL_PRESSURE
     for (bottom, base_temperature), (top, top_temperature) in pairwise(_LAYERS):
         lapse = (top_temperature - base_temperature) / (top - bottom)
@@ -127,6 +127,7 @@ def density_altitude(density: Any) -> Any:
         base_pressure = float(
             base_pressure * _pressure_ratio(base_temperature, lapse, top - bottom)
         )
+    # from geopotential to geometric altitude
     return height * _EARTH_RADIUS / (_EARTH_RADIUS - height)
 
 

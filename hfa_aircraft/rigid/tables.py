@@ -84,11 +84,11 @@ def lines_of_cells(values: Any, points: np.ndarray) -> tuple[Any, Any]:
     values: values at the breakpoints, (n, ...), an array, or expressions as a column
     points: breakpoints, (n,)
     """
-    column = (-1, *[1] * (len(values.shape) - 1))
-    widths = np.diff(points).reshape(column)
-    starts = (points[:-1] - _middle(points)).reshape(column)
+    column_shape = (-1, *[1] * (len(values.shape) - 1))
+    widths = np.diff(points).reshape(column_shape)
+    start_offsets = (points[:-1] - _middle(points)).reshape(column_shape)
     slopes = (values[1:] - values[:-1]) / widths
-    return values[:-1] - slopes * starts, slopes
+    return values[:-1] - slopes * start_offsets, slopes
 
 
 def _middle(points: np.ndarray) -> float:

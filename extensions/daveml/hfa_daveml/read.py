@@ -293,23 +293,23 @@ class _Files:
         pressure_area = motion.pressure * value(names.AREA)
         air_force = pressure_area * self._coefficients(value, x.alpha)
         lengths = ca.vertcat(value(names.SPAN), value(names.CHORD), value(names.SPAN))
-        about_reference = pressure_area * lengths * self._vector(value, names.MOMENTS)
+        moment_at_reference = pressure_area * lengths * self._vector(value, names.MOMENTS)
         center = self._vector(value, names.CENTER)  # relative to the moments' reference point
-        moment = about_reference - ca.cross(center, air_force)
+        aerodynamic_moment = moment_at_reference - ca.cross(center, air_force)
         thrust = self._vector(value, names.THRUST)
-        specific = (air_force + thrust) / value(names.MASS)
+        specific_force = (air_force + thrust) / value(names.MASS)
         inertia = inertia_matrix(
             [value(name) for name in names.INERTIA],
             ca.vertsplit(self._vector(value, names.PRODUCTS)),
         )
         rates, outputs = motion.rates_and_outputs(
-            specific, moment + self._vector(value, names.THRUST_MOMENT), inertia
+            specific_force, aerodynamic_moment + self._vector(value, names.THRUST_MOMENT), inertia
         )
         in_wind_axes = ca.mtimes(wind_axes(x.alpha, x.beta).T, air_force)
         forces = motion.forces(
             lift=-in_wind_axes[2],
             drag=-in_wind_axes[0],
-            pitching_moment=moment[1],  # without that of the thrust
+            pitching_moment=aerodynamic_moment[1],  # without that of the thrust
             thrust=thrust[0],
             mass=value(names.MASS),
             area=value(names.AREA),

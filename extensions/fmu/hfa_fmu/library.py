@@ -158,6 +158,7 @@ class Instance:
         interface = self._interface
         with self._lock:
             self._set(v, 0.0)
+            # FMI's words: the known variables change along the seed, the unknown ones follow.
             references = (*interface.states, *interface.inputs)
             known = (c_uint * len(references))(*references)
             seed = (c_double * len(references))(*direction)
@@ -175,10 +176,11 @@ class Instance:
 
         memory, first: array of doubles, and the place of the first variable in it
         """
+        # FMI 3.0 also takes the number of the values, which may be arrays.
         count = c_size_t(len(references))
         place = ctypes.byref(memory, first * ctypes.sizeof(c_double))
-        which = (c_uint * len(references))(*references)
-        return (which, count, place, *([count] if self._interface.version == 3 else []))
+        c_references = (c_uint * len(references))(*references)
+        return (c_references, count, place, *([count] if self._interface.version == 3 else []))
 
     def _set(self, v: Any, time: float) -> None:
         """Set time and all variables, with an event where an input changes at events only.

@@ -299,10 +299,10 @@ def _warnings(evaluator: Evaluator, start: np.ndarray) -> tuple[str, ...]:
     differences = 0.5 * (below + above)
     given = np.array([evaluator.along(start, unit) for unit in _unit_vectors(evaluator)]).T
     nominals = evaluator.nominals[: evaluator.count_of_x_and_u]
-    apart = _largest_error(given - differences, differences, nominals)
-    if apart <= _LARGEST_DISAGREEMENT:
+    difference = _largest_error(given - differences, differences, nominals)
+    if difference <= _LARGEST_DISAGREEMENT:
         return ()
-    return (f"the derivatives of the FMU differ from differences of its rates by {apart:.1g}",)
+    return (f"the derivatives of the FMU differ from differences of its rates by {difference:.1g}",)
 
 
 def _unit_vectors(evaluator: Evaluator) -> np.ndarray:
@@ -326,8 +326,8 @@ def _largest_error(error: np.ndarray, slopes: np.ndarray, nominals: np.ndarray) 
     """Return the largest error of a Jacobian (m, n), relative to the largest entry of its row."""
     # The entries are multiplied by the nominal values of the arguments.
     sizes = np.abs(slopes * nominals).max(axis=1, keepdims=True)
-    apart = np.abs(error) * nominals
-    return float(np.max(np.divide(apart, sizes, out=np.zeros_like(apart), where=sizes > 0.0)))
+    errors = np.abs(error) * nominals
+    return float(np.max(np.divide(errors, sizes, out=np.zeros_like(errors), where=sizes > 0.0)))
 
 
 def _fault_of_flight(evaluator: Evaluator) -> Callable[[Any, Any, Any], str]:
