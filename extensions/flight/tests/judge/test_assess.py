@@ -257,7 +257,9 @@ def test_a_flight_without_limits_departs_when_it_overflows():
 
 
 def test_unmet_requirements_are_listed():
-    """A delay, margin or cost that a test policy of the GTM does not have at 45 or 60 m/s is unmet."""
+    """`needs` are a delay, s, that the loop must tolerate, its least margin, and the largest cost above the
+    optimum, %. Each that the policy does not meet at 45 or at 60 m/s is listed in `unmet`.
+    """
     told = assess(aircraft("ppo_gtm"), FOLDER / "ppo_gtm.toml", [45.0, 60.0], samples=0)
     assert replace(told, needs={"delay": 0.01, "margin": 0.1, "cost": 1000.0}).unmet == []
     for needs in ({"delay": 0.02}, {"margin": 0.5}, {"cost": 50.0}):

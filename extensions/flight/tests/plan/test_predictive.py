@@ -139,8 +139,8 @@ def test_the_sample_time_resolves_the_fastest_pole():
 
 
 def test_near_the_trim_the_plan_costs_the_exact_value_and_the_exact_gain_flies():
-    """A plan of half a second costs z'Pz within 1 %, with P of `hfa.lqr`. At the next sample, as near to
-    the trim, the linear policy acts: -K z.
+    """A plan of half a second from z, near the trim, costs z'Pz within 1 %, with P of `hfa.lqr`. At the
+    next sample, nearer to the trim, the linear policy acts: -K z.
     """
     linear = hfa.linearize(CART, AT_REST)
     P = np.array(hfa.lqr(linear.A, linear.B, *WEIGHTS).P)
@@ -471,7 +471,7 @@ def test_a_flight_of_the_command_does_not_depend_on_the_machine(capsys, monkeypa
     words += ["--initial", "angle=40", "--disturbance", "push=2", "--json"]
     finals = []
     for slow in (False, True):
-        if slow:
+        if slow:  # each reading of the clock is a second after the one before
             monkeypatch.setattr("time.thread_time", map(float, range(10**9)).__next__)
         assert main(words) == 0
         finals.append(json.loads(capsys.readouterr().out)["final"])
