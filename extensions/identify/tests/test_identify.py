@@ -29,26 +29,41 @@ def identified(seed=0, pole=0.0):
     return identify(begun(1.5), record(seed, pole), FREE)
 
 
-def misses(result, true):
-    """Return (θ - true)' C⁻¹ (θ - true), which has a chi-square distribution."""
-    apart = np.array([result[name].value - value for name, value in true.items()])
-    return float(apart @ np.linalg.solve(result.covariance, apart))
+TRUE = {name: true_value(name) for name in FREE}
+
+
+def chi_square(result, true):
+    """Return (θ - true)' C⁻¹ (θ - true) of the estimates θ with the covariance C."""
+    errors = np.array([result[name].value - value for name, value in true.items()])
+    return float(errors @ np.linalg.solve(result.covariance, errors))
 
 
 def test_estimates_agree_with_the_true_values_within_their_bands():
-    """From 50 % off, the estimates agree with the true values: chi-square (7) below 24.3 (1 in
-    1000). Each band is narrower than 30 % of its estimate, the residuals are the sensors' noise, and
-    drawn aircraft spread as the covariance says.
+    """In a search from 1.5 times the true values, the seven estimates agree with the true values: their
+    chi-square is below 24.3, which 1 in 1000 exceeds. Each band is narrower than 30 % of its estimate,
+    and no estimate is reported as far from the start of the search.
     """
     result = identified()
     assert result.ok
     assert not result.far
-    assert misses(result, {name: true_value(name) for name in FREE}) < 24.3
+    assert chi_square(result, TRUE) < 24.3
     for each in result.parameters.values():
         assert each.high - each.low < 0.3 * abs(each.value)
+
+
+def test_residuals_are_the_noise_of_the_sensors():
+    """Residuals of a record, and the noise that the result states, have the standard deviations of the
+    sensors.
+    """
+    result = identified()
     for name, size in SENSORS.items():
         assert result.residuals[0][name].std() == pytest.approx(size, rel=0.15)
         assert result.quantities[name].noise == pytest.approx(size, rel=0.15)
+
+
+def test_drawn_aircraft_spread_as_the_band_says():
+    """Over 200 drawn aircraft, the standard deviation of Cm_alpha is its half band over 1.96."""
+    result = identified()
     drawn = [model.parameters["Cm_alpha"].start for model in result.draws(200, seed=1)]
     half = 0.5 * (result["Cm_alpha"].high - result["Cm_alpha"].low)
     assert np.std(drawn) == pytest.approx(half / 1.96, rel=0.15)
@@ -86,8 +101,8 @@ def test_colored_noise_widens_the_bands():
 
 
 def test_gaps_and_several_records():
-    """Estimates from a record with missing samples together with a second one agree with the true
-    values: chi-square (7) below 24.3 (1 in 1000).
+    """Estimates from a record with missing samples and a second record agree with the true values: the
+    chi-square of 7 parameters is below 24.3, which 1 in 1000 exceeds.
     """
     gaps, later = record(1), record(2)
     later["time"] = later["time"] + 100.0
@@ -95,7 +110,7 @@ def test_gaps_and_several_records():
         gaps[name][3::4] = math.nan
     result = identify(begun(1.5), [gaps, later], FREE)
     assert result.ok
-    assert misses(result, {name: true_value(name) for name in FREE}) < 24.3
+    assert chi_square(result, TRUE) < 24.3
 
 
 def test_a_table_of_pandas_is_a_record():
@@ -109,12 +124,14 @@ def test_a_table_of_pandas_is_a_record():
 
 
 def test_a_flight_is_a_record():
-    """A flight of `hfa.fly` without noise gives the Cm_q with which it was flown."""
+    """A flight of `hfa.fly` with steps of the elevator and without noise gives its own Cm_q, in a search
+    from 1.5 times this value.
+    """
     moved = {"elevator": [(0.0, 0.03), (0.6, -0.03), (1.2, 0.0)]}
     flight = hfa.fly(LONGITUDINAL, hfa.trim(LONGITUDINAL), moved, duration=1.9)
-    off = LONGITUDINAL.with_parameters(Cm_q=1.5 * true_value("Cm_q"))
-    again = identify(off, flight, ["Cm_q"], inputs="steps")
-    assert again["Cm_q"].value == pytest.approx(true_value("Cm_q"), rel=1e-3)
+    begin = LONGITUDINAL.with_parameters(Cm_q=1.5 * true_value("Cm_q"))
+    result = identify(begin, flight, ["Cm_q"], inputs="steps")
+    assert result["Cm_q"].value == pytest.approx(true_value("Cm_q"), rel=1e-3)
 
 
 def late(values):
@@ -155,8 +172,8 @@ def test_a_planted_fault_is_seen(column, fault, seen, size):
 
 
 def test_parameters_far_from_the_start_are_named():
-    """With the wrong sign of the elevator its derivative changes sign, and the report advises to check
-    units and signs of this parameter.
+    """If the elevator of a record has the wrong sign, the estimate of Cm_elevator has the wrong sign. It
+    is far from the start of the search, and the report advises to check its units and sign.
     """
     wrong = record(seed=11)
     wrong["elevator"] = 2.0 * wrong["elevator"][0] - wrong["elevator"]
@@ -169,12 +186,14 @@ def test_parameters_far_from_the_start_are_named():
 @pytest.mark.slow
 @pytest.mark.parametrize("lag", [100.0, 0.1])
 def test_right_records_in_turbulence_pass_the_residual_test(lag):
-    """In 16 records of a linear short period in turbulence, no residual is said to follow the elevator.
+    """In 16 records of a linear short period in turbulence, no residual is reported to follow the
+    elevator, since the model is right.
 
-    White noise drives alpha, and through a lag of 100 s or 0.1 s the pitch rate.
+    The turbulence is white noise that drives alpha and, through a lag of 100 s or 0.1 s, the pitch rate.
     """
     true = {"Z_alpha": -2.0, "M_alpha": -12.0, "M_q": -3.0, "M_elevator": -20.0}
     # alpha, pitch rate, and the lagged noise
+    # x[k+1] = Phi x[k] + held u[k] is the exact solution for a constant input over a step.
     A = np.array([[-2.0, 1.0, 0.0], [-12.0, -3.0, 3.0 / lag], [0.0, 0.0, -1.0 / lag]])
     step = 0.02
     Phi = expm(A * step)
@@ -233,8 +252,9 @@ def test_a_record_without_motion_fails(coloured):
 
 
 def test_biases_of_columns_are_estimated():
-    """Planted biases and the parameters agree with their estimates: chi-square (8) below 26.1 (1 in
-    1000). The bias of an angle is printed in degrees.
+    """Biases of 0.02 rad in the pitch and -0.01 rad in the elevator are estimated with six parameters:
+    the chi-square of the 8 estimates is below 26.1, which 1 in 1000 exceeds. The bias of an angle is
+    printed in degrees.
     """
     wrong = record(seed=5)
     wrong["pitch"] = wrong["pitch"] + 0.02
@@ -245,48 +265,42 @@ def test_biases_of_columns_are_estimated():
     result = identify(begin, wrong, free)
     assert result.ok
     true = {name: true_value(name) for name in free if name not in errors}
-    assert misses(result, true | errors) < 26.1
+    assert chi_square(result, true | errors) < 26.1
     assert f"{math.degrees(result['bias_pitch'].value):.6g}" in str(result)
 
 
-def lag(rates, start):
-    """Return a model of one state x with x' = rates(u, k, x), and a record of x' = u - x.
+def pulse_response(time, k):
+    """Return x of x' = u - k x, x(0) = 0, for a pulse u = 1 from 1 to 3 s."""
+    on = np.clip(time - 1.0, 0.0, 2.0)
+    after = np.maximum(time - 3.0, 0.0)
+    return (1.0 - np.exp(-k * on)) / k * np.exp(-k * after)
 
-    The input is a pulse of 2 s.
 
-    start: value of the parameter k at the start of a search
-    """
+def lag():
+    """Return the model x' = u - k x, with 1.2 for k, and a noisy record of a pulse response for k = 1."""
     model = hfa.Model(
         name="lag",
         states={"x": hfa.Signal("1", nominal=1.0)},
         inputs={"u": hfa.Signal("1", nominal=1.0)},
-        parameters={"k": hfa.Signal("1/s", nominal=1.0, start=start)},
-        equations=lambda x, u, p, w: ({"x": rates(u.u, p.k, x.x)}, {}),
+        parameters={"k": hfa.Signal("1/s", nominal=1.0, start=1.2)},
+        equations=lambda x, u, p, w: ({"x": u.u - p.k * x.x}, {}),
         trim={"x": 0.0},
     )
     time = np.arange(0.0, 10.0, 0.05)
-    on = np.clip(time - 1.0, 0.0, 2.0)
-    after = np.maximum(time - 3.0, 0.0)
-    x = (1.0 - np.exp(-on)) * np.exp(-after)
     u = np.where((time > 0.999) & (time < 2.999), 1.0, 0.0)
-    x += 0.01 * np.random.default_rng(0).standard_normal(len(time))
-    return model, {"time": time, "u": u, "x": x}
+    noise = 0.01 * np.random.default_rng(0).standard_normal(len(time))
+    return model, {"time": time, "u": u, "x": pulse_response(time, 1.0) + noise}
 
 
 def test_the_band_of_a_dynamic_parameter_is_that_of_its_closed_form():
-    """x' = u - k x with k = 1: the band is 1.96 times the standard error of a linear least-squares fit
-    with the derivatives of the closed form by k and x(0).
+    """For k = 1 of x' = u - k x, half of the band is 1.96 times the standard error of linear least squares
+    with the derivatives of the closed form of x(t) by k and by x(0), exp(-t).
     """
-    model, columns = lag(lambda u, k, x: u - k * x, 1.2)
+    model, columns = lag()
     result = identify(model, columns, ["k"], inputs="steps")
     time = columns["time"]
-    on, after = np.clip(time - 1.0, 0.0, 2.0), np.maximum(time - 3.0, 0.0)
-
-    def exact(k, start):
-        return (1.0 - np.exp(-k * on)) / k * np.exp(-k * after) + start * np.exp(-k * time)
-
     step = 1e-6
-    by_k = (exact(1.0 + step, 0.0) - exact(1.0 - step, 0.0)) / (2.0 * step)
+    by_k = (pulse_response(time, 1.0 + step) - pulse_response(time, 1.0 - step)) / (2.0 * step)
     S = np.column_stack([by_k, np.exp(-time)])
     noise = float(np.sum(result.residuals[0]["x"] ** 2)) / (len(time) - 2.0)
     expected = 1.959964 * math.sqrt(noise * np.linalg.inv(S.T @ S)[0, 0])
@@ -295,8 +309,10 @@ def test_the_band_of_a_dynamic_parameter_is_that_of_its_closed_form():
 
 
 def test_noise_slower_than_the_maneuver_fails():
-    """Noise with a time constant of 3 s widens the bands by more than 8, beyond their correction."""
-    model, columns = lag(lambda u, k, x: u - k * x, 1.2)
+    """Colored noise with a time constant of 3.3 s (pole 0.985 at steps of 0.05 s), longer than the pulse
+    of 2 s, requires bands that are more than 8 times as wide, and the result does not pass.
+    """
+    model, columns = lag()
     slow = lfilter([1.0], [1.0, -0.985], np.random.default_rng(0).standard_normal(2000))
     columns["x"] = columns["x"] + 0.02 * slow[-len(columns["x"]) :]
     result = identify(model, columns, ["k"], inputs="steps")
@@ -305,7 +321,7 @@ def test_noise_slower_than_the_maneuver_fails():
 
 
 def gains(**values):
-    """Return a model with the output y = Σ k_i u_i and a state that no input moves."""
+    """Return a model of the output y = x + Σ k_i u_i, with x' = -x: its gains k_i start at `values`."""
     return hfa.Model(
         name="gains",
         states={"x": hfa.Signal("1")},
@@ -321,7 +337,9 @@ def gains(**values):
 
 
 def test_a_band_is_that_of_a_regression():
-    """y = k u + x(0) e^-t of 12 samples: the band is 1.96 times the standard error of least squares."""
+    """For 12 samples of y = k u + x(0) exp(-t), estimate and half band are those of least squares: 1.96
+    standard errors, with the variance of 12 - 2 degrees of freedom.
+    """
     generator = np.random.default_rng(4)
     time, u = 0.1 * np.arange(12), generator.standard_normal(12)
     y = 2.0 * u + 0.1 * generator.standard_normal(12)
@@ -345,9 +363,9 @@ def test_correlated_parameters_are_named():
     assert coefficient < -0.98
 
 
-def test_an_unmeasured_state_may_begin_elsewhere():
-    """A state without a sensor that begins at 3 in place of 0 does not change the estimate: its
-    initial value is estimated, too.
+def test_the_initial_value_of_an_unmeasured_state_is_estimated():
+    """In the record of y = 2 u + x, x' = -x, the state x is not measured, and begins at 3 in place of 0,
+    its trim. The estimate of the gain is 2 nevertheless.
     """
     generator = np.random.default_rng(4)
     time, u = 0.1 * np.arange(60), generator.standard_normal(60)

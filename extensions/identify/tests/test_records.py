@@ -30,7 +30,9 @@ SPEED = 30.0 + np.arange(12)
     ],
 )
 def test_units_and_separators(head, factors, separator, tmp_path):
-    """Usual units are converted, and usual separators and decimals are recognized."""
+    """Units in the heads of columns are converted to s, rad and m/s, and separators by commas, tabs, or
+    semicolons beside decimal commas are recognized.
+    """
     columns = [each * factor for each, factor in zip((TIME, ALPHA, SPEED), factors, strict=True)]
     rows = [separator.join(f"{value:.9g}" for value in row) for row in np.transpose(columns)]
     decimal = "," if separator == ";" else "."
@@ -108,41 +110,58 @@ def written(path, columns, degrees):
     Path(path).write_text("\n".join(rows))
 
 
-def test_the_command_writes_an_aircraft(folder):
-    """The file that `hfa identify` writes names its aircraft relative to itself, and contains the
-    estimates and the values of --given; it is refused once the file of the aircraft has changed.
+FLOWN = AIRCRAFT.with_parameters(CD_0=0.05)
+DEGREES = {"alpha": "deg", "elevator": "deg", "pitch_rate": "deg/s"}
 
-    With --inputs steps, the estimate is another one, that of Python. A record with a frozen sensor
-    has exit code 1.
+
+@pytest.fixture
+def words(folder):
+    """Write data/uav.toml and its record flight.csv with CD_0 = 0.05; return the options for its Cm_q."""
+    Path("data").mkdir()
+    Path("data/uav.toml").write_text(Path(UAV).read_text())
+    written("flight.csv", record(model=FLOWN), DEGREES)
+    return ("--aircraft", "data/uav.toml", "--free", "Cm_q", "--given", "CD_0=0.05")
+
+
+def test_the_command_gives_the_estimate_of_python(words):
+    """The band of `hfa identify` contains the true value. With --inputs steps the estimate is another
+    one, that of `hfa.identify(..., inputs="steps")`.
     """
-    for name in ("data", "results"):
-        Path(name).mkdir()
-    aircraft = Path("data/uav.toml")
-    aircraft.write_text(Path(UAV).read_text())
-    flown = record(model=AIRCRAFT.with_parameters(CD_0=0.05))
-    degrees = {"alpha": "deg", "elevator": "deg", "pitch_rate": "deg/s"}
-    written("flight.csv", flown, degrees)
-    words = ("--aircraft", str(aircraft), "--free", "Cm_q", "--given", "CD_0=0.05")
+    linear, stepped = (
+        json.loads(run("identify", "flight.csv", *words, *more, "--json").out)["parameters"]["Cm_q"]
+        for more in ((), ("--inputs", "steps"))
+    )
+    assert linear["low"] < true_value("Cm_q") < linear["high"]
+    model = hfa.load_model("data/uav.toml")
+    given = {"CD_0": 0.05}
+    found = hfa.identify(model, "flight.csv", ["Cm_q"], given=given, inputs="steps")["Cm_q"]
+    assert stepped["value"] == found.value != linear["value"]
+
+
+def test_a_frozen_sensor_fails_the_command(words):
+    """A record with a pitch rate of 0 has exit code 1."""
+    columns = record(model=FLOWN)
+    written("frozen.csv", columns | {"pitch_rate": 0.0 * columns["pitch_rate"]}, DEGREES)
+    assert run("identify", "frozen.csv", *words).code == 1
+
+
+def test_the_command_writes_an_aircraft(words):
+    """The file that `hfa identify` writes contains the estimates and the values of --given. It names the
+    aircraft relative to itself, so that both can be moved, and is refused once the aircraft's file has
+    changed.
+    """
+    Path("results").mkdir()
     done = run("identify", "flight.csv", *words, "-o", "results/found.toml", "--json")
     assert done.code == 0, done.out + done.err
-    parameters = json.loads(done.out)["parameters"]
-    assert parameters["Cm_q"]["low"] < true_value("Cm_q") < parameters["Cm_q"]["high"]
-    written("frozen.csv", flown | {"pitch_rate": np.zeros_like(flown["pitch_rate"])}, degrees)
-    assert run("identify", "frozen.csv", *words).code == 1
-    stepped = json.loads(run("identify", "flight.csv", *words, "--inputs", "steps", "--json").out)
-    told = hfa.identify(
-        hfa.load_model(str(aircraft)), "flight.csv", ["Cm_q"], given={"CD_0": 0.05}, inputs="steps"
-    )
-    assert stepped["parameters"]["Cm_q"]["value"] == told["Cm_q"].value
-    assert told["Cm_q"].value != parameters["Cm_q"]["value"]
     Path("elsewhere").mkdir()
     for name in ("data", "results"):
         Path(name).rename(Path("elsewhere", name))
     found = hfa.load_model("elsewhere/results/found.toml")
     assert found.parameters["CD_0"].start == 0.05
-    assert found.parameters["Cm_q"].start == pytest.approx(parameters["Cm_q"]["value"])
+    estimate = json.loads(done.out)["parameters"]["Cm_q"]["value"]
+    assert found.parameters["Cm_q"].start == pytest.approx(estimate)
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(found)).p, found.p)
-    moved = Path("elsewhere", aircraft)
+    moved = Path("elsewhere/data/uav.toml")
     moved.write_text(moved.read_text() + "\n# changed")
     with pytest.raises(hfa.BadInputError, match="SHA-256"):
         hfa.load_model("elsewhere/results/found.toml")

@@ -30,9 +30,10 @@ def failed(found):
 
 
 def test_the_identified_aircraft_passes(published_aircraft):
-    """The identified aircraft passes all checks at 20 released trims and for 27 rounded entries.
+    """The identified aircraft passes all checks: at 20 trims of the released simulation, at 68, 64 and
+    30 ft/s with dihedral angles up to 45 deg, and for a third printed model.
 
-    The trims are at 68, 64 and 30 ft/s, with dihedral angles up to 45 degrees.
+    Of the entries of this model, 27 are printed with decimals, and thus rounded.
     """
     validation = validate(published_aircraft)
     assert not failed(validation)
@@ -85,9 +86,8 @@ def test_a_wrong_eigenvalue_fails_its_check(published_aircraft, monkeypatch):
 
 
 def test_the_tolerance_is_half_a_unit(published_aircraft):
-    """The tolerance of an entry printed with decimals is half a unit of its last digit.
-
-    An error of 1e-9 in an entry printed as an integer exceeds 1000 times its tolerance.
+    """The tolerance of an entry of the third printed model (10 deg) is half a unit of its last decimal.
+    An entry printed as an integer is exact: an error of 1e-9 exceeds 1000 times its tolerance.
     """
     model = level_model(published_aircraft, math.radians(10.0))
     entries = {entry.name: entry for entry in third_printed_entries(model)}
@@ -110,11 +110,8 @@ def test_released_parameters_pass_with_their_air_density():
 
     With the density of the standard atmosphere, they fail four checks.
     """
-    gravity, gas, radius = (
-        32.17405,
-        1716.55,
-        20_926_476.0,
-    )  # ft/s^2, ft^2/(s^2 degR), ft; values of the simulation
+    # Constants of the simulation, in ft/s^2, ft^2/(s^2 degR) and ft; height is the geopotential one.
+    gravity, gas, radius = 32.17405, 1716.55, 20_926_476.0
     height = radius * 40_000.0 / (radius + 40_000.0)
     tropopause = (
         2116.22 / (gas * 518.67) * (389.97 / 518.67) ** (gravity / (0.00356616 * gas) - 1.0)
@@ -125,6 +122,7 @@ def test_released_parameters_pass_with_their_air_density():
         / float(density(40_000.0))
     )
     released = load_parameters("gibson-2011-simulation").values
+    # Aerodynamic forces are proportional to the density; induced drag is CL² times this parameter.
     lifts = ("lift_slope", "aileron_lift", "aileron_moment", "zero_lift_moment", "zero_lift_drag")
     theirs = {name: getattr(released, name) * thin for name in lifts} | {
         "induced_drag": released.induced_drag / thin
@@ -156,10 +154,11 @@ def off_at(dihedral, degrees, size):
 
 
 def test_cos_squared_fits_the_print_and_fails_outside(parameters, published_aircraft):
-    """An inertia with cos² η fits the print at both angles, and fails the checks at other angles.
+    """A hinge inertia with a term in cos² η fits the printed models at 5 and 15 deg, up to 1.25 half units
+    of the last digits, and fails the checks at other angles.
 
-    The two printed angles determine the two constants of the inertia, 0.039211 and I_roll 9840.2. At
-    45 deg, only the dihedral-rate row of A differs.
+    The printed models determine its two constants, 0.039211 and I_roll 9840.2. At 45 deg, only the
+    dihedral-rate row of A, the last one, differs from that of the published inertia.
     """
     other_aircraft = hfa.aircraft(FreeFactor(), parameters._replace(inertia_roll=9840.2))
     misses = [
@@ -172,7 +171,6 @@ def test_cos_squared_fits_the_print_and_fails_outside(parameters, published_airc
         *("gibson_fig_7_fast_root", "third_printed_model_half_units"),
         *(f"eigenvalue_{speed}_ft_s" for speed in (30, 64, 68)),
     }
-    # The models differ only in the dihedral-rate row, which contains d3.
     farthest = max(released_trims(), key=lambda each: each.dihedral)
     difference = np.abs(
         model_at(published_aircraft, farthest).A - model_at(other_aircraft, farthest).A
@@ -186,7 +184,9 @@ def test_cos_squared_fits_the_print_and_fails_outside(parameters, published_airc
     [pytest.param(each, marks=[pytest.mark.slow] if each != 15 else []) for each in ANGLES],
 )
 def test_an_inertia_error_at_one_angle_is_detected(parameters, degrees):
-    """An error of 2e-5 in the hinge inertia at one angle is detected."""
+    """A hinge inertia that is 2e-5 too large near one of the released angles fails the eigenvalues at
+    30 ft/s.
+    """
 
     class Off(Published):
         def hinge_inertia(self, dihedral, p):
