@@ -111,6 +111,7 @@ class Model(Reported):
         Raises BadInputError, as described for the class.
         """
         groups = {kind: getattr(self, kind) for kind in (*VECTORS.values(), "outputs")}
+        # The fields of the frozen class are set through vars(self).
         vars(self).update(declared_signals(self.name, groups))
         if not self.states:
             raise BadInputError(f"{self.name} declares no states; declare at least one")

@@ -127,6 +127,7 @@ def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model],
     }
     per_second = conversion_factor(f"1/{model.time_unit}", "1/s") or 1.0
     rate_factors = {name: factors[name] * per_second for name in model.states}
+
     converted: dict[str, Any] = {
         kind: {
             name: _signal_in(units[name], factors[name], signal)
@@ -140,6 +141,7 @@ def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model],
         factors.setdefault(
             f"{name}_dot", factor
         )  # rate that a trim imposes, unless a signal has its name
+
     # Functions that the model does not have remain None: None and partial(...) is None.
     domain, begin, explain = model.domain, model.trimming.begin, model.trimming.explain
     return replace(

@@ -289,9 +289,12 @@ def _lagged_panel(panel: _Panel, x: Any, u: Any, p: Any, air_density: Quantity) 
         downwash=p.downwash_share * x.downwash,
         chord=tail_chord,
     )
+
     wing_alpha, wing_rates = _effective_angle(wing_strip, panel, x, p)
     tail_alpha, tail_rates = _effective_angle(tail_strip, panel, x, p)
-    # The loads on the wing are those of a panel without tail, and the other way round.
+
+    # `panel_loads` of a panel without tail are the loads on the wing, and those of a panel without
+    # wing chord the loads on the tail. The lift slopes are those of the finite spans.
     wing_factor = _slope_factor(p, _aspect_ratio(p))
     wing_alone = p._replace(
         lift_slope=wing_factor * p.lift_slope,
@@ -300,6 +303,7 @@ def _lagged_panel(panel: _Panel, x: Any, u: Any, p: Any, air_density: Quantity) 
     )
     tail_factor = _slope_factor(p, p.tail_aspect_ratio)
     tail_alone = p._replace(lift_slope=tail_factor * p.lift_slope, chord=0.0)
+
     flow = flow_of(panel.gusty)
     wing_flow = flow._replace(alpha=wing_alpha)
     tail_flow = flow._replace(alpha=tail_alpha)
@@ -404,6 +408,8 @@ def _carried_air(plate: _Plate, panel: _Panel, x: Any, p: Any) -> _CarriedAir:
     # the circulatory lift at the quarter chord omits this moment.
     # The inertia about the pitch axis, (m b²/8) cos² η, changes with the dihedral η of the panel:
     # Lagrange's equations then contain the terms `gyroscopic` in q' and `centrifugal` in η''.
+
+    # Forces on the plate at zero acceleration
     turning = panel.spanwise_rate
     normal_speed = panel.calm.downward + turning * plate.aft
     slopes, steady_acceleration = _normal_acceleration(plate, panel, x, p)
@@ -413,11 +419,15 @@ def _carried_air(plate: _Plate, panel: _Panel, x: Any, p: Any) -> _CarriedAir:
     sin_panel = panel.sin_dihedral
     cos_panel = panel.cos_dihedral
     downward = normal * cos_panel + inward * sin_panel
+
+    # Moments at zero acceleration
     pitch_inertia_of_air = plate.mass * plate.half_chord**2 / 8
     lift_moment = cos_panel * plate.mass * panel.calm.forward * plate.half_chord / 2 * turning
     gyroscopic = 2 * pitch_inertia_of_air * cos_panel * sin_panel * x.pitch_rate * x.dihedral_rate
     moment = plate.aft * downward + panel.height * forward - lift_moment
     centrifugal = pitch_inertia_of_air * cos_panel * sin_panel * x.pitch_rate**2
+
+    # Inertias with respect to the accelerations (w_b', q', η'')
     turns_about_hinge = panel.name == "outer"  # only outer panels turn about their chords
     roll_inertia_of_air = plate.mass * plate.span**2 / 12 if turns_about_hinge else 0.0
     inertias = ca.vertcat(0.0, pitch_inertia_of_air * cos_panel**2, roll_inertia_of_air)

@@ -340,6 +340,7 @@ def _crossover(
         )
         return float(of_first - of_second)
 
+    # One search for each point of the imposed arrays
     names = {first, second, *model.parameters} & {*imposed}
     columns = np.broadcast_arrays(*(imposed[name] for name in names))
     heights = []

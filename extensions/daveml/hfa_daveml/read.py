@@ -290,12 +290,15 @@ class _Files:
         """Return the rates of the states, and the outputs, each by name."""
         motion = Motion(x, _GRAVITY, "english", p.isa)
         value = self._values(_motion_values(x, motion), u, p)
+
+        # Aerodynamic force, and its moment about the center of gravity
         pressure_area = motion.pressure * value(names.AREA)
         air_force = pressure_area * self._coefficients(value, x.alpha)
         lengths = ca.vertcat(value(names.SPAN), value(names.CHORD), value(names.SPAN))
         moment_at_reference = pressure_area * lengths * self._vector(value, names.MOMENTS)
         center = self._vector(value, names.CENTER)  # relative to the moments' reference point
         aerodynamic_moment = moment_at_reference - ca.cross(center, air_force)
+
         thrust = self._vector(value, names.THRUST)
         specific_force = (air_force + thrust) / value(names.MASS)
         inertia = inertia_matrix(
@@ -305,6 +308,8 @@ class _Files:
         rates, outputs = motion.rates_and_outputs(
             specific_force, aerodynamic_moment + self._vector(value, names.THRUST_MOMENT), inertia
         )
+
+        # Lift and drag are components of the aerodynamic force in wind axes.
         in_wind_axes = ca.mtimes(wind_axes(x.alpha, x.beta).T, air_force)
         forces = motion.forces(
             lift=-in_wind_axes[2],

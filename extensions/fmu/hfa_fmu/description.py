@@ -152,6 +152,8 @@ def _read(root: ElementTree.Element) -> Description:
     if exchange is None:
         raise BadInputError("the FMU has no model exchange; export it for model exchange")
     provides = exchange.get(f"providesDirectionalDerivative{'s' * (version == 3)}", "false")
+
+    # The states of the model are those whose derivatives the FMU lists.
     variables, state_of = _variables(root, version)
     structure = _structure(root, version, variables)
     states = [state_of[rate] for rate in structure.rates]
@@ -165,11 +167,15 @@ def _read(root: ElementTree.Element) -> Description:
         raise BadInputError(
             f"the FMU has {count} states and inputs; export a model with at most {_MOST_STATES}"
         )
+
+    # Parameters and outputs of the model, and all its variables
     constants = [variable for variable in variables.values() if variable.is_constant]
     outputs = [variables[name] for name in structure.outputs if name not in {*states}]
     real_outputs = [variable for variable in outputs if variable.is_real]
     in_model = [*(variables[name] for name in states), *inputs, *constants, *real_outputs]
     names = _names_in_model([variable.name for variable in in_model], states)
+
+    # Variables that the model omits
     settable = [
         variable for variable in variables.values() if variable.causality in ("input", "parameter")
     ]
@@ -178,6 +184,7 @@ def _read(root: ElementTree.Element) -> Description:
     unlisted = [
         variables[state] for rate, state in state_of.items() if listed.isdisjoint((rate, state))
     ]
+
     return Description(
         version=version,
         title=root.get("modelName") or "FMU",

@@ -157,6 +157,8 @@ def _model(
             description.outputs,
         )
     )
+
+    # Searches begin beside an event at the start values.
     nominals = [
         np.array([signal.nominal for signal in group.values()])
         for group in (states, inputs, parameters)
@@ -164,16 +166,18 @@ def _model(
     whole = [parameter.is_whole for parameter in description.parameters]
     count = len(states) + len(outputs)  # of the values that the FMU computes
     evaluator = Evaluator(instance, nominals, count, description.indicators, whole)
-    begun = _start_beside_events(evaluator, np.array(start), len(states))  # where searches begin
-    about = _about(evaluator, description, begun)
-    on_events = _note_on_events(description.indicators, begun.tolist() != start)
-    on_names = _note_on_similar_names(description.names)
-    about = replace(about, notes=(*about.notes, *on_events, *on_names))
+    begun = _start_beside_events(evaluator, np.array(start), len(states))
     begun_states = begun[: len(states)].tolist()
     states = {
         name: signal._replace(start=value)
         for (name, signal), value in zip(states.items(), begun_states, strict=True)
     }
+
+    about = _about(evaluator, description, begun)
+    on_events = _note_on_events(description.indicators, begun.tolist() != start)
+    on_names = _note_on_similar_names(description.names)
+    about = replace(about, notes=(*about.notes, *on_events, *on_names))
+
     function = casadi_function(evaluator)
 
     def equations(x: Any, u: Any, p: Any, _: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:

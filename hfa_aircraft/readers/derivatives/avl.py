@@ -310,12 +310,14 @@ def with_stability_file(
     for name in _GIVEN_BY_FILE:
         if name in given:
             raise given[name].error(f"{name} is in {file.path} too; remove {name}")
+
     own = {_name_in_model(name, file): entry for name, entry in given.items()}
     length = _length(own, where)
     _refuse_other_center(own, file, where)
     fixed = _fixed_deflections(own, file, where)
     for name in (_LENGTH, _CENTER, *fixed):  # read above; a table without a stability file has none
         del own[name]
+
     entries = {
         "axes": Entry("stability", file.path),
         "wing_area": _with_unit(file, "Sref", f"{length}^2"),
@@ -323,6 +325,7 @@ def with_stability_file(
         "chord": _with_unit(file, "Cref", length),
         "alpha": _with_unit(file, "Alpha", "deg"),
     }
+
     _refuse_missing_drag(own, file, where)
     # With the entry INDUCED, C_D is C_D,0 + INDUCED C_L², and the slopes in the file are not used.
     has_drag_slope = INDUCED not in own and "CDa" in file.values

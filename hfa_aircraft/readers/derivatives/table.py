@@ -228,6 +228,7 @@ def _checked_table(entries: dict[str, Entry], source: Source, name: str) -> Deri
     # A flap with limits is a control surface, and not the text entry `flap` about its setting.
     no_texts = {*pairs} & {*WORDS}
     texts = {key: "" if key in no_texts else _text(key, entries) for key in _TEXTS}
+
     system = texts["units"] or "si"
     axes = texts["axes"] or "body"
     limits = {key: _limits(key, entry, system) for key, entry in pairs.items()}
@@ -235,6 +236,7 @@ def _checked_table(entries: dict[str, Entry], source: Source, name: str) -> Deri
     numbers = {key: entry for key, entry in entries.items() if key not in {*pairs, *_TEXTS}}
     by_kind = _numbers_of(numbers, limits, texts, system)
     values, derivatives = by_kind.values, by_kind.derivatives
+
     determined = {  # derivative of a coefficient -> dimensional derivative that states it
         derivative.coefficient.name: derivative.name for derivative in by_kind.dimensional
     }
@@ -248,6 +250,7 @@ def _checked_table(entries: dict[str, Entry], source: Source, name: str) -> Deri
     for slope in (THRUST_BY_SPEED, "thrust_slope"):
         if slope in values or slope in derivatives:
             _refuse_no_drag(slope, entries, derivatives)
+
     return DerivativeTable(
         name=texts["name"] or name,
         system=system,
