@@ -318,7 +318,8 @@ def _scalars(
 
 def _failure_of_equations(error: Exception, layout: Layout, arguments: list[Any]) -> BadInputError:
     """Return the error for a model whose equations raised an exception, called with x, u, p, w."""
-    # An unknown field of x, u, p or w raises an AttributeError of that named tuple.
+    # An unknown field of x, u, p or w raises an AttributeError of that named tuple. The names of
+    # the outputs, which follow in layout.names, belong to no argument.
     for kind, vector, names in zip(VECTORS.values(), arguments, layout.names, strict=False):
         if isinstance(error, AttributeError) and error.obj is vector:
             refuse_unknown(

@@ -431,7 +431,7 @@ class Model(Reported):
         changes = np.hstack([slopes.A, slopes.B]) * self.nominal((*self.states, *self.inputs))
         largest = np.abs(changes).max(axis=1).tolist()
         pairs = zip(nominal.items(), largest, strict=True)
-        return {name: change or size for (name, size), change in pairs}
+        return {name: change or size for (name, size), change in pairs}  # size for a constant rate
 
     def factor_of(self, name: str, text: str, unit: str) -> float:
         """Return the factor from a stated unit to the unit of a signal, an airspeed or a rate.

@@ -363,6 +363,8 @@ def _crossover(
 def _true_airspeed_of(model: Model, name: str, altitude: str, imposed: Mapping[str, Any]) -> Any:
     """Return the true airspeed of an imposed airspeed, ft/s, as a number or an array."""
     start = {parameter: signal.start for parameter, signal in model.parameters.items()}
+    # A model has air of its own if its outputs show this air and it has no parameter ISA, which
+    # belongs to standard air.
     if ISA in model.parameters or not {*_OF_AIR} <= {*model.outputs}:
         height = imposed[altitude] / _factor_to_model(model, altitude, "ft")
         return _evaluated(

@@ -250,7 +250,7 @@ class _Files:
 
         nominal_value: name of an output -> its value at `_nominal_motion`
         """
-        upward = -_number(self._coefficients(nominal_value, _ALPHA)[2])
+        upward = -_number(self._coefficients(nominal_value, _ALPHA)[2])  # -C_Z
         if not upward > 0.0:
             files = "+".join(document.path for document in self._documents)
             raise BadInputError(

@@ -266,7 +266,7 @@ class Instance:
             setter, c_type = _setter(interface.version, kind)
             one = c_size_t(1)
             memory = (c_type * 1)(int(value) if is_whole else value)
-            more = [one] if interface.version == 3 else []
+            more = [one] if interface.version == 3 else []  # FMI 3.0: number of the values
             self._call(setter, (c_uint * 1)(reference), one, memory, *more)
 
     def _leave_event(self) -> None:

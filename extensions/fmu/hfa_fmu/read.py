@@ -338,7 +338,7 @@ def _fault_of_flight(evaluator: Evaluator) -> Callable[[Any, Any, Any], str]:
     """Return `Domain.flown` of an FMU: failed calls, and events."""
 
     def reason(x: np.ndarray, u: np.ndarray, p: np.ndarray) -> str:
-        """Return why a flight through states (N, n), with inputs (N, m), is not one, or ""."""
+        """Return why f is not valid along states (N, n) with inputs (N, m), or ""."""
         if not np.isfinite(x).all():  # the results of a failed call are NaN
             return evaluator.fault
         rows = np.hstack([x, u, np.tile(p, (len(x), 1))])

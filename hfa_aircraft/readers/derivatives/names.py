@@ -288,6 +288,7 @@ def _inertia(load: str, values: Mapping[str, float], axes: str) -> float:
     moments = (values["Ixx"], values["Iyy"], values["Izz"])
     inertia = inertia_matrix(moments, (0.0, values.get("Ixz", 0.0), 0.0))
     if axes == "stability":
+        # The body axes are the stability axes, pitched by alpha.
         turn = rotation(0.0, values.get("alpha", 0.0), 0.0)
         inertia = turn @ inertia @ turn.T
     place = _MOMENTS.index(load)

@@ -83,7 +83,7 @@ def _published() -> list[Values]:
     return [
         Values(
             {name: float(row[name]) for name in row if name not in _WORDS and row[name]},
-            gravity=STANDARD_GRAVITY,
+            gravity=STANDARD_GRAVITY,  # the entries are in SI units
         )
         for row in csv.DictReader(lines)
     ]

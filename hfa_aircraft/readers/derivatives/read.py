@@ -177,6 +177,7 @@ def _domain(table: DerivativeTable) -> Domain:
     altitude = table.values.get("altitude", 0.0)
     speed = table.values["speed"]
     sound = float(air_at(altitude, table.system).sound)
+    # Derivatives of AVL are those at the Mach number of its run case.
     mach = speed / sound if table.mach is None else table.mach
     alpha = table.values.get("alpha", 0.0)
     slopes = [
@@ -377,7 +378,8 @@ class _Equations:
         """Return the variables that derivatives multiply, suffix -> value, without alphadot."""
         values = self._table.values
         alpha, beta = x.alpha, x.beta
-        if self._table.center is not None:  # AVL's angles are those of the flow at its point
+        # AVL's angles are those of the flow at its point, `shift` ahead of the center of gravity.
+        if self._table.center is not None:
             alpha = alpha - x.pitch_rate * shift * ca.cos(x.alpha) / x.speed
             beta = beta + x.yaw_rate * shift / x.speed
         half_span = values["span"] / (2.0 * x.speed)

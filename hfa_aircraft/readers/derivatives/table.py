@@ -63,7 +63,7 @@ _TEXTS: dict[str, tuple[str, ...] | None] = {
 }
 #: The table in messages, if it is a dictionary.
 _DICTIONARY = "the table"
-_ANGLES = {"rad": 1.0, "deg": math.pi / 180.0}
+_RADIANS = {"rad": 1.0, "deg": math.pi / 180.0}
 
 
 @dataclass(frozen=True)
@@ -182,17 +182,18 @@ def table_of(values: Mapping[str, Any]) -> DerivativeTable:
 
 def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:
     """Yield name and entry for each value of a dictionary and of its inner dictionaries."""
+    # Inner dictionaries are the sections of a TOML file, which only group entries.
     seen: set[str] = set()
     for key, value in values.items():
         inner = value if isinstance(value, Mapping) else {key: value}
         place = f"{where}, [{key}]" if isinstance(value, Mapping) else where
-        for name, held in inner.items():
+        for name, content in inner.items():
             if not isinstance(name, str):
                 raise BadInputError(f"{place}: {shown(name)} is not the name of an entry")
             if name in seen:
                 raise BadInputError(f"{place}: {shown(name)} is given twice; remove one entry")
             seen.add(name)
-            yield name, Entry(held, place)
+            yield name, Entry(content, place)
 
 
 def _csv_entries(path: str, content: bytes) -> dict[str, Entry]:
@@ -305,23 +306,23 @@ def _numbers_of(
     texts: text entries, of which `per` is the unit of angles in derivatives without a unit
     """
     by_kind = _Numbers({}, {}, {}, {})
-    per_angle = 1.0 / _ANGLES[texts["per"] or "rad"]
+    per_angle = 1.0 / _RADIANS[texts["per"] or "rad"]
     for name, entry in entries.items():
         if name in UNITS:
             by_kind.values[name] = number(name, entry, _unit(name, system))
         elif meaning := derivative_of(name, surfaces):
-            without_unit = per_angle if meaning.is_by_angle else 1.0
-            by_kind.derivatives[name] = number(name, entry, meaning.unit, without_unit)
+            factor_without_unit = per_angle if meaning.is_by_angle else 1.0
+            by_kind.derivatives[name] = number(name, entry, meaning.unit, factor_without_unit)
             by_kind.meanings[name] = meaning
         elif dimensional := dimensional_of(name, surfaces):
-            without_unit = per_angle if dimensional.coefficient.is_by_angle else 1.0
+            factor_without_unit = per_angle if dimensional.coefficient.is_by_angle else 1.0
             if not texts["dimensional"]:
                 raise entry.error(
                     f'{name} is a dimensional derivative; give dimensional = "{BY_MASS}" (and '
                     f'inertia), or dimensional = "{UNDIVIDED}"'
                 )
             unit = dimensional.unit(system, texts["dimensional"])
-            by_kind.dimensional[dimensional] = number(name, entry, unit, without_unit)
+            by_kind.dimensional[dimensional] = number(name, entry, unit, factor_without_unit)
         else:
             raise _unknown(name, entry, surfaces)
     return by_kind
