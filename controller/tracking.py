@@ -95,7 +95,8 @@ def particular(M: np.ndarray, forcing: Waveform) -> Waveform:
 def feedforward(solution: Solution, reference: Waveform) -> Feedforward:
     """Return the exact feedforward of a game for a reference of its states.
 
-    The costate is computed in the states of `Solution.closed_loops`: its loop keeps its digits.
+    The costate is computed in the states of `Solution.closed_loops`, in which the entries of the
+    loop keep their digits.
 
     Raises BadInputError if the game is in discrete time, or if the reference has another number of
     states than the game.

@@ -67,7 +67,7 @@ class Basis(Reported):
 
     def psi(self, z: np.ndarray) -> np.ndarray:
         """Return ψ(z), (..., M), for z (..., n)."""
-        factors, powers = self._factors
+        factors, powers = self._factors  # of each monomial: numbers of its states, and their powers
         return np.asarray(np.prod(z[..., factors] ** powers, axis=-1))
 
     def gradient(self, z: np.ndarray) -> np.ndarray:

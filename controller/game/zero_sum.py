@@ -169,7 +169,7 @@ class Game(ByValue, Reported):
     def __hash__(self) -> int:
         """Return a hash of the sums of all entries of A, Q, R and N, and of delta.
 
-        Equal games have equal hashes.
+        Equal games have equal hashes: the sums of 0.0 and of -0.0 are equal, their bytes are not.
         """
         return hash((*map(np.sum, (self.A, self.Q, self.R, self.N)), self.delta))
 

@@ -127,7 +127,7 @@ def candidate_in_doubles(
             root = _root_of(X, game, noise)
             if root is None:
                 break
-            units = _changed(units, root)
+            units = _times_root(units, root)
             X = stabilizing_in_doubles(equation_of(game, units, delta))
         return corrected(equation_of(game, units, delta), ball_matrix(X))
 
@@ -179,8 +179,8 @@ def _root_of(X: np.ndarray, game: Game, noise: float) -> np.ndarray | None:
     return root
 
 
-def _changed(units: Units, root: np.ndarray) -> Units:
-    """Return units whose states are those of the given units, times a root."""
+def _times_root(units: Units, root: np.ndarray) -> Units:
+    """Return units with the states (root T) y in place of T y, where root is that of |X|."""
     step = ball_matrix(root)
     return units._replace(T=step if units.T is None else (step * units.T).mid())
 
@@ -248,6 +248,7 @@ def half_plane_in_doubles(equation: Equation) -> np.ndarray:
     assert isinstance(equation, StepEquation)
     A, G, Q, W, C = map(midpoints, (equation.A, equation.G, equation.Q, equation.W, equation.C))
     L, M = map(np.block, pencil_blocks(A, G, Q, W, C, np.eye(equation.n)))
+    # λ = (z - 1) / (z + 1) where L - z M is singular: the unit disk becomes the left half-plane.
     return np.linalg.solve(L + M, L - M)
 
 
@@ -285,6 +286,7 @@ def _input_weights(game: Game, B: np.ndarray, X: np.ndarray) -> np.ndarray:
 
 def disturbance_units(game: Game, delta: float) -> np.ndarray:
     """Return units of the disturbances, (k,) integers, in which δ is nearly 1 in discrete time."""
+    # In continuous time, δ is in the equation only as a factor 1/δ² of E E', of any size.
     exponent = math.frexp(delta)[1] if game.is_discrete and math.isfinite(delta) else 0
     return np.full(game.E.shape[1], -exponent)
 
@@ -311,7 +313,7 @@ def candidate_in_bits(game: Game, delta: float) -> Candidate:
             root = _root_of(midpoints(X), game, float(half_the_bits()))
             if root is None:
                 break
-            units = _changed(units, root)
+            units = _times_root(units, root)
             inverse = ball_matrix(root).inv()
             X = _without_noise(inverse.transpose() * X * inverse, game)
         equation = equation_of(game, units, delta)
@@ -334,11 +336,12 @@ def _of_stable_subspace(equation: Equation) -> arb_mat:
 
     Raises FailedError or ZeroDivisionError.
     """
-    n, everything = equation.n, slice(None)
+    n, every_row = equation.n, slice(None)
     found = SignFunction(equation.half_plane_matrix())
     if found.stable != n:
         raise FailedError(f"there are {found.stable} stable eigenvalues instead of {n}")
-    to_zero = (found.sign + identity(found.sign.nrows())).mid()
-    left, right = part(to_zero, everything, slice(n)), part(to_zero, everything, slice(n, None))
-    left, right = (right.transpose() * left).mid(), (right.transpose() * right).mid()
-    return -part(right.solve(left), slice(n))
+    to_zero = (found.sign + identity(found.sign.nrows())).mid()  # times [1; X], or [1; X; -gains]
+    of_1, of_X = part(to_zero, every_row, slice(n)), part(to_zero, every_row, slice(n, None))
+    # Normal equations of of_X [X; -gains] = -of_1.
+    constant, square = (of_X.transpose() * of_1).mid(), (of_X.transpose() * of_X).mid()
+    return -part(square.solve(constant), slice(n))

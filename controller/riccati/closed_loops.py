@@ -90,7 +90,7 @@ def poles_of(loop: Callable[[int], arb_mat], *, is_discrete: bool) -> Poles:
         sizes = np.abs(best.values) if is_discrete else np.abs(best.values.real)
         if (best.radii <= ROUNDOFF * (sizes.max() if is_discrete else sizes)).all():
             break
-    assert best is not None  # with the last bits, V is not singular
+    assert best is not None  # with the last bits, the V of `enclosed_poles` is not singular
     return best
 
 
@@ -164,7 +164,7 @@ class ClosedLoops:
             return midpoints(self.changes[0] * ball_matrix(matrix))
 
     def rows(self, matrix: arb_mat) -> np.ndarray:
-        """Return rows that multiply the user's states for the new states, rounded."""
+        """Return rounded rows for the new states y, whose product with y is that of the rows with z."""
         with precision(self.enclosure.bits):
             return midpoints(matrix * self.changes[1])
 
@@ -204,7 +204,7 @@ class ClosedLoops:
             return GainBounds(0.0, 0.0)
         Q, N, R = map(ball_matrix, (game.Q, game.N, game.R))
         best = GainBounds(0.0, math.inf)
-        for bits in ATTEMPTS[:2]:
+        for bits in ATTEMPTS[:2]:  # the bounds of either are proved; the second ones are closer
             with precision(bits), suppress(FailedError, NotProvedError):
                 gain = enclosed_in_bits(self.enclosure, bits).K if K is None else ball_matrix(K)
                 crossed = N * gain
@@ -264,14 +264,16 @@ class ClosedLoops:
 
 
 def rounded_loop(closed: np.ndarray, B: np.ndarray, K: np.ndarray, game: Game) -> ClosedLoop | None:
-    """Return M = S - I/2 at all inputs of a stable loop, None if it is not stable as rounded.
+    """Return the closed loop M = S - I/2 at all inputs, None if it is not stable as rounded.
+
+    S is the sensitivity. The disk margin is the inverse of the largest μ(M(jω)).
 
     closed, B, K: A - B K, (n, n), (n, m), and (m, n), in states in which they are accurate
     """
     is_stable = (
         spectral_radius(closed) < 1.0 if game.is_discrete else spectral_abscissa(closed) < 0.0
     )
-    with suppress(np.linalg.LinAlgError):  # -1 may be a pole that rounds to a stable one
+    with suppress(np.linalg.LinAlgError):  # in discrete time, -1 may be a pole as rounded
         return loop_of(closed, B, -K, game.dt) if is_stable else None
     return None
 

@@ -196,7 +196,11 @@ def decided_at(
 def _outcomes(
     game: Game, delta: float, near: Units | None, frequency: float | None, *, digits: bool
 ) -> Iterator[Enclosure | str]:
-    """Yield what candidates prove, with more and more bits, and what rationals decide, or ""."""
+    """Yield what candidates prove, with more and more bits, and what rationals decide.
+
+    An outcome is an enclosure, a reason why there is no value, or "" if nothing is proved.
+    """
+    # A candidate in doubles, and Newton's steps from it with twice the bits.
     with precision(BITS), np.errstate(all="ignore"):
         try:
             candidate = candidate_in_doubles(game, delta, near)
@@ -208,7 +212,8 @@ def _outcomes(
             with precision(2 * BITS), suppress(FailedError):
                 equation = equation_of(game, candidate.equation.units, delta)
                 yield _outcome(corrected(equation, candidate.X), digits=digits, in_bits=False)
-    refuse_modes(game)
+    refuse_modes(game)  # a mode because of which no delta has a value
+    # Candidates in bits.
     for n_bits in ATTEMPTS:
         with precision(n_bits), np.errstate(all="ignore"):
             try:
@@ -220,6 +225,7 @@ def _outcomes(
                 yield why_no_value(equation, None, in_bits=True)
             else:
                 yield _outcome(candidate, digits=digits, in_bits=True)
+        # An eigenvalue exactly on the boundary of stability is decided by no number of bits.
         if n_bits == 2 * BITS and len(game.A) <= MOST_STATES:
             yield why_at_boundary(game, delta)
 
@@ -242,8 +248,8 @@ def enclosed_in_bits(enclosure: Enclosure, n_bits: int) -> Enclosure:
 
 
 def enclosure_of(found: Stabilizing) -> Enclosure:
-    """Return the enclosure of a stabilizing solution that is proved to be the value, if there is
-    one without disturbance.
+    """Return the enclosure of a stabilizing solution, proved to be the value of the game provided
+    that the game without disturbance has a value.
 
     Raises NotProvedError.
     """
@@ -377,14 +383,16 @@ def data_change(enclosure: Enclosure) -> float:
     """
     with np.errstate(all="ignore"), precision(enclosure.bits):
         try:
-            change = _data_change(enclosure)
+            change = _first_order_change(enclosure)
         except (FailedError, ZeroDivisionError):
             return math.inf
     return change if math.isfinite(change) else math.inf
 
 
-def _data_change(enclosure: Enclosure) -> float:
-    """Return `data_change`; nan or inf if numbers overflow.
+def _first_order_change(enclosure: Enclosure) -> float:
+    """Return Σ |∂(tr V c) / ∂entry| eps |entry| over all entries of the game (`data_change`).
+
+    nan or inf if numbers overflow.
 
     Raises FailedError or ZeroDivisionError.
     """
@@ -402,9 +410,10 @@ def _data_change(enclosure: Enclosure) -> float:
     F, T, T_inverse = midpoints(loop), np.eye(len(P)), np.eye(len(P))
     if exact_T is not None:
         T, T_inverse = midpoints(exact_T), midpoints(exact_T.inv())
-    T_W_T = ball_matrix(T @ W @ T.T)
-    T_V_T = midpoints(solved_in_bits(loop.transpose(), T_W_T, is_discrete=equation.is_discrete))
-    V = T_inverse @ T_V_T @ T_inverse.T
+    # V solves F V + V F' + W = 0, which is solved in the states T y of F.
+    W_of_Ty = ball_matrix(T @ W @ T.T)
+    V_of_Ty = midpoints(solved_in_bits(loop.transpose(), W_of_Ty, is_discrete=equation.is_discrete))
+    V = T_inverse @ V_of_Ty @ T_inverse.T
     of_F = P @ (T_inverse @ F @ T @ V if equation.is_discrete else V)
     twice = 2.0 * math.sqrt(game.discount) * of_F
     terms = (  # (what a change of the matrix is multiplied by, the matrix, units of both sides)

@@ -236,7 +236,7 @@ class ContinuousEquation(Equation):
         return self.R, None
 
     def sensitivity(self, X: arb_mat, loop: arb_mat) -> Sensitivity:
-        """Return |S|, |R⁻¹ B'| and 0: the equation is quadratic."""
+        """Return |S|, |R⁻¹ B'| and 0: loop and gains are linear in X, and the weight is R."""
         from flint import arb
 
         return Sensitivity(norm(self.S), norm(self.B_over_R), arb(0))
@@ -307,13 +307,15 @@ class StepEquation(Equation):
         return part(weight, inputs, inputs), -part(weight, disturbances, disturbances)
 
     def sensitivity(self, X: arb_mat, loop: arb_mat) -> Sensitivity:
-        """Return bounds for |V⁻¹| |G'Z G| <= 1/2, with the weight V = W + G'X G.
+        """Return the bounds, with the weight V = W + G'X G and |V⁻¹| |G'Z G| <= 1/2.
 
-        The gains of X + Z are k + (V + G'Z G)⁻¹ G'Z F, and |(V + G'Z G)⁻¹| <= 2 |V⁻¹|.
+        The gains of X + Z are k + (V + G'Z G)⁻¹ G'Z F, and |(V + G'Z G)⁻¹| <= 2 |V⁻¹|. The loop
+        changes by G times the change of the gains.
         """
         G, inverse = norm(self.G), norm(self.weight(X).inv())
         gains = 2 * inverse * G
-        return Sensitivity(gains * G * norm(loop), gains, inverse * G**2)
+        # |F| counts for the loop only: for the gains, F'Y F <= Y bounds Z F as it bounds Z.
+        return Sensitivity(loop=gains * G * norm(loop), gains=gains, weight=inverse * G**2)
 
     def pencil(self) -> tuple[arb_mat, arb_mat]:
         """Return L and M, (2n + m + k, 2n + m + k), whose pencil L - z M is singular at the

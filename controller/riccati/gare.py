@@ -165,8 +165,9 @@ class Solution(Result, Reported):
 
     @cached_property
     def is_stable(self) -> bool:
-        """True if A - B K is proved stable. With a discount, it may not be, nor where the digits of
-        doubles do not suffice for a slow mode.
+        """True if A - B K is proved stable.
+
+        It may be False with a discount, or if K, as rounded to doubles, destabilizes a slow mode.
         """
         return stabilizes(self.game, self.K)
 

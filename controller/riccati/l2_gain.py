@@ -126,7 +126,7 @@ class GainBounds(NamedTuple):
 
 def gain_of(loop: DisturbedLoop) -> GainBounds:
     """Return the bounds of the gain, with the bits of `precision`; high is inf without proof."""
-    low = _at_least(loop)
+    low = _lower_bound(loop)
     for above in ABOVE:
         high = low * (1.0 + float(above))
         if high > 0.0 and is_below(loop, high):
@@ -134,7 +134,7 @@ def gain_of(loop: DisturbedLoop) -> GainBounds:
     return GainBounds(low, math.inf)
 
 
-def _at_least(loop: DisturbedLoop) -> float:
+def _lower_bound(loop: DisturbedLoop) -> float:
     """Return the gain of one disturbance at one frequency, rounded down; 0 without proof.
 
     Doubles propose the frequency of the largest gain, and the disturbance.
@@ -165,7 +165,7 @@ def _at_least(loop: DisturbedLoop) -> float:
 def is_below(loop: DisturbedLoop, bound: float) -> bool:
     """Return whether the gain is proved to be below a bound."""
     try:
-        loop.value(bound)
+        loop.value(bound)  # a value at δ = bound is the proof
     except (FailedError, NotProvedError):
         return False
     return True

@@ -62,7 +62,7 @@ class SignFunction(Generic[Middle]):
     stable: int
 
     def __init__(self, matrix: Middle) -> None:
-        self._steps: list[tuple[float, Middle]] = []
+        self._steps: list[tuple[float, Middle]] = []  # c and M⁻¹ in each step
         in_doubles = isinstance(matrix, np.ndarray)
         accuracy = HALF_THE_DIGITS if in_doubles else half_the_bits()
         size = _size(matrix)
@@ -90,7 +90,9 @@ class SignFunction(Generic[Middle]):
         The sign of [[M, 0], [C, -M']] is [[sign, 0], [D, -sign']].
         """
         D = C
-        for c, inverse in self._steps:  # Newton's steps of this matrix: only D is new
+        # Newton's steps of this block matrix: its diagonal has the steps of M, so only the block
+        # D is computed.
+        for c, inverse in self._steps:
             D = (D * c + product(inverse.transpose(), D, inverse) * (1.0 / c)) * 0.5
         return (D + D.transpose()) * 0.5
 
@@ -140,8 +142,8 @@ class Lyapunov(Generic[Middle]):
         of_rates = product(F - self._one, self._W) if is_discrete else F
         self.sign_function: SignFunction[Middle] = SignFunction(of_rates)
 
-    def _right(self, C: Middle) -> Middle:
-        """Return C, in discrete time 2 W'C W."""
+    def _right_side(self, C: Middle) -> Middle:
+        """Return the right side for M: C, in discrete time 2 W'C W."""
         return C if self._W is None else product(self._W.transpose(), C, self._W) * 2.0
 
     def solve(self, C: Middle) -> Middle:
@@ -149,17 +151,18 @@ class Lyapunov(Generic[Middle]):
 
         Raises FailedError if F is not stable.
         """
-        n = round(float(self._one.trace()))
+        n = round(float(self._one.trace()))  # for either kind of matrix
         if self.sign_function.stable != n:
             raise FailedError("the loop is not stable")
-        return self.sign_function.lyapunov(self._right(C)) * -0.5
+        return self.sign_function.lyapunov(self._right_side(C)) * -0.5  # C sign + sign'C = -2 C
 
-    def shape(self) -> Middle:
-        """Return Y, (n, n), symmetric, of F'Y + Y F = -(1 + sign'sign)/2, in discrete time of
-        F'Y F - Y. The sign of a stable loop is -1.
+    def decreasing_form(self) -> Middle:
+        """Return Y, (n, n), symmetric, for which z'Y z decreases along z' = F z.
+
+        F'Y + Y F, in discrete time F'Y F - Y, is -(1 + sign'sign)/2, which is -1 for a stable loop.
         """
         # C = -(sign + sign')/4 gives C sign + sign'C = -(1 + sign'sign)/2, as sign² is 1.
-        half_of_C = product(self._right(self._one * -0.25), self.sign_function.sign)
+        half_of_C = product(self._right_side(self._one * -0.25), self.sign_function.sign)
         return self.sign_function.lyapunov(half_of_C + half_of_C.transpose())
 
 
@@ -176,8 +179,8 @@ def solved_in_bits(
 ) -> arb_mat:
     """Return a candidate for D of F'D + D F + C = 0, in discrete time of F'D F - D + C = 0.
 
-    In doubles, corrected by residuals in balls until one is a millionth of C; in bits if they do
-    not shrink.
+    A solution in doubles is corrected by its residuals in balls, until the residual is a millionth
+    of C. If the residuals do not shrink, the equation is solved in bits.
 
     F, C: (n, n), of which only the midpoints count
     solver: for a loop near F, if it is known
@@ -185,15 +188,15 @@ def solved_in_bits(
     Raises FailedError.
     """
     F, C = F.mid(), C.mid()
-    D, rest = 0 * C, C
+    D, residual = 0 * C, C
     with suppress(FailedError):
         solver = solver or Lyapunov(midpoints(F), is_discrete=is_discrete)
         for _ in range(NEWTON_STEPS):
-            D = (D + ball_matrix(solver.solve(-midpoints(rest)))).mid()
-            before, rest = rest, change_along(F, D, is_discrete=is_discrete) + C
-            if norm(rest) < norm(C) * 1e-6:
+            D = (D + ball_matrix(solver.solve(-midpoints(residual)))).mid()
+            before, residual = residual, change_along(F, D, is_discrete=is_discrete) + C
+            if norm(residual) < norm(C) * 1e-6:
                 return D
-            if not norm(rest) < norm(before) * 0.5:
+            if not norm(residual) < norm(before) * 0.5:
                 break
     return Lyapunov(F, is_discrete=is_discrete).solve(-C)
 
@@ -230,8 +233,8 @@ def stability_of(loop: arb_mat, *, is_discrete: bool) -> bool | None:
     middles: tuple[Any, ...] = (midpoints(F), F.mid())
     for middle in middles:
         with suppress(FailedError), np.errstate(all="ignore"):
-            shape = Lyapunov(middle, is_discrete=is_discrete).shape()
-            Y = symmetric(ball_matrix(shape) if isinstance(shape, np.ndarray) else shape)
+            form = Lyapunov(middle, is_discrete=is_discrete).decreasing_form()
+            Y = symmetric(ball_matrix(form) if isinstance(form, np.ndarray) else form)
             decreases = is_positive_definite(-change_along(F, Y, is_discrete=is_discrete))
             is_stable = is_positive_definite(Y) if decreases else None
             if is_stable is not None:

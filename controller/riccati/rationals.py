@@ -370,12 +370,12 @@ class FreeStates:
         K: (m, n)
         """
         error = K * self.basis - self.gains
-        changed = K.tolist()
-        for row, errors in zip(changed, error.tolist(), strict=True):
+        corrected = K.tolist()  # in the columns of the pivots, where the basis is the identity
+        for row, errors in zip(corrected, error.tolist(), strict=True):
             for pivot, change in zip(self.pivots, errors, strict=True):
                 row[pivot] = row[pivot] - change
         is_wrong = not all(entry.contains(0) for entry in error.entries())
-        return ErrorOnFree(is_wrong, ball_matrix(changed))
+        return ErrorOnFree(is_wrong, ball_matrix(corrected))
 
 
 @lru_cache(maxsize=4)
@@ -450,6 +450,7 @@ def disturbance_costs_nothing(game: Game, K: np.ndarray | None = None) -> bool:
     if K is not None:
         return disturbance_never_costs(game, K)
     E = rational(game.E)
+    # Without N, inputs hold no z with Q z != 0 without cost: the subspace need not be computed.
     if not game.N.any() and any(entry != 0 for entry in (rational(game.Q) * E).entries()):
         return False
     held = _states_held_without_cost(game)
@@ -535,6 +536,7 @@ def free_states(game: Game) -> FreeStates | None:
         stable = None if found is None else _stable_subspace(_balls(found.loop), game)
         if found is None or stable is None:
             return None
+        # The inputs that hold a state are -K z.
         free, gains = _balls(found.states) * stable, -_balls(found.inputs) * stable
         pivots = _far_from_dependent(midpoints(free))
         to_identity = ball_matrix([free.tolist()[row] for row in pivots]).inv()

@@ -98,9 +98,10 @@ def stabilizing(candidate: Candidate) -> Stabilizing:
 
 
 def prove_value(found: Stabilizing) -> None:
-    """Prove that the stabilizing solution is the value, if there is one without disturbance.
+    """Prove that the stabilizing solution is the value, provided that the game without disturbance
+    has a value.
 
-    Both players pay: R + B'P B > 0, in continuous time R > 0, and δ² - E'P E > 0; and the loop
+    The weights of both players are positive: R, in discrete time R + B'P B and δ² - E'P E. The loop
     without disturbance, A - B K, is stable.
 
     Raises NotProvedError if the ball does not prove it.
@@ -109,7 +110,8 @@ def prove_value(found: Stabilizing) -> None:
     for weight in equation.weights(P):
         if weight is not None and not is_positive_definite(weight):
             raise NotProvedError("a player pays")
-    if equation.is_disturbed:  # otherwise, it is the loop of both players
+    # Without a disturbance, A - B K is the loop of both players, which is stable for any `found`.
+    if equation.is_disturbed:
         control_loop = equation.control_loop(P, gains)
         if not stability_of(control_loop, is_discrete=equation.is_discrete):
             raise NotProvedError("the loop without disturbance")
@@ -145,7 +147,7 @@ def why_no_value(
     if frequency is not None and (reason := too_large_at(equation, frequency)):
         return reason
     between = _between_eigenvalues(equation, in_bits=in_bits)
-    return next(filter(None, (too_large_at(equation, place) for place in between)), "")
+    return next(filter(None, (too_large_at(equation, middle) for middle in between)), "")
 
 
 def too_large_at(equation: Equation, frequency: float) -> str:

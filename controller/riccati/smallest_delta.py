@@ -184,7 +184,7 @@ class _Estimate(NamedTuple):
 
 
 def _estimate(search: _Search) -> _Estimate:
-    """Return an estimate of 1/delta_min² in doubles, by secants, each nine tenths of the way."""
+    """Return an estimate of 1/delta_min² in doubles, by secants of the distances."""
     first = search.in_doubles(0.0)
     secant = _Secant(first)
     # factor: of w to the next one, as long as one bound is not known
@@ -201,13 +201,13 @@ def _estimate(search: _Search) -> _Estimate:
         else:
             secant.high = w
         low, high = secant.low.w, secant.high
-        if not low < high * SAME:
+        if not low < high * SAME:  # the bounds are near enough
             break
         if is_value and guess < high:
-            w = low + 0.9 * (guess - low)
+            w = low + 0.9 * (guess - low)  # at the guess itself, there may be no value
         else:
             w, factor = secant.next_w(factor), min(factor**1.5, MOST_FACTOR)
-        if not LEAST**2 < w < LEAST**-2:
+        if not LEAST**2 < w < LEAST**-2:  # a game has no such δ
             break
     if secant.low is first:  # doubles find no value
         return _Estimate(search.first_w(), first.frequency)
@@ -328,6 +328,7 @@ class _Search:
         if isinstance(outcome, str):
             return outcome
         distances = self.in_doubles(w)
+        # Doubles may see no value where one is proved: a secant leaves nan out.
         numbers = np.where(distances.numbers > 0.0, distances.numbers, np.nan)
         return distances._replace(numbers=numbers)
 
@@ -345,9 +346,10 @@ class _Search:
         decay, pole = float(decays[slowest]), poles[slowest]
         frequency = abs(float(np.angle(pole) if is_discrete else pole.imag))
         sizes = np.linalg.eigvalsh(X)
-        # Beyond its growth to infinity, P has large negative eigenvalues.
+        # Beyond the w at which P is infinite, P has large negative eigenvalues: -1 is past 0.
         inverse_of_P = 1.0 / sizes[-1] if sizes[0] > -INDEFINITE else -1.0
+        # The decay falls to 0 as the root of the change of w: its square is nearly linear.
         numbers = [math.copysign(decay**2, decay), inverse_of_P]
-        if is_discrete:
+        if is_discrete:  # the least weight, relative to δ²
             numbers.append(1.0 if weight is None else w * float(np.linalg.eigvalsh(weight)[0]))
         return _Distances(w, np.array(numbers), frequency)

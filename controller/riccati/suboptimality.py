@@ -275,7 +275,7 @@ def _costs_at(D: arb_mat, free: FreeStates, box: np.ndarray) -> _Costs:
         box[pivot] * math.sqrt(max(float(direction @ matrix @ direction), 0.0))
         for pivot, direction in zip(free.pivots, directions, strict=True)
     ]
-    return _Costs(values[worst], states[worst], sum(roots) ** 2)
+    return _Costs(largest=values[worst], state=states[worst], most=sum(roots) ** 2)
 
 
 class _Ratio(NamedTuple):
@@ -292,8 +292,8 @@ class _Ratio(NamedTuple):
 def _largest_ratio(D: arb_mat, P: arb_mat, without: list[int], box: np.ndarray) -> _Ratio:
     """Return bounds of sup z'D z / z'P z.
 
-    without: numbers of states that are left out, (d,): P and D vanish on d vectors, of which each
-        has a 1 at one of them
+    without: numbers of d states that are left out, the pivots of `FreeStates`. P and D vanish on
+        its basis: each z costs what a state costs that is 0 at the pivots.
     """
     n = P.nrows()
     kept = [state for state in range(n) if state not in without]
@@ -302,7 +302,8 @@ def _largest_ratio(D: arb_mat, P: arb_mat, without: list[int], box: np.ndarray) 
     D, P = _principal(D, kept), _principal(P, kept)
     inverse_root = _inverse_root(P)
     if inverse_root is None:
-        return _Ratio(0.0, math.inf, math.nan, np.zeros(n))
+        # no proof: P may not be positive definite
+        return _Ratio(low=0.0, high=math.inf, mean=math.nan, worst=np.zeros(n))
     relative_D = symmetric(inverse_root.transpose() * D * inverse_root)
     ratios, vectors = np.linalg.eigh(midpoints(relative_D))
     direction = inverse_root.mid() * ball_matrix(vectors[:, -1:])
@@ -328,6 +329,7 @@ def ratio_bounds(
         (direction.transpose() * P * direction)[0, 0]
     )
     least = math.nextafter(float(low.lower()), 0.0) if low.is_finite() else 0.0
+    # A ratio below SAME_DOUBLE counts as 0: half of it is near enough.
     at_least = arb(max(estimate, SAME_DOUBLE / 2.0))
     for exponent in _ABOVE:
         bound = (at_least * (1 + arb(10) ** exponent)).mid()
