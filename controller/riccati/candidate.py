@@ -343,5 +343,6 @@ def _of_stable_subspace(equation: Equation) -> arb_mat:
     to_zero = (found.sign + identity(found.sign.nrows())).mid()  # times [1; X], or [1; X; -gains]
     of_1, of_X = part(to_zero, every_row, slice(n)), part(to_zero, every_row, slice(n, None))
     # Normal equations of of_X [X; -gains] = -of_1.
-    constant, square = (of_X.transpose() * of_1).mid(), (of_X.transpose() * of_X).mid()
-    return -part(square.solve(constant), slice(n))
+    transposed = of_X.transpose()
+    square = (transposed * of_X).mid()
+    return -part(square.solve((transposed * of_1).mid()), slice(n))

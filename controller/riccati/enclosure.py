@@ -407,7 +407,8 @@ def _first_order_change(enclosure: Enclosure) -> float:
     W = np.diag(np.where(is_known, 1.0 / np.where(is_known, sizes, 1.0), 0.0))
     equation, proved_P, gains = enclosure.proved
     loop = equation.loop(proved_P, gains)
-    F, T, T_inverse = midpoints(loop), np.eye(len(P)), np.eye(len(P))
+    F, T = midpoints(loop), np.eye(len(P))
+    T_inverse = T
     if exact_T is not None:
         T, T_inverse = midpoints(exact_T), midpoints(exact_T.inv())
     # V solves F V + V F' + W = 0, which is solved in the states T y of F.

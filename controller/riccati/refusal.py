@@ -181,10 +181,8 @@ def _between_eigenvalues(equation: Equation, *, in_bits: bool) -> list[float]:
     near_axis = np.abs(values.real) <= MAYBE_ON_AXIS * np.abs(values)
     frequencies = np.unique(np.abs(values.imag[near_axis]))
     if equation.is_discrete:
-        frequencies = 2.0 * np.arctan(frequencies)
+        frequencies = np.append(2.0 * np.arctan(frequencies), math.pi)
     ends = [0.0, *frequencies.tolist()]
-    if equation.is_discrete:
-        ends.append(math.pi)
     gaps = sorted(pairwise(ends), key=lambda gap: gap[0] - gap[1])
     between = [(low + high) / 2.0 for low, high in gaps]
     return [0.0, *between, ends[-1]][: 2 * equation.n + 2]
