@@ -164,7 +164,7 @@ class ClosedLoops:
             return midpoints(self.changes[0] * ball_matrix(matrix))
 
     def rows(self, matrix: arb_mat) -> np.ndarray:
-        """Return rounded rows for the new states y, whose product with y is that of these with z."""
+        """Return rows for the new states y: times y, they are what the given rows are times z."""
         with precision(self.enclosure.bits):
             return midpoints(matrix * self.changes[1])
 

@@ -306,7 +306,7 @@ def _largest_ratio(D: arb_mat, P: arb_mat, without: list[int], box: np.ndarray) 
         return _Ratio(low=0.0, high=math.inf, mean=math.nan, worst=np.zeros(n))
     relative_D = symmetric(inverse_root.transpose() * D * inverse_root)
     ratios, vectors = np.linalg.eigh(midpoints(relative_D))
-    direction = inverse_root.mid() * ball_matrix(vectors[:, -1:])
+    direction = inverse_root * ball_matrix(vectors[:, -1:])
     low, high = ratio_bounds(D, P, direction, float(ratios[-1]))
     state = np.zeros(n)
     state[kept] = midpoints(direction)[:, 0]
