@@ -122,8 +122,9 @@ def test_feedforward_satisfies_its_differential_equation(cross):
 def test_late_errors_solve_the_loop_and_give_the_means():
     """z' = (A - B K) z + B u_d + A x_d - x_d', and the means are those of z and u over a period.
 
-    Without a disturbance, the exact policy costs c' per second; no feedforward, and 0.9 K, cost
-    more. The report has the rms values of the command.
+    The optimal policy has the least cost per second, 2 s'r - s'S s on average, with the costate s
+    and r = A x_d - x_d'. Without feedforward, and with 0.9 K, the cost is higher. The report has the
+    rms values of the command.
     """
     rng = np.random.default_rng(4)
     A, B = rng.standard_normal((3, 3)), rng.standard_normal((3, 2))
@@ -135,14 +136,15 @@ def test_late_errors_solve_the_loop_and_give_the_means():
     linear = hfa.LinearModel.of(A, B)
     found = track(linear, solution, command, duration=period)
     t = np.linspace(0.0, period, 2001)[:, None]
-    one, still = np.eye(3)[0], np.array([1.0, 0.0, 0.5])
-    x_d = still + 0.2 * np.sin(0.7 * t) * one
-    forcing = x_d @ A.T - 0.2 * 0.7 * np.cos(0.7 * t) * one
-    nothing = Waveform(np.zeros(2), np.zeros(2))
+    # x_d and A x_d - x_d' of the command, (times, 3)
+    x1, constant = np.eye(3)[0], np.array([1.0, 0.0, 0.5])
+    x_d = constant + 0.2 * np.sin(0.7 * t) * x1
+    forcing = x_d @ A.T - 0.2 * 0.7 * np.cos(0.7 * t) * x1
+    no_inputs = Waveform(np.zeros(2), np.zeros(2))
     for inputs, rms, cost in (
         (found.inputs, found.rms_errors, found.cost_per_second),
         (
-            nothing,
+            no_inputs,
             found.rms_errors_without_feedforward,
             found.cost_per_second_without_feedforward,
         ),
@@ -154,16 +156,19 @@ def test_late_errors_solve_the_loop_and_give_the_means():
         assert rms == pytest.approx(np.sqrt((z[:-1] ** 2).mean(axis=0)), rel=1e-9)
         paid = 2.0 * (z * z).sum(axis=1) + (u @ R * u).sum(axis=1) + 2.0 * (z @ N * u).sum(axis=1)
         assert cost == pytest.approx(paid[:-1].mean(), rel=1e-9)
+    # the least cost
     s, r = (each.sampled(t[:-1, 0]) for each in (found.exact.costate, found.exact.forcing))
     S = found.game.S_control
-    least = (2.0 * (s * r).sum(axis=1) - (s @ S * s).sum(axis=1)).mean()  # -c' of the value
+    least = (2.0 * (s * r).sum(axis=1) - (s @ S * s).sum(axis=1)).mean()
     assert found.cost_per_second == pytest.approx(least, rel=1e-8)
     assert found.cost_per_second_without_feedforward > 1.01 * least
-    (row, *_) = (part for part in found.report().parts if not isinstance(part, str))
+    # the report
+    (table, *_) = (part for part in found.report().parts if not isinstance(part, str))
     command_rms = np.sqrt((x_d[:-1] ** 2).mean(axis=0))
-    assert [float(cells[2]) for cells in row.rows] == pytest.approx(command_rms, rel=5e-3)
-    halved = track(linear, solution, command, K=0.9 * solution.K, duration=period)
-    assert halved.cost_per_second > least
+    assert [float(cells[2]) for cells in table.rows] == pytest.approx(command_rms, rel=5e-3)
+    # another gain
+    of_other_gain = track(linear, solution, command, K=0.9 * solution.K, duration=period)
+    assert of_other_gain.cost_per_second > least
 
 
 def test_late_errors_of_a_gain_of_1e8_keep_their_digits():

@@ -70,7 +70,11 @@ MORE = [
 
 @pytest.mark.parametrize(("kind", "seed"), CASES + MORE)
 def test_solutions_scale_with_the_units(kind, seed):
-    """P, K, L, delta_min, the L2 gain and the eigenvalues scale, margins and words are the same."""
+    """P, K, L, delta_min, the L2 gain and the eigenvalues scale, margins and words are the same.
+
+    z, u, d, t and cost are the new units in one old unit, of states, inputs, disturbance, time and
+    cost. Errors are relative to the sizes of P, K and L where the optimal cost is 1.
+    """
     drawn_game = drawn(kind, seed)
     refused = [refusal_of(each) for each in (drawn_game, in_other_units(drawn_game, seed)[0])]
     assert refused[0] == refused[1]
@@ -110,7 +114,8 @@ def test_solutions_scale_with_the_units(kind, seed):
 def test_sampled_games_scale_with_the_units(seed):
     """The matrices of a sampled game scale, and a too short step is refused in all units.
 
-    An unknown step, True, is refused.
+    z, u, d, t and cost are the new units in one old unit, of states, inputs, disturbance, time and
+    cost. A step of True, which is that of an unknown sample time, is refused.
     """
     game = drawn("continuous", seed)
     other, (z, u, d, t, cost) = in_other_units(game, seed)

@@ -49,17 +49,14 @@ def test_games_and_solutions_survive_their_files(path, of_solution):
 
 
 def test_the_papers_game_is_converted_to_meters():
-    """For a plant in meters and degrees, the paper's Q, E and R are converted.
-
-    A plant with other state names has no default for Q. A plant without names that has its own Q
-    and R gets E = I and delta = inf.
+    """For a plant with speed in m/s and the second input in deg, the paper's Q, E and R, which are
+    per ft and rad, are converted. A plant with other state names has no default for Q.
     """
     units = ["m/s", "rad", "rad", "rad/s", "rad", "rad/s"]
     inputs = ["1", "deg", "rad", "rad", "rad"]
-    stored("si.npz", **MODEL, states=LINEAR_STATES, state_units=units, input_units=inputs)
-    stored("other.npz", **MODEL, states=[f"s{i}" for i in range(6)], state_units=units)
+    names = {"states": LINEAR_STATES, "state_units": units, "input_units": inputs}
     with pytest.warns(UserWarning, match="not given: E, Q, R, delta"):
-        si = load_game("si.npz")
+        si = load_game(stored("si.npz", **MODEL, **names))
     np.testing.assert_allclose(
         np.diag(si.Q), [1000.0 / 0.3048**2, 1000.0, 0.01, 0.01, 1000.0, 0.01], rtol=1e-15
     )
@@ -67,12 +64,17 @@ def test_the_papers_game_is_converted_to_meters():
     of_paper = np.diag(published_data()["game"]["R_diag"])
     np.testing.assert_allclose(si.R[1, 1], of_paper[1, 1] * np.radians(1.0) ** 2, rtol=1e-15)
     assert np.array_equal(np.delete(np.diag(si.R), 1), np.delete(np.diag(of_paper), 1))
+    other = stored("other.npz", **MODEL, states=[f"s{i}" for i in range(6)], state_units=units)
     with pytest.raises(BadInputError, match="there is no Q"):
-        load_game("other.npz")
-    weights = {"Q": np.eye(6), "R": np.eye(5)}
-    stored("weighed.npz", **MODEL, **weights)
+        load_game(other)
+
+
+def test_a_plant_with_its_own_weights_has_no_disturbance():
+    """A plant without names, but with Q and R, gets E = I and delta = inf."""
+    parts = MODEL | {"Q": np.eye(6), "R": np.eye(5)}
     with pytest.warns(UserWarning, match="used: E the identity, delta inf"):
-        assert load_game("weighed.npz") == Game(**MODEL, E=np.eye(6), **weights, delta=math.inf)
+        game = load_game(stored("weighed.npz", **parts))
+    assert game == Game(**parts, E=np.eye(6), delta=math.inf)
 
 
 def test_arguments_override_entries_of_the_file():

@@ -81,9 +81,7 @@ def test_the_disturbance_of_a_game_is_named_in_its_reports():
 
 def test_default_weights_are_those_of_the_plant_file(folder, capsys):
     """Without Q and R, the solution is SciPy's for Q, R and N of a plant file, in Python and with
-    `--aircraft`, and for 1/nominal² where a model has no weights.
-
-    An input that is left out takes its weight along.
+    `--aircraft`. A game without the first input has the entries of R and N of the second.
     """
     A, B = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0, 0.5], [1.0, 0.0]])
     Q, R = np.array([[4.0, 0.5], [0.5, 1.0]]), np.array([[0.5, 0.1], [0.1, 2.0]])
@@ -94,10 +92,13 @@ def test_default_weights_are_those_of_the_plant_file(folder, capsys):
     P = pytest.approx(solve_continuous_are(A, B, Q, R, s=N), rel=1e-9)
     assert hfa.solve(hfa.game(linear)).P == P
     assert main(["solve", "--aircraft", "plant.npz", "--json"]) == 0
-    data = json.loads(capsys.readouterr().out)
-    assert np.array(data["P"]) == P
-    for one in (hfa.game(linear.select(inputs=("u2",))), hfa.game(linear).select(("u2",))):
-        assert (one.R.tolist(), one.N.tolist()) == ([[2.0]], [[0.0], [0.2]])
+    assert np.array(json.loads(capsys.readouterr().out)["P"]) == P
+    for of_u2 in (hfa.game(linear.select(inputs=("u2",))), hfa.game(linear).select(("u2",))):
+        assert (of_u2.R.tolist(), of_u2.N.tolist()) == ([[2.0]], [[0.0], [0.2]])
+
+
+def test_the_default_weight_of_a_state_is_that_of_its_nominal_size():
+    """Q is diag(1/nominal²) where a model declares no weights."""
     game = hfa.game(trimmed(GTM).linearize())
     nominal = np.array([GTM.signals[name].nominal for name in GTM.linear])
     assert np.diag(game.Q) == pytest.approx(nominal**-2.0)

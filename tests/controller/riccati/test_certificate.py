@@ -28,8 +28,8 @@ def test_a_hamiltonian_on_the_axis_is_detected():
 
 
 def test_without_cost_the_value_is_the_stabilizing_one():
-    """P of x' = x + u is 2 a / s, although P = 0 satisfies the Riccati equation, too; that of a
-    stable plant is 0, and `verify` accepts only 0 for its gain.
+    """With Q = 0, P of x' = x + u is 2, which stabilizes, although P = 0 satisfies the Riccati
+    equation 2 P - P² = 0, too. P and K of a stable plant are 0, and `verify` accepts only these.
     """
     unstable = Game(np.eye(1), np.eye(1), Q=np.zeros((1, 1)), R=np.eye(1))
     assert solve(unstable).P[0, 0] == pytest.approx(2.0, rel=1e-12)

@@ -192,7 +192,7 @@ def test_a_loop_stable_within_rounding_has_no_margins(A, B, K, dt):
     assert "margin of all inputs, disk" in str(hfa.verify(game, hfa.from_gain(game, K)))
 
 
-def test_a_singular_matrix_of_a_stable_loop_has_a_margin():
+def test_a_stable_loop_that_rounds_to_a_singular_one_has_a_disk_margin():
     """A mode that is undamped up to rounding leaves a disk margin of the size of rounding."""
     game = Game([[2.0, -2.5], [0.375, -0.625]], [[-0.5], [-0.25]], Q=np.eye(2), R=[1.0])
     K = np.array([[-17.680555555555554, 18.680555555555557]])
@@ -210,7 +210,7 @@ def test_a_slow_loop_is_proved_stable(rate):
 
 
 def test_a_loop_of_zeros_is_far_from_instability():
-    """The distance of a deadbeat loop, relative to its norm 0, is infinite."""
+    """With B = 1 and K = A, A - B K is 0: its distance, relative to its norm, is infinite."""
     game = Game([[1.0, 1.0], [0.0, 1.0]], np.eye(2), Q=np.eye(2), R=np.eye(2), dt=0.1)
     assert math.isinf(solve(game).closed_loops.distance(game.A))
     assert "inf" in str(hfa.verify(game, hfa.from_gain(game, game.A)))

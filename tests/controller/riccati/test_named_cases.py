@@ -169,7 +169,10 @@ def test_weights_that_are_symmetric_up_to_rounding_do_not_make_P_positive():
 
 
 def test_a_row_of_the_gain_that_rounds_to_zero_is_known():
-    """A free input leaves nothing to the other: its row of K is 0, which no pattern of zeros shows."""
+    """The second input has no weight and does all: the row of K of the first input is exactly 0.
+
+    No zeros among the entries of the game show this, but each ball of the row rounds to 0.
+    """
     solution = solve(
         Game(
             [[1, -1], [-1, -1]],

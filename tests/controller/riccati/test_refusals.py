@@ -65,9 +65,10 @@ def test_an_eigenvalue_exactly_on_the_axis_is_decided_in_rationals():
     assert why_at_boundary(game, 1.0 + 2.0**-52) == ""
 
 
-def test_a_disturbance_that_gains_the_same_at_each_frequency_is_the_reason():
+def test_a_gain_that_is_the_same_at_each_frequency_is_the_reason():
     """z⁺ = d with the cost z² has the gain 1 at each frequency: the pencil is singular at δ = 1,
-    and the reason is not the input, which has a weight.
+    and the reason is the gain. With R = 0, the reason is that the input, which moves nothing, is not
+    unique.
     """
     game = Game([[0.0]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], dt=True)
     assert "at least 1" in why_at_boundary(game, 1.0)

@@ -26,7 +26,8 @@ def game_of(seed, **changes):
 
 @pytest.mark.parametrize("changes", [{}, {"discount": 1.0, "dt": 0.1}, {"delta": math.inf}])
 def test_the_value_is_that_of_a_saddle_point(changes):
-    """P is the cost of a step and of P after it, of which K and L are a saddle point.
+    """u = -K x minimizes, and d = L x maximizes, the cost of one step plus the discounted value
+    after it, which is x'P x.
 
     The worst-case loop is A - B K + E L.
     """
@@ -75,32 +76,34 @@ def test_regulators_with_a_closed_form(A, B, Q, R, P):
 
 @pytest.mark.parametrize("share", [0.75, 1.0])  # products without rounding
 def test_two_inputs_that_only_act_together_need_a_weight(share):
-    """With R = 0, many u = -K x are equally good, and the game is refused.
+    """In x⁺ = A x + b (u1 + share u2), only the sum v = u1 + share u2 acts.
 
-    Any R > 0 divides the cheapest push between the inputs by their shares of it.
+    With R = 0, many u give the same v: the gain is not unique, and the game is refused. With r > 0
+    and R = r I, u = [1; share] v / (1 + share²) has the least cost for a v, r v² / (1 + share²).
     """
-    A, push, both = (
+    A, b, shares = (
         [[0.9, 0.2], [0.1, 0.7]],
         np.array([[0.125], [0.75]]),
         np.array([[1.0], [share]]),
     )
     for R in (1e-15, 1e-30, 1e-40):
-        game = Game(A, push @ both.T, Q=np.eye(2), R=R * np.eye(2), dt=True)
-        # The cheapest inputs of a push are proportional to their shares of it.
-        one = Game(A, push, Q=np.eye(2), R=[[R / (1.0 + share**2)]], dt=True)
-        shared = both / (1.0 + share**2) @ hfa.solve(one).K
-        np.testing.assert_allclose(hfa.solve(game).K, shared, rtol=1e-14)
+        game = Game(A, b @ shares.T, Q=np.eye(2), R=R * np.eye(2), dt=True)
+        of_v = Game(A, b, Q=np.eye(2), R=[[R / (1.0 + share**2)]], dt=True)
+        K = shares / (1.0 + share**2) @ hfa.solve(of_v).K
+        np.testing.assert_allclose(hfa.solve(game).K, K, rtol=1e-14)
     with pytest.raises(NoSolutionError, match="gain is not unique"):
         hfa.solve(replace(game, R=0.0 * np.eye(2)))
 
 
 def test_gain_and_margins_of_a_scalar_loop():
-    """x+ = .8 x + u + w with u = -.3 x: L2 gain and disk margin in closed form, and the upper gain
-    margin of the optimal gain.
+    """x⁺ = 0.8 x + u + w with u = -0.3 x has the closed-form L2 gain and disk margin, and the optimal
+    gain has the closed-form upper gain margin.
+
+    The largest response of x⁺ = 0.5 x + w is 1 / (1 - 0.5), at z = 1.
     """
     game = Game([[0.8]], [[1.0]], E=[[1.0]], Q=[[1.0]], R=[[4.0]], dt=0.2)
     K = np.array([[0.3]])
-    output = math.sqrt(1.0 + 4.0 * 0.3**2)
+    output = math.sqrt(1.0 + 4.0 * 0.3**2)  # √(Q + R K²), the root of the cost at x = 1
     solution = hfa.solve(game)
     closed_loops = solution.closed_loops  # loops of any gain in states with value y'y
     assert closed_loops.l2_gain(K).low <= output / 0.5 * (1.0 + 1e-15)

@@ -16,14 +16,14 @@ EXACT = 4.0 * EPS
 CLOSE = 1.01e-6
 
 
-#: Games of the fast tests where the first ones show too little.
+#: Numbers of the games of a kind in the fast test, where 0 and 100 show too little.
 FEW = {
     "cross": (30, 48, 155),
     "weak": (6, 12, 121, 142),
     "stiff": (0, 19, 100),
     "cheap": (30, 65, 141),
 }
-#: Those of them whose bracket of delta_min takes seconds.
+#: Those of them whose delta_min takes seconds: it is left to the slow test.
 LONG = {("cheap", 65), ("cheap", 141)}
 
 
@@ -61,7 +61,9 @@ def mistake_of_delta_min(game):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_few_games_have_their_answers(kind):
-    """P, K, the existence of a value, and delta_min are those of the stored answers."""
+    """P, K, the existence of a value, and delta_min of a few games of a kind are those that were
+    stored, which hundreds of digits gave. delta_min is left out where it takes seconds.
+    """
     for number in FEW.get(kind, (0, 100)):
         wrong = mistake_of_value if (kind, number) in LONG else mistake
         assert wrong(stored(kind, number)) == "", number
@@ -70,6 +72,8 @@ def test_a_few_games_have_their_answers(kind):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_all_games_have_their_answers(kind):
-    """P, K, the existence of a value, and delta_min are those of the stored answers."""
+    """P, K, the existence of a value, and delta_min are those that were stored, which hundreds of
+    digits gave.
+    """
     mistakes = {number: mistake(stored(kind, number)) for number in range(EACH)}
     assert {number: what for number, what in mistakes.items() if what} == {}

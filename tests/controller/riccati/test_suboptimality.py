@@ -31,7 +31,7 @@ def graded(game, K):
 
 
 def random_game(seed):
-    """Return a game in either time, every second one with a disturbance."""
+    """Return a game in continuous or discrete time, with a disturbance for four of eight seeds."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(1, 3))
     A, B, E = (rng.standard_normal((n, size)) for size in (n, 1 + seed % 2, 1))
@@ -54,9 +54,11 @@ def random_game(seed):
     "seed", [pytest.param(seed, marks=pytest.mark.slow if seed > 7 else ()) for seed in range(24)]
 )
 def test_a_suboptimality_contains_that_of_sixty_digits(seed):
-    """The suboptimality of gains off by 1e-3 to 1e-12 is enclosed in either time, with a discount too.
+    """The bounds of the suboptimality of a gain contain that computed with 60 digits.
 
-    The worst state has this suboptimality. The 24 seeds are the eight kinds of `random_game`, each with three errors of the gain.
+    The gains are off by 1e-3 to 1e-12, in continuous time and, with a discount, in discrete time.
+    The worst state has this suboptimality. The 24 seeds are eight kinds of games, each with three
+    errors of the gain.
     """
     game, error = random_game(seed), (1e-3, 1e-7, 1e-12)[seed % 3]
     K = solve(game).K
@@ -98,7 +100,8 @@ def test_the_worst_and_mean_costs_are_eigenvalues_of_the_suboptimality(delta):
 @pytest.mark.parametrize("is_discrete", [False, True])
 def test_gains_and_distances_are_of_both_policies(is_discrete):
     """The distance is the least σ_min(s I - A + B K) over the boundary of stability, relative to the
-    norm of the loop, and both L2 gains are those on a grid. The game is balanced already.
+    norm of the loop, and both L2 gains are those on a grid of frequencies. Balancing leaves these
+    loops as they are.
     """
     A, scale, dt = [[-0.3, 1.0], [-1.0, -0.2]], 1.0, None
     if is_discrete:
@@ -141,10 +144,11 @@ def test_costs_of_stored_games(kind, number, worst):
 
 
 @pytest.mark.parametrize("extra", [0.0, 1e-12, 1e-4, 100.0])
-def test_states_without_cost_are_not_left_out(extra):
-    """The gain on a stable state without cost costs extra² / 2 per unit, where the optimum is 0.
+def test_a_gain_on_a_state_without_cost_is_infinitely_suboptimal_if_it_is_visible(extra):
+    """The state x2 is stable and has no cost: from it, the optimum is 0, and the gain `extra` on it
+    costs x2² extra² / 2.
 
-    Below the last digit of the cost of the box it changes no cost.
+    Where this is below the last digit of the cost from the corner of the box, the gain is optimal.
     """
     game = Game([[1.0, 0.0], [0.0, -1.0]], [[1.0], [0.0]], Q=np.diag([1.0, 0.0]), R=[[1.0]])
     K = 1.0 + math.sqrt(2.0)
@@ -205,7 +209,9 @@ def test_states_without_cost_may_have_nearly_dependent_eigenvectors():
 
 
 def test_the_optimum_of_uncoupled_states_has_no_cost_above_it():
-    """The weight of the disturbance has entries 0 +- radius, whose squares are finite."""
+    """The weight δ² - E'P E of the disturbance has balls 0 ± radius beside its diagonal. Their
+    squares in its Cholesky factor are not nan, and the cost of the optimal gain is enclosed.
+    """
     game = Game(np.diag([1.3, 0.5]), np.eye(2), Q=np.eye(2), R=np.eye(2), delta=20.0, dt=0.1)
     solution = solve(game)
     found = suboptimality_of(solution.enclosure, solution.K, np.ones(2))
@@ -215,7 +221,7 @@ def test_the_optimum_of_uncoupled_states_has_no_cost_above_it():
 
 def test_a_gain_beyond_delta_has_infinite_cost():
     """The suboptimality is infinite if the L2 gain is above delta, and if K destabilizes."""
-    tight = GAME.with_delta(151.0)
+    tight = GAME.with_delta(151.0)  # delta_min is 114, and the L2 gain of 0.3 K 270
     beyond = judged(tight, 0.3 * solve(tight).K)
     assert (beyond.is_stable, beyond.low) == (True, math.inf)
     unstable = judged(GAME, -EXACT.K)
@@ -247,8 +253,10 @@ def test_a_suboptimality_does_not_depend_on_units(kind, number):
         assert second.mean == pytest.approx(first.mean, rel=1e-6)
 
 
-def test_costs_of_indefinite_weights_are_parts_of_the_largest_optimum():
-    """P has the eigenvalues -0.12 and 2.6; the optimal gain is optimal, and another one costs z'D z."""
+def test_costs_with_indefinite_weights_are_relative_to_the_largest_optimum():
+    """P has the eigenvalues -0.12 and 2.6, so z'P z is no reference for each z: the cost z'D z of a
+    gain above the optimum is relative to the largest |z'P z| with |z| <= 1.
+    """
     game = Game([[1.0, 0.3], [0.0, -2.0]], [[1.0], [0.5]], Q=[2.0, -0.5], R=[1.0], delta=10.0)
     exact = solve(game)
     assert judged(game, exact.K).is_optimal
@@ -283,9 +291,9 @@ def scalar_loop(time, charge=1.0, radius=0.0):
 @pytest.mark.parametrize("time", SCALAR)
 @pytest.mark.parametrize("radius", [0.0, 1e-12, 1e-3])
 def test_the_value_of_a_loop_contains_the_root(time, radius):
-    """D contains the roots for all costs in a ball; its relative radius is at most ten times theirs.
+    """The ball D contains the root of the scalar Riccati equation for each cost C in a ball.
 
-    Without a radius of the cost, that of D is below 1e-25.
+    The relative radius of D is at most ten times that of C, and below 1e-25 for an exact C.
     """
     with precision(128):
         loop, delta, root = scalar_loop(time, radius=radius)
@@ -299,8 +307,10 @@ def test_the_value_of_a_loop_contains_the_root(time, radius):
 
 @pytest.mark.parametrize(("time", "most"), [("continuous", 4.0 / 3.0), ("discrete", 1.5)])
 def test_a_loop_whose_gain_is_delta_or_larger_has_no_value(time, most):
-    """The equations of `SCALAR` have a root D up to C = 2, 4/3 of theirs, and up to C = 1, 3/2 of
-    theirs.
+    """A loop is refused if its scalar Riccati equation has no real root D.
+
+    -2 D + C + D²/2 = 0 has one up to C = 2, 4/3 of the C = 3/2 in `SCALAR`, and D = D/4 + C +
+    (D/2)² / (4 - D) up to C = 1, 3/2 of the 2/3 there.
     """
     with precision(128):
         for factor in (1.0 + 1e-9, 1.001, 2.0):
@@ -313,6 +323,7 @@ def test_a_loop_whose_gain_is_delta_or_larger_has_no_value(time, most):
 
 @pytest.mark.parametrize("is_discrete", [False, True])
 def test_an_unstable_loop_has_no_value(is_discrete):
+    """No value of x' = 1.5 x + 0.1 d, or x⁺ = 1.5 x + 0.1 d, with the cost x² is proved for any δ."""
     with precision(128):
         loop = DisturbedLoop(
             *(ball_matrix(np.array([[each]])) for each in (1.5, 0.1, 1.0)), is_discrete
@@ -335,14 +346,13 @@ def test_bounds_of_a_ratio_hold_whatever_is_proposed():
 @pytest.mark.parametrize("is_discrete", [False, True])
 @pytest.mark.parametrize("unstable", [1.0 + 1e-9, 1.5, 3.0])
 def test_stability_is_proved_in_both_directions(is_discrete, unstable):
-    """A pole at least 1e-9 within or beyond the boundary, beside a fast stable one, is decided.
-
-    A pole on the boundary is not.
+    """A loop with a pole 1e-9 or more from the boundary of stability, beside a fast stable one, is
+    proved stable or unstable. With a pole on the boundary, neither is proved.
     """
     turn = np.array([[1.0, 1.0], [0.0, 1.0]])
     for pole, expected in ((unstable, False), (2.0 - unstable, True), (1.0, None)):
         place = pole if is_discrete else pole - 1.0
-        if is_discrete and pole == -1.0:  # on the boundary, too
+        if is_discrete and pole == -1.0:  # on the unit circle
             continue
         fast = 0.25 if is_discrete else -4.0
         loop = turn @ np.diag([place, fast]) @ np.array([[1.0, -1.0], [0.0, 1.0]])

@@ -31,7 +31,11 @@ def test_a_saddle_point_is_no_value_without_a_lower_bound_of_the_cost():
 
 
 def test_an_input_that_gains_cost_has_no_value():
-    """P = 1 stabilizes x⁺ = x / 2 + u with q = 5/8 and R = -3, but R + P = -2: u gains cost."""
+    """With R = -3, P of x⁺ = x / 2 + u satisfies P = q + P/4 - P²/4 / (R + P).
+
+    For q = 5/8, P = 1 stabilizes, but the weight R + P = -2 of u is negative: there is no value.
+    For q = 4, no real P exists. For q = 6.875, P is 5, and R + P is 2.
+    """
     game = Game([[0.5]], [[1.0]], Q=[[0.625]], R=[[-3.0]], dt=True)
     with pytest.raises(NoSolutionError, match="an input gains cost"):
         solve(game)
@@ -57,8 +61,10 @@ def test_indefinite_weights_have_the_value_of_many_digits(dt):
     assert "weights indefinite" in str(solution.report()).splitlines()[0]
 
 
-def test_weights_that_are_semidefinite_up_to_rounding_prove_no_loop():
-    """Q has the eigenvalues -9.5e-7 and 6e6. The pole of A - B K is 0.98, and there is no value."""
+def test_weights_semidefinite_up_to_rounding_do_not_prove_that_the_loop_is_stable():
+    """Q has the eigenvalues -9.5e-7 and 6e6, so A - B K may be unstable: its pole is 0.98 1/s at
+    δ = 1, and there is no value.
+    """
     low, high = 3145727.999999523, 3145728.000000477
     A = [[4194305.6875, 4194302.3125], [-6291458.3125, -6291453.6875]]
     game = Game(A, [[128.0], [128.0]], E=[[512.0], [512.0]], Q=[[low, high], [high, low]], R=[1.0])
@@ -78,16 +84,19 @@ def test_a_disturbance_that_the_input_cancels_costs_nothing():
 
 @pytest.mark.parametrize(("E", "is_free"), [([1.0, 1.0, 0.0], True), ([0.0, 0.0, 1.0], False)])
 def test_a_disturbance_of_stable_states_without_cost_costs_nothing(E, is_free):
-    """Q = 0: the unstable mode 2 has a cost, and the modes 1/2 and -1/2 have none."""
+    """With Q = 0, the unstable mode 2 has an optimal cost, and the modes 1/2 and -1/2 have none.
+
+    E has no or some effect on the third state, which is the mode 2.
+    """
     A = [[0.5, -2.0, -0.5], [0.0, -0.5, -1.0], [0.0, 0.0, 2.0]]
-    both = np.column_stack([E, [-3.0, -1.0, 0.0]])
+    both = np.column_stack([E, [-3.0, -1.0, 0.0]])  # the second moves the stable modes only
     game = Game(A, [[-3.0], [-1.0], [-1.0]], E=both, Q=np.zeros(3), R=[1.0], dt=True)
     least = minimum_delta(game).value
     assert (least == 0.0) if is_free else (least > 0.1)
 
 
 def test_a_gain_that_is_not_unique_is_refused_as_such():
-    """x1² is the value with B = 1 and R = 0, of any u2."""
+    """With B = 1 and R = 0, u1 = -x1 / 2 has the least cost x1², with any u2: x2 has no cost."""
     with pytest.raises(NoSolutionError, match="optimal gain is not unique"):
         solve(Game(0.5 * I2, I2, Q=[1.0, 0.0], R=[0.0, 0.0], dt=True))
 

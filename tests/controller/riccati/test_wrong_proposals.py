@@ -1,4 +1,6 @@
-"""The checker refuses wrong proposals for games of several states, however they are made.
+"""No ball about a wrong solution X of a Riccati equation is proved, whatever Y is given with it.
+
+The proof requires a Y > 0 that nearly solves F'Y + Y F = -1 with the loop F of both players at X.
 
 The games are uncoupled scalar games, whose roots are known, in other states.
 """
@@ -97,15 +99,15 @@ def solved(F, *, is_discrete):
     return arb_mat([entries[n * i : n * i + n] for i in range(n)]).mid()
 
 
-def exact_Y(equation, X):
-    """Return Y of the loop of both players at X."""
+def lyapunov_solution(equation, X):
+    """Return Y of F'Y + Y F = -1, in discrete time of F'Y F - Y = -1, for the loop F at X."""
     exact = X.mid()
     F = equation.loop(exact, equation.gains_and_residual(exact)[0])
     return solved(F.mid(), is_discrete=equation.is_discrete)
 
 
-def proposed(equation, X, Y):
-    """Return what X and Y prove."""
+def proved_ball(equation, X, Y):
+    """Return the ball about X that X and Y prove to contain the stabilizing solution."""
     return stabilizing(Candidate(equation, X, Y))
 
 
@@ -117,30 +119,30 @@ def contains(balls, exact):
 
 @pytest.mark.parametrize("name", GAMES)
 def test_other_invariant_subspaces_are_refused(name):
-    """Other solutions X of the Riccati equation are refused, whose loops are unstable.
+    """Solutions X of the Riccati equation that do not stabilize are refused.
 
-    Neither the Y of that loop, which is indefinite, nor its negative, nor the Y of the stabilizing
-    solution proves anything.
+    Neither the Y of F'Y + Y F = -1 with the unstable loop F at X, which is indefinite, nor its
+    negative, nor the Y of the stabilizing solution proves anything.
     """
     game, right, wrong = GAMES[name]
     with precision(BITS):
         equation = equation_of(game, users_units(game), game.delta)
         truth = solution(list(right))
-        Y = exact_Y(equation, truth)
-        assert contains(proposed(equation, truth, Y).P, truth)
+        Y = lyapunov_solution(equation, truth)
+        assert contains(proved_ball(equation, truth, Y).P, truth)
         for mixed in ([wrong[0], right[1]], [right[0], wrong[1]], list(wrong)):
             X = solution(mixed)
-            own = exact_Y(equation, X)
+            own = lyapunov_solution(equation, X)
             for lie in (own, -own, Y):
                 with pytest.raises(NotProvedError):
-                    proposed(equation, X, lie)
+                    proved_ball(equation, X, lie)
 
 
 @pytest.mark.parametrize("name", GAMES)
-def test_accepted_proposals_contain_the_solution_and_its_gains(name):
-    """However far X is changed, what is accepted contains the solution; small changes are accepted.
+def test_each_proved_ball_contains_the_solution_and_its_gains(name):
+    """A ball that is proved about any X contains the solution. It is proved for small changes of X.
 
-    Y is that of X or of the solution, up to 30 % off.
+    Y solves F'Y + Y F = -1 with the loop F at X or at the solution, or is up to 30 % off.
     """
     game, right, _ = GAMES[name]
     rng = np.random.default_rng(1)
@@ -148,16 +150,18 @@ def test_accepted_proposals_contain_the_solution_and_its_gains(name):
         equation = equation_of(game, users_units(game), game.delta)
         truth = solution(list(right))
         gains = equation.gains_and_residual(truth)[0]
-        worst = exact_Y(equation, truth)  # the change with a residual of one size everywhere
+        worst = lyapunov_solution(
+            equation, truth
+        )  # the change with a residual of one size everywhere
         for size, is_worst in product(
             (0.0, 1e-40, 1e-12, 1e-6, 1e-3, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0), (False, True)
         ):
             change = T_INVERSE.T @ rng.standard_normal((2, 2)) @ T_INVERSE
             X = truth + (worst * arb(size) if is_worst else ball_matrix(size * (change + change.T)))
-            ys = exact_Y(equation, X), exact_Y(equation, truth)
+            ys = lyapunov_solution(equation, X), lyapunov_solution(equation, truth)
             for Y, factor in product(ys, (0.7, 0.97, 1.0, 1.03, 1.3)):
                 try:
-                    found = proposed(equation, X, Y * arb(factor))
+                    found = proved_ball(equation, X, Y * arb(factor))
                 except NotProvedError:
                     assert size > 1e-6 or factor != 1.0
                     continue
@@ -174,7 +178,7 @@ def test_the_ball_about_a_candidate_has_room_for_the_quadratic_term(change):
     with precision(BITS):
         equation = equation_of(game, users_units(game), game.delta)
         X = ball_matrix(np.array([[1.0 + change]]))
-        assert proposed(equation, X, exact_Y(equation, X)).P[0, 0].contains(1)
+        assert proved_ball(equation, X, lyapunov_solution(equation, X)).P[0, 0].contains(1)
 
 
 @pytest.mark.parametrize(
@@ -186,10 +190,11 @@ def test_the_ball_about_a_candidate_has_room_for_the_quadratic_term(change):
         in_other_states([0.5, 2.0], [0.0, 1.0], [1.0, 0.0], [0.3, 3.5], delta=1.0, dt=True),
     ],
 )
-def test_nothing_is_accepted_where_there_is_no_solution(game):
-    """No X is accepted with the exact Y of its loop, whatever its first root.
+def test_no_ball_is_proved_where_there_is_no_solution(game):
+    """No ball is proved for two scalar games of which the first has no solution.
 
-    The second root of X is that of the second scalar game, which has a solution.
+    X has any number for the first game, and for the second its solution. Y solves F'Y + Y F = -1
+    with the loop F at X.
     """
     second = 7 if game.is_discrete else 2
     with precision(BITS):
@@ -197,23 +202,25 @@ def test_nothing_is_accepted_where_there_is_no_solution(game):
         for hundredths in range(0, 48, 4) if game.is_discrete else range(-100, 100, 10):
             X = solution([(hundredths, 100), (second, 1)])
             with pytest.raises(NotProvedError):
-                proposed(equation, X, exact_Y(equation, X))
+                proved_ball(equation, X, lyapunov_solution(equation, X))
 
 
 @pytest.mark.parametrize(
     ("rate", "q", "root", "dt"), [(-1.0, 1.0, 1.0, None), (0.5, 0.25, 0.5, True)]
 )
-def test_nothing_is_accepted_just_below_the_smallest_delta(rate, q, root, dt):
+def test_no_ball_is_proved_just_below_the_smallest_delta(rate, q, root, dt):
     """P² - 2 P + q = 0 has the double root 1 at q = 1, and P² - (0.75 + q) P + q = 0 has 0.5 at
-    q = 0.25. For q just above, they have none.
+    q = 0.25. For q just above, they have none: no X near the root is proved.
+
+    rate: a of x' = a x + d, or x⁺ = a x + d, at δ = 1
     """
     game = Game([[rate]], [[0.0]], E=[[1.0]], Q=[[q + 5e-4]], R=[[1.0]], delta=1.0, dt=dt)
     with precision(BITS):
         equation = equation_of(game, users_units(game), game.delta)
         for X in root * np.linspace(0.6, 0.98, 20):
-            proposal = ball_matrix(np.array([[X]]))
+            candidate = ball_matrix(np.array([[X]]))
             with pytest.raises(NotProvedError):
-                proposed(equation, proposal, exact_Y(equation, proposal))
+                proved_ball(equation, candidate, lyapunov_solution(equation, candidate))
 
 
 @pytest.mark.parametrize(
@@ -238,6 +245,6 @@ def test_a_stabilizing_solution_of_two_states_may_be_no_value(game, roots, reaso
     with precision(BITS):
         equation = equation_of(game, users_units(game), game.delta)
         X = solution(roots)
-        found = proposed(equation, X, exact_Y(equation, X))
+        found = proved_ball(equation, X, lyapunov_solution(equation, X))
         with pytest.raises(NotProvedError, match=reason):
             prove_value(found)
