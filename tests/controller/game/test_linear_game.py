@@ -27,11 +27,10 @@ def test_the_default_game_of_the_papers_aircraft_is_that_of_the_paper(dynamics, 
     Another delta can be given.
     """
     model = hfa.aircraft(dynamics=dynamics)
-    linear = hfa.linearize(model, hfa.trim(model))
     feet = 1.0
     if units == "si":
         model, feet = in_si(model), 0.3048
-        linear = hfa.linearize(model, hfa.trim(model))
+    linear = hfa.linearize(model, hfa.trim(model))
     default = hfa.game(linear)
     factors = np.array([feet, 1.0, 1.0, 1.0, 1.0, 1.0])
     Q = np.array([1000.0, 1000.0, 0.01, 0.01, 1000.0, 0.01]) / factors**2
