@@ -281,9 +281,9 @@ SCALAR = {
 
 
 def scalar_loop(time, charge=1.0, radius=0.0):
+    """Return a loop of `SCALAR` with the cost C times `charge`, of this relative radius, δ and D."""
     F, E, C, delta, root = SCALAR[time]
-    balls = (ball_matrix(np.array([[each]])) for each in (F, E, C * charge))
-    F, E, C = balls
+    F, E, C = (ball_matrix(np.array([[each]])) for each in (F, E, C * charge))
     C = C + ball_matrix([[arb(0, radius)]]) * C
     return DisturbedLoop(F, E, C, time == "discrete"), delta, root
 

@@ -150,7 +150,7 @@ def test_each_proved_ball_contains_the_solution_and_its_gains(name):
         equation = equation_of(game, users_units(game), game.delta)
         truth = solution(list(right))
         gains = equation.gains_and_residual(truth)[0]
-        # the change of X whose residual is the identity, to the first order
+        # the change of X whose residual is -1, to the first order
         worst = lyapunov_solution(equation, truth)
         for size, is_worst in product(
             (0.0, 1e-40, 1e-12, 1e-6, 1e-3, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0), (False, True)
