@@ -51,8 +51,8 @@ def test_unusual_constructs_agree_are_noted_or_are_refused(tmp_path):
 @needs_jsbsim
 @pytest.mark.slow
 def test_no_difference_remains_unreported(tmp_path):
-    """None of the constructs differs from JSBSim without a note or a refusal, and at least
-    70 % agree.
+    """No construct has the verdict "silent", a difference from JSBSim without a note, or "traceback", an
+    unexpected error. At least 70 % agree.
     """
     verdicts = [each.verdict for each in compare_constructs(list(ALL), tmp_path)]
     assert not {"silent", "traceback"} & {*verdicts}
@@ -61,9 +61,8 @@ def test_no_difference_remains_unreported(tmp_path):
 
 @needs_jsbsim
 def test_an_unreported_difference_is_detected(tmp_path, monkeypatch):
-    """The comparison calls a reader silent that ignores a construct without a note.
-
-    The planted reader returns the model of the jet without the construct.
+    """The comparison gives the verdict "silent" if the reader ignores a construct without a note, as the
+    planted one does: it returns the model of the jet without the construct.
     """
     monkeypatch.setattr(judging, "read_model", lambda path: read_without_its_construct(tmp_path))
     (judgement,) = compare_constructs(["functions: force at the center of gravity"], tmp_path)

@@ -32,9 +32,11 @@ def test_simulations_of_jsbsim_converge_to_the_models_simulation(name):
     coarse, fine = responses(items)
     error = difference(model, flight, fine)
     assert difference(model, flight, coarse) / error == pytest.approx(4.0, rel=0.15)
-    pairs = zip(coarse["states"], fine["states"], strict=True)
-    # If the error is proportional to the step, a quarter step leaves a third of the difference.
-    limit = [{key: x[key] + (x[key] - of[key]) / 3.0 for key in x} for of, x in pairs]
+    # If the error is proportional to the step, that of a quarter step is a third of the difference.
+    limit = [
+        {key: x[key] + (x[key] - x_coarse[key]) / 3.0 for key in x}
+        for x_coarse, x in zip(coarse["states"], fine["states"], strict=True)
+    ]
     assert difference(model, flight, fine | {"states": limit}) < 0.1 * error
 
 
@@ -54,9 +56,10 @@ def trim_of(path, **held):
 
 
 def test_a_spool_is_at_its_throttle_in_trim(path):
-    """In trim, the spool speed is 60 % + 40 % of the throttle, the commanded speed.
+    """In trim, the spool speed is the commanded one, 60 % + 40 % of the throttle.
 
-    Near it, the spool reaches the commanded speed in a frame of JSBSim: A has the entry -120 1/s.
+    Near it, JSBSim's spool reaches the commanded speed in one frame of 1/120 s: A has the entry
+    -120 1/s.
     """
     model, point = trim_of(f"{path}?engines=states")
     assert point.states.spool0 == pytest.approx(60.0 + 40.0 * point.inputs.throttle)
@@ -98,9 +101,9 @@ def test_a_fast_fan_is_trimmed(tmp_path):
     small = slots["thruster"].replace("<ixx> 1 <", "<ixx> 0.002 <").replace("> 6 <", "> 0.9 <")
     model, point = trim_of(written(tmp_path, jet({**slots, "thruster": small}), "jet"), kcas=100.0)
     assert 40_000.0 < point.states.rpm0 < 45_000.0
-    turns = point.states.rpm0 / 60.0
-    speed = point.states.speed * math.cos(point.states.alpha)
-    power = np.interp(speed / (0.9 * turns), *np.array(tables.split(), float).reshape(-1, 2).T)
+    n = point.states.rpm0 / 60.0
+    speed = point.states.speed * math.cos(point.states.alpha)  # along the axis of the fan
+    J, C_P = np.array(tables.split(), float).reshape(-1, 2).T
     # Density at 5000 ft in slug/ft^3, diameter in ft, and ft lbf/s of a horsepower.
-    power *= 0.0020482 * turns**3 * 0.9**5 / 550.0
+    power = np.interp(speed / (0.9 * n), J, C_P) * 0.0020482 * n**3 * 0.9**5 / 550.0
     assert model.outputs_at(point.states, point.inputs)["power0"] == pytest.approx(power, rel=1e-3)

@@ -23,6 +23,8 @@ from hfa import BadInputError, load_model, trim
 TABLE = "<table> <independentVar>aero/alpha-rad</independentVar> <tableData>{}</tableData> </table>"
 #: States of the glider: 120 ft/s, alpha 0.1 rad, 1000 ft; all others are 0.
 STATES = [120.0, 0.1, *[0.0] * 7, 1000.0]
+#: Its commands of elevator, aileron and rudder.
+CENTERED = [0.0] * 3
 
 
 def model_of(folder, text):
@@ -66,29 +68,40 @@ DECLARED = glider(
 )
 
 
-def test_declared_commands_become_inputs(tmp_path):
-    """The command fcs/elevon-cmd, which nothing sets, is an input that a trim keeps at -0.1.
+def notes_on(model, name):
+    """Return the notes of a model that contain a name."""
+    return [note for note in model.about.notes if name in note]
 
-    A note and the refusal of the trim propose --free, with which the trim solves for it, by either
-    of its names. With ?inputs= it is free, and has the value of the elevator of the plain glider.
+
+def test_a_declared_command_is_an_input_that_a_trim_keeps(tmp_path):
+    """The command fcs/elevon-cmd, which the file declares as -0.1 and nothing sets, is an input that a
+    trim keeps at -0.1.
+
+    A note, and the refusal of the trim, propose --free, with which a trim solves for it. The note does
+    not name fcs/idle-cmd, which moves nothing.
     """
     path = written(tmp_path, DECLARED)
-    alone = load_model(path)
-    assert alone.trim["elevon_cmd"] == -0.1
-    (note,) = [note for note in alone.about.notes if "fcs/elevon-cmd" in note]
+    model = load_model(path)
+    assert model.trim["elevon_cmd"] == -0.1
+    (note,) = notes_on(model, "fcs/elevon-cmd")
     assert "--free" in note
     assert "idle-cmd" not in note
     assert_refused(run("trim", "--aircraft", path), 1, "no input changes pitch_rate; --free fcs/el")
     freed = run("trim", "--aircraft", path, "--free", "fcs/elevon-cmd", "--hold", "speed=120")
     assert "elevon_cmd -0." in freed.out
-    model = load_model(f"{path}?inputs=fcs/elevon-cmd")
-    assert not [note for note in model.about.notes if "fcs/elevon-cmd" in note]
+
+
+def test_a_command_after_inputs_is_free_in_a_trim(tmp_path):
+    """With ?inputs=fcs/elevon-cmd, a trim solves for this command, without a note: it is that of the
+    elevator of the plain glider.
+    """
+    model = load_model(f"{written(tmp_path, DECLARED)}?inputs=fcs/elevon-cmd")
+    assert not notes_on(model, "fcs/elevon-cmd")
     assert model.inputs["elevon_cmd"].start == -0.1
     assert model.about.aliases["fcs/elevon-cmd"] == "elevon_cmd"
     point = trim(model, hold={"speed": 120.0})
-    usual = model_of(tmp_path, glider())
-    other = trim(usual, hold={"speed": 120.0})
-    assert point.inputs.elevon_cmd == pytest.approx(other.inputs.elevator, rel=1e-9)
+    plain = trim(model_of(tmp_path, glider()), hold={"speed": 120.0})
+    assert point.inputs.elevon_cmd == pytest.approx(plain.inputs.elevator, rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -225,7 +238,7 @@ def test_xml_entities_are_replaced_by_text(tmp_path):
     )
 
 
-#: A system that sets a property of JSBSim to another one of no aircraft.
+#: A system that sets a property, the slot, to sim/in, which nothing sets.
 SETS = (
     '<system name="s"> <channel name="c"> <pure_gain name="s/c"> <input>sim/in</input>'
     " <gain>1</gain> <output>{}</output> </pure_gain> </channel> </system>"
@@ -241,7 +254,7 @@ def test_a_property_that_nothing_sets_is_a_constant(tmp_path):
     model = load_model(path)
     assert any(re.search(r"--hold.*glider.xml: \d+ sim/gust", each) for each in model.about.notes)
     assert model.about.aliases["sim/gust"] == "gust"
-    x, u = STATES, [0.0] * 3
+    x, u = STATES, CENTERED
     still, pushed = (model.with_parameters(gust=value).rates_at(x, u)["beta"] for value in (0, 1))
     assert still == pytest.approx(load_model(written(tmp_path, glider())).rates_at(x, u)["beta"])
     # beta' = SIDE / (m V) and SIDE = 2 q S; L = 0.5 q S at 0.1 rad
@@ -253,28 +266,27 @@ def test_a_property_that_nothing_sets_is_a_constant(tmp_path):
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("propulsion/engine/friction-hp", ""),  # there is no engine
+        ("propulsion/engine/friction-hp", ""),
         ("propulsion/engine[3]/n1", ""),
         ("atmosphere/turb-rate", ""),
         ("simulation/gravity-model", "moves a force in JSBSim"),
     ],
 )
-def test_only_what_moves_a_force_may_not_be_set(tmp_path, name, said):
-    """A system may set a property of JSBSim that moves no force, such as one of an engine that the
-    glider does not have.
+def test_a_system_may_not_set_what_moves_a_force_in_jsbsim(tmp_path, name, said):
+    """A system that sets the gravity model of JSBSim is refused, since the reader would not follow it.
+    One that sets turbulence, or a property of an engine, which the glider does not have, is read.
     """
     path = written(tmp_path, glider(more=SETS.format(name)))
     if said:
         with pytest.raises(BadInputError, match=rf"glider.xml:\d+: {name} {said}"):
             load_model(path)
     else:
-        assert load_model(path).rates_at(STATES, [0.0] * 3)
+        assert load_model(path).rates_at(STATES, CENTERED)
 
 
 def test_the_property_that_stops_the_engine_is_named(tmp_path):
-    """If the throttle moves no thrust, a warning says which value starts the engine.
-
-    The tank is open if sim/fuel is 1; the engine runs if engine0 is 1.
+    """If the throttle moves no thrust, a warning says which value starts the engine: sim/fuel = 1, by
+    which the file opens the tank, or engine0 = 1, by which the engine runs.
     """
     valve = (
         '<pure_gain name="fcs/probe"> <input>sim/fuel</input> <gain>1</gain>'
@@ -289,9 +301,8 @@ def test_the_property_that_stops_the_engine_is_named(tmp_path):
 
 
 def test_a_constant_that_no_control_reads_is_no_input(tmp_path):
-    """sim/gust pitches the glider in place of the elevator, but no control component reads it.
-
-    Such a constant is a parameter, unlike a command.
+    """The constant sim/gust, which pitches the glider in place of the elevator, is a parameter, and not an
+    input: it is no command, since no control component reads it.
     """
     text = glider(LIFT + REST.replace("fcs/elevator-pos-rad", "sim/gust"))
     assert "gust" in model_of(tmp_path, text).parameters
@@ -302,16 +313,17 @@ def test_the_velocity_over_the_ground_is_an_output(tmp_path):
     120 cos(0.1) and the track 0.3 rad.
     """
     model = model_of(tmp_path, glider())
-    found = model.outputs_at([120.0, 0.1, *[0.0] * 6, 0.3, 1000.0], [0.0] * 3)
+    found = model.outputs_at([120.0, 0.1, *[0.0] * 6, 0.3, 1000.0], CENTERED)
     expected = {"ground_speed": (120.0 * np.cos(0.1), "ft/s"), "track": (0.3, "rad")}
     for name, (value, unit) in expected.items():
         assert (found[name], model.outputs[name].unit) == (pytest.approx(value), unit)
 
 
-def test_a_constant_whose_loop_is_off_keeps_its_value(tmp_path):
-    """The elevator follows its own position if sim/on is 1, a loop, and else the stick.
+def test_a_constant_that_would_close_a_loop_is_no_parameter(tmp_path):
+    """A switch s gives its own output fcs/s, a loop, if sim/on is 1, and else the stick.
 
-    sim/on, which nothing sets, is 0. It keeps this value, is no parameter, and is noted.
+    The constant sim/on, which nothing sets, is 0. It is no parameter, since another value would close
+    the loop, and a note names it.
     """
     switch = (
         '<switch name="s"> <default value="fcs/elevator-cmd-norm"/> <test value="fcs/s">'
@@ -321,16 +333,16 @@ def test_a_constant_whose_loop_is_off_keeps_its_value(tmp_path):
     model = model_of(tmp_path, with_elevator(switch).replace("</aerodynamics>", side))
     assert model.inputs["elevator"].unit == "1"
     assert "on" not in model.parameters
-    assert any("sim/on" in note for note in model.about.notes)
+    assert notes_on(model, "sim/on")
 
 
 def test_a_number_ends_where_the_next_begins(tmp_path):
-    """In a table, 0.87.5 are the numbers 0.87 and .5, as JSBSim reads them.
+    """In a row of a table, 0.87.5 is read as the numbers 0.87 and .5, as by JSBSim.
 
-    At 0.435 rad, half of 0.87, the lift coefficient is 0.3, the mean of .1 and .5.
+    At alpha 0.435, half of 0.87, the lift coefficient is therefore 0.3, the mean of .1 and .5.
     """
     of_lift = force("LIFT", TABLE.format("\n0 .1\n0.87.5\n"))
-    x, u = [120.0, 0.435, *[0.0] * 7, 1000.0], [0.0] * 3
+    x, u = [120.0, 0.435, *[0.0] * 7, 1000.0], CENTERED
     ratios = [
         model_of(tmp_path, glider(each + REST)).outputs_at(x, u)["lift_to_weight"]
         for each in (of_lift, force("LIFT", "<v>0.3</v>"))
@@ -371,22 +383,21 @@ def test_a_number_ends_where_the_next_begins(tmp_path):
 def test_components_have_their_steady_output_in_the_model(tmp_path, component, positions):
     """The elevator position behind a component is its steady output for the present command.
 
-    A note names half of a hysteresis, 0.025, which the model omits.
+    A note names half of the width of a hysteresis, 0.025, by which the model may be off.
     """
     model = model_of(tmp_path, with_elevator(component))
     for command, position in positions.items():
         u = [command if name == "elevator" else 0.0 for name in model.inputs]
         outputs = model.outputs_at(STATES, u)
         assert outputs["elevator_position"] == pytest.approx(position, abs=1e-14)
-    notes = [note for note in model.about.notes if "hysteresis" in note]
+    notes = notes_on(model, "hysteresis")
     assert len(notes) == component.count("<hysteresis_width>")
     assert all("0.025" in note for note in notes)
 
 
 def test_a_surface_behind_an_integrator_is_an_input(tmp_path):
-    """If the stick acts through an integrator, the surface position is the input of the model.
-
-    The position is limited by <clipto>. In trim, the pitching moment -alpha - elevator is 0.
+    """If the stick acts through an integrator, the surface position, limited by <clipto>, is the input of
+    the model. In trim, the pitching moment coefficient -alpha - elevator is 0.
     """
     pid = (
         '<pid name="e"> <input>fcs/elevator-cmd-norm</input> <kp>1</kp> <ki>0.1</ki> <clipto>'
@@ -395,19 +406,21 @@ def test_a_surface_behind_an_integrator_is_an_input(tmp_path):
     model = model_of(tmp_path, with_elevator(pid))
     elevator = model.inputs["elevator"]
     assert (elevator.unit, elevator.min, elevator.max) == ("rad", -0.2, 0.3)
-    assert any("the integrator has no steady-state value" in note for note in model.about.notes)
+    assert notes_on(model, "the integrator has no steady-state value")
     point = trim(model, hold={"speed": 120.0})
     assert point.inputs.elevator == pytest.approx(-point.states.alpha, rel=1e-10)
 
 
 def test_lift_by_rate_of_alpha_gives_analytical_rate(tmp_path):
-    """With the lift 0.02 q S alpha', alpha' (1 + 0.02 q S / (m V)) is alpha' without this term."""
+    """With an additional lift 0.02 q S alpha', alpha' is the alpha' without it, divided by
+    1 + 0.02 q S / (m V).
+    """
     term = slope(0.02, "aero/alphadot-rad_sec")
     model = model_of(tmp_path, glider(force("LIFT", slope(5.0, "aero/alpha-rad"), term) + REST))
     plain = model_of(tmp_path, glider())
-    rate = model.rates_at(STATES, [0.0] * 3)["alpha"]
-    without = plain.rates_at(STATES, [0.0] * 3)["alpha"]
-    outputs = plain.outputs_at(STATES, [0.0] * 3)
+    rate = model.rates_at(STATES, CENTERED)["alpha"]
+    without = plain.rates_at(STATES, CENTERED)["alpha"]
+    outputs = plain.outputs_at(STATES, CENTERED)
     # L / W = 5 alpha q S / (m g), with g in ft/s²
     pressure_per_momentum = outputs["lift_to_weight"] / (5.0 * 0.1) * 32.174049 / 120.0
     assert rate == pytest.approx(without / (1.0 + 0.02 * pressure_per_momentum), rel=1e-9)
@@ -416,7 +429,8 @@ def test_lift_by_rate_of_alpha_gives_analytical_rate(tmp_path):
 def test_the_sign_of_the_inertia_product_is_read(tmp_path):
     """With negated_crossproduct_inertia="false", the product of inertia has the other sign.
 
-    Equal moments then cause the accelerations of the matrix with -100 in place of 100 slug ft².
+    The moments of roll and yaw then cause the accelerations of the inertia matrix with the entries
+    -100 in place of 100 slug ft² beside the diagonal 1000, 2000.
     """
     tilted = METRICS.replace("<emptywt", '<ixz unit="SLUG*FT2"> 100 </ixz> <emptywt')
     x = [120.0, 0.1, 0.05, *[0.0] * 6, 1000.0]
@@ -424,7 +438,7 @@ def test_the_sign_of_the_inertia_product_is_read(tmp_path):
     for attribute in ("", ' negated_crossproduct_inertia="false"'):
         metrics = tilted.replace("<mass_balance>", f"<mass_balance{attribute}>")
         model = model_of(tmp_path, glider().replace(METRICS, metrics))
-        rates.append(model.rates_at(x, [0.0] * 3))
+        rates.append(model.rates_at(x, CENTERED))
     inertia = np.array([[1000.0, 100.0], [100.0, 2000.0]])
     moments = inertia @ [rates[0]["roll_rate"], rates[0]["yaw_rate"]]
     inertia[0, 1] = inertia[1, 0] = -100.0
@@ -432,9 +446,10 @@ def test_the_sign_of_the_inertia_product_is_read(tmp_path):
     assert [rates[1]["roll_rate"], rates[1]["yaw_rate"]] == pytest.approx(expected.tolist())
 
 
-def test_a_command_that_moves_no_force_is_not_noted(tmp_path):
-    """Of fcs/live-cmd, which pitches the glider, and fcs/dead-cmd, whose gain is 0, the first alone
-    is an input and is noted. It can also be named by ?inputs=.
+def test_a_command_that_moves_no_force_is_no_input(tmp_path):
+    """Of two declared commands that nothing sets, fcs/live-cmd pitches the glider, and fcs/dead-cmd acts
+    through a gain of 0. Only the first is an input. Only it is named in the note on commands that
+    --free frees, and it may be given by ?inputs=.
     """
     damper = (
         '<channel name="damper"> <pure_gain name="idle"> <input>fcs/dead-cmd</input>'
@@ -451,7 +466,7 @@ def test_a_command_that_moves_no_force_is_not_noted(tmp_path):
     model = load_model(path)
     assert "live_cmd" in model.inputs
     assert "dead_cmd" not in {**model.inputs, **model.parameters}
-    (note,) = [note for note in model.about.notes if "--free" in note]
+    (note,) = notes_on(model, "--free")
     assert "fcs/live-cmd" in note
     assert "fcs/dead-cmd" not in note
     assert "live_cmd" in load_model(f"{path}?inputs=fcs/live-cmd").inputs

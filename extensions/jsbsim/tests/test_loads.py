@@ -62,8 +62,8 @@ def residual(name, held, parameters, free=()):
                 ("sgs126", {"kcas": 60.0, "altitude": 3000.0}, WIND, ()),
                 ("f15", JET, WIND, ()),
                 ("B747", JET, {"engine1": 0.0}, ()),
-                # Quantities that JSBSim's systems move are imposed, and actuators start in
-                # equilibrium.
+                # In JSBSim, quantities that the systems of these files move are held at the values
+                # of the model, and actuators start in equilibrium.
                 ("X15", {"kcas": 300.0, "altitude": 20000.0}, {}, ()),
                 ("f16", {"kcas": 300.0, "altitude": 20000.0}, {}, ()),
                 ("p51d", {"kcas": 200.0, "altitude": 10000.0}, {}, ()),
@@ -75,7 +75,7 @@ def residual(name, held, parameters, free=()):
                     (name, {"kcas": kcas, "altitude": 3000.0, "throttle": share}, out, ("gamma",))
                     for name, kcas, share in PROPELLERS
                     for out in ({"engine1": 0.0}, {"engine1": 0.0, "feather1": 1.0})
-                    # Its engine in JSBSim has not settled after two minutes.
+                    # The feathered engine of the DHC6 has not settled in JSBSim after two minutes.
                     if (name, len(out)) != ("DHC6", 2)
                 ),
             )
@@ -114,27 +114,34 @@ def test_warm_air_is_that_of_jsbsim(name):
     assert max(abs(answer[axis]) for axis in AXES) < 1e-9
 
 
-def test_downward_wind_changes_climb_rate_not_pitch_acceleration(tmp_path):
-    """A steady downward wind changes the climb rate but not the pitch acceleration.
+#: States and commands of the glider: 120 ft/s, alpha 0.1 rad, 1000 ft, all others 0. With the pitch 0
+#: and the heading north, it descends at 0.1 rad.
+FLIGHT = [120.0, 0.1, *[0.0] * 7, 1000.0], [0.0] * 3
 
-    An updraft acts on the pitch acceleration as the angle of attack and the airspeed that it causes,
-    and a gust to the east, for a heading north, on the yaw acceleration as the sideslip.
+
+def test_downward_wind_changes_climb_rate_not_pitch_acceleration(tmp_path):
+    """A steady downward wind of 5 ft/s reduces the climb rate by 5 ft/s. The motion through the air, and
+    with it the pitch acceleration, does not change.
     """
     model = load_model(written(tmp_path, glider()))
-    x = [120.0, 0.1, *[0.0] * 7, 1000.0]  # 120 ft/s, alpha 0.1 rad, 1000 ft, all else 0
-    u = [0.0] * len(model.inputs)
-    still = model.rates_at(x, u)
-    sinking = model.with_parameters(wind_down=5.0).rates_at(x, u)
+    still = model.rates_at(*FLIGHT)
+    sinking = model.with_parameters(wind_down=5.0).rates_at(*FLIGHT)
     assert sinking["altitude"] == pytest.approx(still["altitude"] - 5.0)
     assert sinking["pitch_rate"] == pytest.approx(still["pitch_rate"], rel=1e-12)
-    by_updraft, by_gust_east = model.at(x, u, disturbances=("updraft", "gust_east")).E.T
-    A = model.at(x, u).A
+
+
+def test_gusts_act_on_moments_by_the_flow_that_they_cause(tmp_path):
+    """An updraft changes alpha by cos(0.1) / 120 rad and the airspeed by sin(0.1) ft/s for each ft/s, and
+    acts on the pitch acceleration by both. A gust to the east changes beta by -1 / 120 rad, and acts on
+    the yaw acceleration by it.
+    """
+    model = load_model(written(tmp_path, glider()))
+    A, E = model.at(*FLIGHT).A, model.at(*FLIGHT, disturbances=("updraft", "gust_east")).E
     names = ("pitch_rate", "yaw_rate", "alpha", "beta", "speed")
     pitch, yaw, alpha, beta, speed = (list(model.states).index(name) for name in names)
-    # At 120 ft/s the flight path is 0.1 rad below the horizon: the pitch is 0, and alpha 0.1 rad.
-    by_alpha, by_airspeed = A[pitch, alpha] * np.cos(0.1) / 120.0, A[pitch, speed] * np.sin(0.1)
-    assert by_updraft[pitch] == pytest.approx(by_alpha + by_airspeed, rel=1e-9)
-    assert by_gust_east[yaw] == pytest.approx(-A[yaw, beta] / 120.0, rel=1e-9)
+    by_flow = A[pitch, alpha] * np.cos(0.1) / 120.0 + A[pitch, speed] * np.sin(0.1)
+    assert E[pitch, 0] == pytest.approx(by_flow, rel=1e-9)
+    assert E[yaw, 1] == pytest.approx(-A[yaw, beta] / 120.0, rel=1e-9)
 
 
 WASHOUT = (
@@ -145,7 +152,7 @@ WASHOUT = (
 
 @needs_jsbsim
 def test_replaced_commands_are_zero_in_filters():
-    """Filters of the F-22 receive a centered stick, because the surface positions are the inputs.
+    """The inputs of the F-22 are its surface positions, so that the filters of its stick receive 0.
 
     From 1, the states of two filters decay, at the same rate with the surfaces at 0 and 0.1 rad.
     """

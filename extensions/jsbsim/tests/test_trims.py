@@ -143,15 +143,16 @@ def test_an_empty_tank_is_noted():
     ],
 )
 def test_missing_lift_is_explained(speed, reason, tmp_path):
-    """At 15 ft/s, the greatest lift of the glider is below its weight at any elevator. At 60 ft/s,
-    it is above the weight below an alpha of 40 deg, to which the elevator cannot trim.
+    """At 15 ft/s, the greatest lift of the glider is below its weight. At 60 ft/s it is above the weight,
+    but the elevator cannot balance the pitching moment at the alpha that this lift requires.
     """
     aircraft = written(tmp_path, glider())
     assert re.search(reason, explained_failure(aircraft, "--units", "si", speed=0.3048 * speed))
 
 
 def test_aircraft_are_found_by_name_in_the_folder_of_jsbsim(monkeypatch, tmp_path):
-    """An aircraft in $JSBSIM_ROOT is read by its name, and has JSBSim's names of signals.
+    """An aircraft in the folder $JSBSIM_ROOT is read by its name. JSBSim's name vc-kts is accepted for its
+    signal kcas.
 
     A folder without aircraft is refused; an unknown name is refused with those that exist.
     """
@@ -168,18 +169,25 @@ def test_aircraft_are_found_by_name_in_the_folder_of_jsbsim(monkeypatch, tmp_pat
 
 
 @needs_jsbsim
-def test_throttles_are_equal_and_a_stopped_engine_is_named_as_typed():
-    """The default trim of the 737 with two throttles has equal throttles and no rudder.
-
-    One engine out is balanced by the rudder, and the title names it by the input or parameter that
-    is held. In gusts, the output throttle_split0 is still throttle1 - throttle0.
+def test_two_throttles_are_equal_in_the_default_trim():
+    """The default trim of the 737 with a throttle for each engine has equal throttles and no rudder. The
+    output throttle_split0, which is 0 in it, is throttle1 - throttle0, also of a model with gusts.
     """
     model = load_model("jsbsim:737?throttles=each")
     point = trim(model)
     in_gusts = model.at(point.states, point.inputs, ("throttle_split0",), disturbances=("updraft",))
-    assert in_gusts.D[0, -2:].tolist() == [-1.0, 1.0]  # by throttle0 and throttle1
+    assert list(model.inputs)[-2:] == ["throttle0", "throttle1"]
+    assert in_gusts.D[0, -2:].tolist() == [-1.0, 1.0]
     assert point["throttle0"] == pytest.approx(point["throttle1"], abs=1e-12)
     assert abs(point["rudder"]) < 1e-12
+
+
+@needs_jsbsim
+def test_a_stopped_engine_is_named_by_what_is_held():
+    """The rudder balances one engine out. The title of the trim names this engine by the input or the
+    parameter that is held at 0, and no other engine.
+    """
+    model = load_model("jsbsim:737?throttles=each")
     for failed, words in (
         (trim(model, hold={"throttle0": 0.0}), "engine 1 out (throttle0)"),
         (trim(model.with_parameters(engine1=0.0)), "engine 2 out (engine1)"),
