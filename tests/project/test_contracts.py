@@ -135,17 +135,24 @@ def contract(begin):
     return found
 
 
-def test_contracts_name_every_package():
-    """A new package cannot be forgotten: the linter knows all packages, the contract of the core
-    has each package of the core, and each other contract on all packages has each.
-
-    Of `hfa`, which stands above the extensions, only the options belong to the core. The readers of
-    aircraft stand beside the layers, and have contracts of their own.
-    """
+def test_the_linter_knows_every_package():
+    """A new package must be added to the linter's root packages."""
     assert set(SETTINGS["importlinter"]["root_packages"]) == PACKAGES
+
+
+def test_the_contract_of_the_core_names_every_core_package():
+    """The contract has each package that is neither an extension nor studies. Of `hfa`, which
+    imports extensions for its commands, it has only the options.
+    """
     core = contract("The core imports no extension")
-    in_core = PACKAGES - EXTENSIONS - {"studies", "hfa"} | {"hfa.options"}
-    assert set(core["modules"]) == set(core["allowed"]) == in_core
+    core_packages = PACKAGES - EXTENSIONS - {"studies", "hfa"} | {"hfa.options"}
+    assert set(core["modules"]) == set(core["allowed"]) == core_packages
+
+
+def test_every_package_is_a_layer_or_a_reader():
+    """The layers contain each package except the extensions that read aircraft files, on which two
+    other contracts agree: what they import, and that nothing imports them.
+    """
     readers = contract("Nothing imports the readers")["protected_modules"]
     assert contract("Readers of aircraft import")["modules"] == readers
     layers = contract("Packages import only those below them")["layers"]
@@ -168,12 +175,14 @@ def complaints(output):
 
 @pytest.mark.slow
 def test_planted_forbidden_imports_are_detected(tmp_path):
-    """Imports that contracts forbid are planted in a copy of the project, at least one for each
-    contract; the linter reports each under its contract.
+    """In a copy of the project, the imports of `BREACHES` are planted, at least one that each
+    contract forbids; the linter reports each under its contract.
     """
     broken = [contract(begin)["name"] for begin in BREACHES]
     assert sorted(broken) == sorted(each["name"] for each in CONTRACTS)
     pytest.importorskip("importlinter")
+
+    # The copy, with the planted imports.
     for folder in (*FOLDERS.values(), ROOT / "studies"):
         target = tmp_path / folder.relative_to(ROOT)
         shutil.copytree(folder, target, ignore=shutil.ignore_patterns("__pycache__", "*.json"))
@@ -187,6 +196,8 @@ def test_planted_forbidden_imports_are_detected(tmp_path):
     for (_, file, imported), place in zip(planted, cycle(PLACES), strict=False):
         with (tmp_path / file).open("a", encoding="utf-8") as source:
             source.write(place.format(imported))
+
+    # The run of the linter.
     roots = [tmp_path, *sorted((tmp_path / "extensions").iterdir())]
     done = subprocess.run(
         [Path(sys.executable).with_name("lint-imports"), "--no-cache"],
@@ -197,9 +208,12 @@ def test_planted_forbidden_imports_are_detected(tmp_path):
         timeout=120,
     )
     assert done.returncode == 1
+
+    # The report: "importer -> imported" as module names.
     found = complaints(done.stdout)
     for begin, file, imported in planted:
         parts = Path(file).with_suffix("").parts
+        # extensions/flight/hfa_flight/... is the module hfa_flight....
         importer = ".".join(parts[2:] if parts[0] == "extensions" else parts)
         importer = importer.removesuffix(".__init__")
         text = found.get(contract(begin)["name"], "")
@@ -214,12 +228,13 @@ def lowest_first(graph):
 
 def test_no_modules_import_each_other():
     """The imports of all modules form no circle, also with those in functions and for type
-    checkers. A planted circle of two modules is found.
+    checkers: an order exists in which each module follows those that it imports. With a planted
+    import of a module that imports the importer, none exists.
     """
     graph = pytest.importorskip("grimp").build_graph(*FOLDERS, cache_dir=None)
     order = lowest_first(graph)
     assert order.index("hfa_support.errors") < order.index("hfa_prove.check.schedule")
     filtered, kalman = "hfa_flight.policies.filtered_policy", "hfa_flight.policies.kalman"
-    graph.add_import(importer=kalman, imported=filtered)
+    graph.add_import(importer=kalman, imported=filtered)  # the reverse import exists
     with pytest.raises(CycleError, match=filtered):
         lowest_first(graph)

@@ -40,15 +40,15 @@ def site(tmp_path_factory):
     return site
 
 
-#: Commands in docs/extending.md, each with its exit code and output.
-OF_THE_PAGE = [
+#: Commands in docs/extending.md, each with the shown exit code ("" of 0) and output.
+SHOWN = [
     found
     for block in blocks_of(PAGE)
     if block.language == "console"
-    for found in COMMAND.finditer(block.text)
+    for found in COMMAND.findall(block.text)
 ]
-#: Further commands for the aircraft of that page and for other files.
-OTHERS = (
+#: Further commands for the aircraft of that page and for other .pm files.
+FURTHER = (
     "hfa trim --aircraft trainer.pm --at 55 --json",
     "hfa --help",
     "hfa level speed",
@@ -62,36 +62,51 @@ OTHERS = (
 
 @pytest.fixture(scope="module")
 def results(site, tmp_path_factory):
-    """Return the results of the commands in docs/extending.md and of further commands."""
+    """Return command -> result, of `SHOWN` and `FURTHER`, with the package of docs/extending.md."""
     folder = tmp_path_factory.mktemp("aircraft")
     write_package(folder)
     shutil.rmtree(folder / "hfa_pointmass")
     (folder / "broken.pm").write_bytes(b"mass \xff")
     heavier = (folder / "trainer.pm").read_text("utf-8").replace("1200", "1300")
     (folder / "heavier.pm").write_text(heavier, encoding="utf-8")
-    commands = [*(command[1] for command in OF_THE_PAGE), *OTHERS]
-    return results_in_turn(commands, folder, PYTHONPATH=str(site))
+    commands = [*(command for command, _, _ in SHOWN), *FURTHER]
+    return dict(zip(commands, results_in_turn(commands, folder, PYTHONPATH=str(site)), strict=True))
 
 
 @pytest.mark.slow
-def test_a_package_adds_an_aircraft_and_a_command(results):
-    """The package of the page, a point mass, adds the aircraft format .pm, whose trim has the lift
-    of its weight at 55 m/s, and the command `level thrust`. A missing or broken .pm file is
-    reported in one line.
+def test_a_package_adds_an_aircraft_format(results):
+    """The package of the page, a point mass, adds the aircraft format .pm, which the help of `hfa
+    trim` names. The trim of trainer.pm, 1200 kg, has the lift coefficient of its weight at 55 m/s.
     """
-    trimmed, overview, unknown, trim_help, missing, broken, *_ = results[len(OF_THE_PAGE) :]
+    trimmed = results["hfa trim --aircraft trainer.pm --at 55 --json"]
     assert trimmed.code == 0, trimmed.err
     lift = json.loads(trimmed.out)["operating_point"]["inputs"]["lift_coefficient"]
     assert lift == pytest.approx(1200 * 9.80665 / (0.5 * 1.225 * 55**2 * 16.2))
+    assert "FILE.pm" in results["hfa trim --help"].out
+
+
+@pytest.mark.slow
+def test_a_package_adds_a_command_of_two_words(results):
+    """The package of the page adds the command `level thrust` to the help of all commands. Another
+    word after `level` is refused.
+    """
+    overview, unknown = results["hfa --help"], results["hfa level speed"]
     assert "\npoint mass" in overview.out
     assert "\n  level thrust  thrust and lift-to-drag ratio" in overview.out
     assert (unknown.code, unknown.out) == (2, "")
     assert "unknown word 'speed' after `hfa level`" in unknown.err
-    assert "FILE.pm" in trim_help.out
-    assert broken.err.startswith("hfa: broken.pm: 'utf-8' codec can't decode byte 0xff")
-    assert broken.err.endswith("; correct the file\n")
+
+
+@pytest.mark.slow
+def test_a_missing_or_damaged_file_of_a_format_is_reported_in_one_line(results):
+    """A .pm file that does not exist, and one that is not UTF-8, are reported with a reason, though
+    the reader in the package handles no errors.
+    """
+    damaged = results["hfa trim --aircraft broken.pm"].err
+    assert damaged.startswith("hfa: broken.pm: 'utf-8' codec can't decode byte 0xff")
+    assert damaged.endswith("; correct the file\n")
     assert (
-        missing.err
+        results["hfa trim --aircraft none.pm"].err
         == "hfa: none.pm cannot be read (No such file or directory); give a readable file\n"
     )
 
@@ -99,29 +114,29 @@ def test_a_package_adds_an_aircraft_and_a_command(results):
 @pytest.mark.slow
 def test_commands_of_the_page_print_shown_output(results):
     """Each command in docs/extending.md returns the shown exit code and prints the shown output."""
-    assert len(OF_THE_PAGE) >= 5  # the commands are found
-    for command, done in zip(OF_THE_PAGE, results, strict=False):
-        assert done.code == int(command[2] or 0), f"{command[1]}: {done.out}{done.err}"
-        assert not difference(command[3], done.out + done.err)
+    assert len(SHOWN) >= 5  # the commands are found
+    for command, code, output in SHOWN:
+        done = results[command]
+        assert done.code == int(code or 0), f"{command}: {done.out}{done.err}"
+        assert not difference(output, done.out + done.err)
 
 
 @pytest.mark.slow
 def test_provenance_names_the_file_without_a_source(results):
-    """If a reader leaves `source` empty, as that of .pm, the provenance still names the file and
-    its hash, which changes with the mass in the file.
+    """If a reader leaves `source` of its model empty, as that of .pm, the provenance still names
+    the file and its hash, which differs for heavier.pm, with 1300 kg in place of 1200 kg.
     """
-    by_command = dict(zip(OTHERS, results[len(OF_THE_PAGE) :], strict=True))
-    trainer, heavier = (
-        by_command[f"hfa trim --aircraft {name}.pm"].out for name in ("trainer", "heavier")
-    )
-    given, changed = (
-        re.search(r"plant (\w+).pm \(SHA-256 (\w+)\)$", out) for out in (trainer, heavier)
-    )
-    assert given is not None
-    assert changed is not None
-    assert (given[1], changed[1]) == ("trainer", "heavier")
-    assert given[2] != changed[2]
-    assert "parameters identified" not in trainer
+    provenances = [
+        re.search(
+            r"plant (\w+).pm \(SHA-256 (\w+)\)$", results[f"hfa trim --aircraft {name}.pm"].out
+        )
+        for name in ("trainer", "heavier")
+    ]
+    assert None not in provenances
+    trainer, heavier = provenances
+    assert (trainer[1], heavier[1]) == ("trainer", "heavier")
+    assert trainer[2] != heavier[2]
+    assert "parameters identified" not in results["hfa trim --aircraft trainer.pm"].out
 
 
 def metadata(site, name, entries):
@@ -137,29 +152,33 @@ def metadata(site, name, entries):
 
 @pytest.mark.slow
 def test_a_broken_package_disables_no_other_command(tmp_path):
-    """Of three packages, one that cannot be loaded and one that offers suffixes that the project
-    reads itself (.toml, .onnx) are named in one line where they are used. The help of all commands
-    is printed, without the broken one and with its name.
+    """The command of a package that cannot be loaded is refused in one line. The help of all
+    commands contains the others, and a note with the name of the package.
     """
     metadata(tmp_path, "broken-one", "[hfa.commands]\nrepair = broken_one:REPAIR\n")
-    offers = "[hfa.aircraft]\n.toml = other:read\n[hfa.critics]\n.onnx = other:read\n"
-    metadata(tmp_path, "other-files", offers)
-    (tmp_path / "uav.toml").write_bytes((ROOT / "examples" / "uav.toml").read_bytes())
-    (tmp_path / "a.onnx").write_bytes(b"")
-    commands = (
-        "hfa repair",
-        "hfa trim --aircraft uav.toml",
-        "hfa verify --dihedral 15 --weights a.onnx",
-        "hfa --help",
+    refused, overview = results_in_turn(
+        ("hfa repair", "hfa --help"), tmp_path, PYTHONPATH=str(tmp_path)
     )
-    *refused, overview = results_in_turn(commands, tmp_path, PYTHONPATH=str(tmp_path))
-    named = ("broken-one offers repair, which cannot", "other-files offers .", "other-files offers")
-    for result, words in zip(refused, named, strict=True):
-        assert (result.code, result.out, result.err.count("\n")) == (2, "", 1), result.err
-        assert f"the package {words}" in result.err
+    assert (refused.code, refused.out, refused.err.count("\n")) == (2, "", 1), refused.err
+    assert "the package broken-one offers repair, which cannot" in refused.err
     assert (overview.code, "repair" in overview.out) == (0, False)
     assert "  fly " in overview.out
     assert "broken-one" in overview.err
+
+
+@pytest.mark.slow
+def test_a_package_cannot_read_files_that_hfa_reads(tmp_path):
+    """If a package declares readers of .toml or .onnx, which hfa reads itself, a command with such
+    a file is refused in one line with the name of the package.
+    """
+    readers = "[hfa.aircraft]\n.toml = other:read\n[hfa.critics]\n.onnx = other:read\n"
+    metadata(tmp_path, "other-files", readers)
+    (tmp_path / "uav.toml").write_bytes((ROOT / "examples" / "uav.toml").read_bytes())
+    (tmp_path / "a.onnx").write_bytes(b"")
+    commands = "hfa trim --aircraft uav.toml", "hfa verify --dihedral 15 --weights a.onnx"
+    for refused in results_in_turn(commands, tmp_path, PYTHONPATH=str(tmp_path)):
+        assert (refused.code, refused.out, refused.err.count("\n")) == (2, "", 1), refused.err
+        assert "the package other-files offers ." in refused.err
 
 
 @pytest.mark.slow
@@ -206,8 +225,8 @@ for name in ("assess", "fly", "identify", "optimize", "sweep", "verify"):
 
 @pytest.mark.slow
 def test_commands_load_without_packages_of_extras():
-    """Without optional packages, all commands are loaded, and so are functions of all extensions
-    but those that prove.
+    """Without the optional packages that `WITHOUT_EXTRAS` makes impossible to import, all commands
+    are loaded, and so are public functions of each extension except hfa_prove.
     """
     done = subprocess.run([sys.executable, "-c", WITHOUT_EXTRAS], capture_output=True, text=True)
     assert done.stderr == ""

@@ -31,12 +31,13 @@ def without(pythons):
     return [each for each in PYTHONS if not SpecifierSet(pythons).contains(f"{each}.0")]
 
 
-LOCKS = (
-    "requirements-report.lock",
-    "requirements-docs.lock",
-    "requirements-test.lock",
-    "requirements.lock",
-)
+#: Lock file -> the extra of pyproject.toml that is installed from it.
+LOCKS = {
+    "requirements-report.lock": "page",
+    "requirements-docs.lock": "docs",
+    "requirements-test.lock": "test",
+    "requirements.lock": "dev",
+}
 
 
 @pytest.mark.parametrize("lock", LOCKS)
@@ -67,21 +68,28 @@ def test_locked_packages_support_every_supported_python(lock):
     assert excluded == {}
 
 
-def test_each_lock_has_its_extra_and_the_pins_of_the_report():
-    """Each lock file has one version of each dependency and of each package of its extra that
-    pyproject.toml allows. Each has the pins of the first, for the report, and the last one has all.
+@pytest.mark.parametrize(("lock", "extra"), LOCKS.items())
+def test_a_lock_pins_allowed_versions_of_its_extra(lock, extra):
+    """A lock file has one version of each dependency of the project and of each package of its
+    extra, and pyproject.toml allows this version.
     """
-    extras = PROJECT["optional-dependencies"]
-    extra_of_lock = dict(zip(LOCKS, ("page", "docs", "test", "dev"), strict=True))
-    of_report, whole = ({str(pin) for pin in pins(lock)} for lock in (LOCKS[0], LOCKS[-1]))
-    for lock in LOCKS:
-        pinned = {str(pin) for pin in pins(lock)}
-        assert of_report <= pinned <= whole, lock
-        versions = {canonicalize_name(pin.name): pin for pin in pins(lock)}
-        for line in (*PROJECT["dependencies"], *extras[extra_of_lock[lock]]):
-            wanted = Requirement(line)
-            (exact,) = versions[canonicalize_name(wanted.name)].specifier
-            assert wanted.specifier.contains(exact.version), (lock, line)
+    pinned = {canonicalize_name(pin.name): pin for pin in pins(lock)}
+    for line in (*PROJECT["dependencies"], *PROJECT["optional-dependencies"][extra]):
+        wanted = Requirement(line)
+        (exact,) = pinned[canonicalize_name(wanted.name)].specifier
+        assert wanted.specifier.contains(exact.version), line
+
+
+@pytest.mark.parametrize("lock", LOCKS)
+def test_all_locks_pin_the_same_versions(lock):
+    """Each lock file has the pins of the smallest one, for `hfa report`, and only pins of the
+    largest one, for development.
+    """
+    smallest, pinned, largest = (
+        {str(pin) for pin in pins(name)}
+        for name in ("requirements-report.lock", lock, "requirements.lock")
+    )
+    assert smallest <= pinned <= largest
 
 
 @pytest.mark.parametrize("lock", LOCKS)

@@ -1,4 +1,4 @@
-"""Every command, option and call that a page, a docstring or a message proposes exists."""
+"""Every command, option and call that a page, a docstring or a message mentions exists."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ CALL = re.compile(
 
 
 class Text(NamedTuple):
-    """A text that may propose something, with its place."""
+    """A text that may mention commands or calls, with its place."""
 
     where: str
     text: str
@@ -48,17 +48,15 @@ def on_pages():
             yield Text(f"{page.name}, {match[0]}", " ".join(match[1].split()))
 
 
-#: What the text of a file contains if one of its strings may propose a command or a call.
-PROPOSES = re.compile(rf"\bhfa[ \"'`]|\b(?:{'|'.join([*FOLDERS, *CLASSES])})\.[a-z][\w.]*\(")
+#: What the text of a file contains if one of its strings may mention a command or a call.
+MENTIONS = re.compile(rf"\bhfa[ \"'`]|\b(?:{'|'.join([*FOLDERS, *CLASSES])})\.[a-z][\w.]*\(")
 
 
 def in_sources(package):
-    """Yield the strings of the files of a package that propose something: docstrings, helps and
-    messages.
-    """
+    """Yield the strings (docstrings, helps, messages) of files that match `MENTIONS`."""
     for path in sorted(FOLDERS[package].rglob("*.py")):
         text = path.read_text("utf-8")
-        if not PROPOSES.search(text):
+        if not MENTIONS.search(text):
             continue  # to parse all files takes a second
         for node in ast.walk(ast.parse(text)):
             if isinstance(node, ast.JoinedStr):
@@ -124,8 +122,10 @@ def unknown_names(where, text):
 
 
 @pytest.mark.parametrize("place", ["pages", *FOLDERS])
-def test_all_proposed_commands_options_and_calls_exist(place):
-    """Each command has the proposed options, and each function the proposed arguments."""
+def test_commands_and_calls_in_texts_exist(place):
+    """Each command, option, public function and named argument exists that a page (in backticks) or
+    a string of the source mentions.
+    """
     pytest.importorskip("hfa_flight")
     texts = on_pages() if place == "pages" else in_sources(place)
     found = [fault for each in texts for fault in (*unknown_options(*each), *unknown_names(*each))]
@@ -133,7 +133,7 @@ def test_all_proposed_commands_options_and_calls_exist(place):
 
 
 @pytest.mark.parametrize(
-    ("planted", "said"),
+    ("text", "complaint"),
     [
         ("hfa trimm --hold alpha=2", "no such command"),
         ("type `hfa trim --design alpha=2`", "no such option --design"),
@@ -142,15 +142,15 @@ def test_all_proposed_commands_options_and_calls_exist(place):
         ("a LinearModel.off(A, B)", "no such function"),
     ],
 )
-def test_planted_proposals_are_found(planted, said):
+def test_a_missing_command_option_argument_or_function_is_found(text, complaint):
     """A text with a command, an option, an argument or a function that does not exist has one
     complaint that names it.
     """
-    (found,) = [*unknown_options("here", planted), *unknown_names("here", planted)]
-    assert said in found
+    (found,) = [*unknown_options("here", text), *unknown_names("here", text)]
+    assert complaint in found
 
 
-#: Aircraft of which one has what a page proposes to hold or to free.
+#: Aircraft with different variables and parameters: each option of a page is for one of them.
 AIRCRAFT = (
     ["--dihedral", "10"],
     ["--aircraft", "examples/uav.toml"],
@@ -162,30 +162,31 @@ AIRCRAFT = (
     ["--aircraft", "jsbsim:737?throttles=each"],
     ["--aircraft", "jsbsim:c310?throttles=each"],
 )
-#: Proposal about another aircraft, a table with Cn_0.
-OTHERS = ("--hold Cn_0=0.0025",)
-#: Proposals of pages that hold or free something in a trim, without names to be replaced.
-HELD = sorted(
+#: Options of a trim in the text of pages, like "--hold alpha=2", without words in capitals, which
+#: the reader replaces. Cn_0 is a parameter of an aircraft that is not in `AIRCRAFT`.
+TRIM_OPTIONS = sorted(
     {
         text
         for _, text in on_pages()
         if re.match(r"--(hold|free|isa|mass)\b.*=", text)
         and not re.search("[A-Z]{4}|--given", text)
     }
-    - {*OTHERS}
+    - {"--hold Cn_0=0.0025"}
 )
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("proposed", HELD)
-def test_conditions_that_a_page_proposes_are_accepted(proposed, monkeypatch):
-    """A trim with the options that a page proposes is not refused for at least one aircraft."""
+@pytest.mark.parametrize("options", TRIM_OPTIONS)
+def test_trim_options_on_pages_are_accepted(options, monkeypatch):
+    """`hfa trim` accepts the options for at least one of `AIRCRAFT`, whether a trim is found or
+    not; bad input, as a variable that the aircraft does not have, has its own exit code.
+    """
     pytest.importorskip("jsbsim")
     monkeypatch.chdir(ROOT)
-    refused = []
+    refusals = []
     for aircraft in AIRCRAFT:
-        result = unchecked_hfa("trim", *aircraft, *shlex.split(proposed))
+        result = unchecked_hfa("trim", *aircraft, *shlex.split(options))
         if result.code != BAD_INPUT:
             return
-        refused.append(result.err)
-    pytest.fail("".join(refused))
+        refusals.append(result.err)
+    pytest.fail("".join(refusals))
