@@ -9,9 +9,9 @@ from hfa.paper import level_flight
 
 
 @pytest.mark.filterwarnings("ignore:number of constraints")
-def test_a_job_refuses_a_peer_with_another_result():
-    """python-control finds the trim and A of the HFA, so that the job accepts the peer; it refuses
-    one whose states, inputs or A are another's.
+def test_trims_of_a_peer_must_be_the_same():
+    """python-control, the peer that the job is timed against, finds the trim and A of the project.
+    States, inputs or A that differ by 0.1 %, 0.1 % and 10 % are refused.
     """
     condition = level_flight(0.1)
     ours = jobs.TrimmedPlant.of(condition)
@@ -26,24 +26,26 @@ def test_a_job_refuses_a_peer_with_another_result():
             jobs.same_points(condition, [wrong], peers)
 
 
-def test_the_job_of_games_refuses_another_value(monkeypatch):
-    """The job that compares games with a peer refuses one whose value differs by 1e-5."""
-    right = jobs.schur_value
-    monkeypatch.setattr(jobs, "schur_value", lambda game: 1.00001 * right(game))
+def test_values_of_a_peer_must_be_the_same(monkeypatch):
+    """The job that is timed against SciPy's Schur form fails if the value P of a game that this peer
+    finds differs by a factor of 1.00001.
+    """
+    schur_value = jobs.schur_value
+    monkeypatch.setattr(jobs, "schur_value", lambda game: 1.00001 * schur_value(game))
     with pytest.raises(AssertionError):
         jobs.games(quick=True)
 
 
-def test_the_job_of_a_flight_refuses_another_loop(monkeypatch):
-    """The job that compares flights with a peer refuses a flight of a gain whose columns are
-    shifted by one state.
+def test_flights_of_a_peer_must_end_in_the_same_state(monkeypatch):
+    """The job that is timed against SciPy's integrator fails if `hfa.fly` uses another gain: K with
+    its columns shifted by one state.
     """
-    right = hfa.fly
+    fly = hfa.fly
 
-    def fly(model, point, solution, **given):
-        return right(model, point, np.roll(solution.K, 1, axis=1), **given)
+    def fly_with_shifted_gain(model, point, solution, **options):
+        return fly(model, point, np.roll(solution.K, 1, axis=1), **options)
 
-    monkeypatch.setattr(hfa, "fly", fly)
+    monkeypatch.setattr(hfa, "fly", fly_with_shifted_gain)
     with pytest.raises(AssertionError):
         jobs.flight(quick=True)
 

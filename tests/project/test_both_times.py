@@ -26,13 +26,22 @@ Z = ca.SX.sym("z", 2)
 V = ca.Function("V", [Z], [ca.bilin(ca.DM(EXACT.P), Z, Z)])
 
 
-#: Functions that accept games in both times: tests/controller/riccati compares their answers.
-SOLVED = {"Solution", "solve", "minimum_delta"}
-#: Functions that accept games in both times: tests/verification/critic judges their critics.
-JUDGED = {"learn", "verify", "Verdict", "from_gain", "from_value", "from_weights", "from_network"}
-JUDGED |= {"read_critic", "critic_in", "solution_report"}
-#: Public name -> a call with the game in steps, which is refused.
-REFUSED = {
+#: Functions that accept games in continuous and in discrete time, compared in
+#: tests/controller/riccati.
+SOLVE_GAMES = {"Solution", "solve", "minimum_delta"}
+#: Functions of critics in continuous and in discrete time, compared in tests/verification/critic.
+JUDGE_CRITICS = {
+    "learn",
+    "verify",
+    "Verdict",
+    "from_gain",
+    "from_value",
+    "from_weights",
+    "from_network",
+}
+JUDGE_CRITICS |= {"read_critic", "critic_in", "solution_report"}
+#: Public name -> a call with the game in discrete time, which is refused.
+CONTINUOUS_ONLY = {
     "fly": lambda: hfa.fly(hfa.aircraft(), hfa.trim(hfa.aircraft()), EXACT),
     "track": lambda: hfa.track(LINEAR, EXACT, {"x1": 1.0}),
     "expand": lambda: hfa.expand(LINEAR, EXACT, 3),
@@ -42,8 +51,10 @@ REFUSED = {
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def test_the_tables_have_every_function_that_takes_a_game():
-    """Each public function with an argument of the type Game or Solution is in one of the tables."""
+def test_every_function_of_a_game_is_tested_in_discrete_time():
+    """Each public function with an argument of the type Game or Solution is in `SOLVE_GAMES`,
+    `JUDGE_CRITICS` or `CONTINUOUS_ONLY`.
+    """
     found = set()
     for package in map(importlib.import_module, PACKAGES):
         for name in dir(package):
@@ -53,19 +64,21 @@ def test_the_tables_have_every_function_that_takes_a_game():
                     parameters = inspect.signature(value).parameters.values()
                 except (TypeError, ValueError):
                     continue
-                kinds = {str(parameter.annotation).split(" |")[0] for parameter in parameters}
-                found |= {name} if kinds & {"Game", "Solution"} else set()
-    # The policy of `fly` may be a solution, among others.
-    assert found | {"fly"} == SOLVED | JUDGED | REFUSED.keys()
+                # "Game | LinearModel" is of the type Game.
+                types = {str(parameter.annotation).split(" |")[0] for parameter in parameters}
+                if types & {"Game", "Solution"}:
+                    found.add(name)
+    # The annotation of `fly` names no Solution, which is one of many policies.
+    assert found | {"fly"} == SOLVE_GAMES | JUDGE_CRITICS | CONTINUOUS_ONLY.keys()
 
 
-@pytest.mark.parametrize("name", REFUSED)
+@pytest.mark.parametrize("name", CONTINUOUS_ONLY)
 def test_a_game_in_discrete_time_is_refused(name):
-    """Each function of `REFUSED` refuses a game in steps in one line with the functions that accept
-    it.
+    """A function for continuous time alone refuses a game in discrete time in one line, which names
+    a function that accepts it, as `hfa.solve`.
     """
     with pytest.raises(BadInputError) as refusal:
-        REFUSED[name]()
+        CONTINUOUS_ONLY[name]()
     assert "requires a game in continuous time" in str(refusal.value)
     assert "hfa.solve" in str(refusal.value)
     assert "\n" not in str(refusal.value)
@@ -85,10 +98,12 @@ def test_a_game_in_discrete_time_is_refused(name):
     ],
 )
 def test_a_gain_for_another_step_is_refused(stored, dt, is_read):
-    """A critic's file is read if its sample time is that of the game, or one of the two is unknown.
+    """A critic's file is read if its sample time is that of the game, or if one of the two is
+    unknown. Otherwise it is refused.
 
-    stored: sample time in the file: True of unknown steps, 0 in continuous time, None if not stated
-    dt: that of the game, None in continuous time
+    stored: sample time in the file, s: True for discrete time with unknown steps, 0 for continuous
+      time, None if the file does not state it
+    dt: sample time of the game, s: True as above, None for continuous time
     """
     entries = {} if stored is None else {"dt": stored}
     np.savez("K.npz", K=EXACT.K, **entries)
@@ -101,8 +116,8 @@ def test_a_gain_for_another_step_is_refused(stored, dt, is_read):
 
 
 CONTINUOUS = Game(LINEAR.A, LINEAR.B, Q=np.eye(2), R=[1.0], delta=9.0)
-#: What is judged on a game in the other kind of time.
-OF_THE_OTHER = {
+#: Kind of critic -> a call that verifies one of GAME (discrete) on CONTINUOUS, or the reverse.
+VERIFIED_ON_THE_OTHER = {
     "gain": lambda: hfa.verify(GAME, hfa.from_gain(CONTINUOUS, EXACT.K)),
     "value": lambda: hfa.verify(CONTINUOUS, hfa.from_value(GAME, EXACT.P)),
     "weights": lambda: hfa.verify(CONTINUOUS, hfa.from_weights(GAME, WEIGHTS)),
@@ -114,10 +129,10 @@ OF_THE_OTHER = {
 }
 
 
-@pytest.mark.parametrize("kind", OF_THE_OTHER)
-def test_a_critic_of_the_other_time_is_refused(kind):
-    """`hfa.verify` refuses a critic in continuous time for a game in steps, and the reverse, with
-    the time in the message.
+@pytest.mark.parametrize("kind", VERIFIED_ON_THE_OTHER)
+def test_a_critic_of_a_game_in_the_other_time_is_refused(kind):
+    """`hfa.verify` refuses a critic of a continuous-time game for a discrete-time game, and the
+    reverse. The message contains the time.
     """
     with pytest.raises(BadInputError, match=r"discrete time|in steps of"):
-        OF_THE_OTHER[kind]()
+        VERIFIED_ON_THE_OTHER[kind]()

@@ -99,8 +99,8 @@ def test_a_package_adds_a_command_of_two_words(results):
 
 @pytest.mark.slow
 def test_a_missing_or_damaged_file_of_a_format_is_reported_in_one_line(results):
-    """A .pm file that does not exist, and one that is not UTF-8, are reported with a reason, though
-    the reader in the package handles no errors.
+    """A .pm file that does not exist, and one that is not UTF-8, are reported with a reason. The
+    reader of the package does not catch these errors.
     """
     damaged = results["hfa trim --aircraft broken.pm"].err
     assert damaged.startswith("hfa: broken.pm: 'utf-8' codec can't decode byte 0xff")

@@ -8,9 +8,9 @@ sys.path.insert(0, str(ROOT / "tests"))
 from mutants import read_lists  # noqa: E402
 
 
-def test_each_wrong_line_can_be_planted():
-    """The text that each wrong line replaces is in its file once, and no wrong line is listed
-    twice.
+def test_each_mutant_fits_the_source():
+    """The text that a mutant (a planted fault) replaces, `before`, is in its file exactly once, or
+    `planted` raises ValueError. No mutant is listed twice.
     """
     mutants = read_lists([])
     for mutant in mutants:

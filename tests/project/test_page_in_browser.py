@@ -101,9 +101,11 @@ def move_to(driver, angle):
 
 @pytest.mark.slow
 def test_the_page_shows_numbers_in_a_browser(folder, subtests):
-    """In a browser, the page of the paper's aircraft shows the numbers of `hfa linearize` and `hfa
-    trim` at the chosen angle, fits windows of 400 to 1920 px and paper, escapes the name of a file,
-    and loads nothing.
+    """In a browser, the page of `hfa report` on the paper's aircraft, with dihedral angles 12 to 15
+    deg, shows the numbers of `hfa linearize` and `hfa trim` at the angle of its slider, fits windows
+    of 400 to 1920 px and paper, escapes the name of a file, and loads nothing.
+
+    The properties are subtests of one page, because to make it takes many seconds.
     """
     Path(NAME).write_bytes((ROOT / "hfa_model" / "parameters.toml").read_bytes())
     with browser() as driver:
@@ -120,7 +122,7 @@ def test_the_page_shows_numbers_in_a_browser(folder, subtests):
             buttons = driver.find_elements("css selector", "#plot-trim-1 .modebar-btn")
             assert [button.get_attribute("data-title") for button in buttons] == BUTTONS
         with subtests.test(
-            "marks stand at their values from the first, the verdicts in the window"
+            "when the page is loaded, marks of plots are at their values and verdicts are visible"
         ):
             for width in (1920, 1400, 1000, 400):
                 set_page_width(driver, width)
@@ -130,7 +132,7 @@ def test_the_page_shows_numbers_in_a_browser(folder, subtests):
                 right = driver.execute_script(_VERDICTS_RIGHT)
                 assert right <= driver.execute_script("return window.innerWidth"), width
             move_to(driver, "15")
-        with subtests.test("the keyboard moves the slider, and its three sections are shown"):
+        with subtests.test("the keyboard moves the slider, which shows the sections of an angle"):
             assert chosen(driver) == "15 deg"
             driver.find_element("id", "slider-dihedral").send_keys("\ue012")  # arrow left
             assert chosen(driver) == "14.5 deg"
@@ -145,7 +147,7 @@ def test_the_page_shows_numbers_in_a_browser(folder, subtests):
             compare_with_the_command(driver)
             assert driver.execute_script(_DRAWN) != before
         with subtests.test(
-            "it fits on eight screens, and a link of the contents unfolds its section"
+            "the page is 8 windows high at most, and a link of the contents unfolds its section"
         ):
             set_page_width(driver, 1400)
             assert driver.execute_script("return document.documentElement.scrollHeight") <= 8 * 900
@@ -171,15 +173,15 @@ def test_the_page_shows_numbers_in_a_browser(folder, subtests):
             )
             pdf = driver.execute_cdp_cmd("Page.printToPDF", {"preferCSSPageSize": True})["data"]
             assert len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(pdf))) > 4
-        with subtests.test("the browser complains of nothing"):
+        with subtests.test("the browser logs no error"):
             assert driver.get_log("browser") == []
 
 
 @pytest.mark.slow
-def test_the_page_of_another_aircraft_is_over_its_speed(folder):
-    """Arrow left moves the slider from the speed of the aircraft's trim, 35 m/s, to the value
-    below, at which the page shows the thrust of `hfa trim`. No table is cut, and the browser
-    complains of nothing.
+def test_the_page_of_another_aircraft_has_a_slider_of_speed(folder):
+    """The page of uav.toml, without a dihedral angle, has operating points at several speeds. Arrow
+    left moves the slider from 35 m/s, the speed of its trim, to the next lower one, at which the
+    page shows the thrust of `hfa trim`. No table is cut, and the browser logs no error.
     """
     uav = ("--aircraft", str(ROOT / "examples" / "uav.toml"))
     with browser() as driver:
@@ -187,7 +189,7 @@ def test_the_page_of_another_aircraft_is_over_its_speed(folder):
         driver.get((folder / "uav.html").as_uri())
         assert settles(driver, "document.body.classList.contains('scripted')")
         set_page_width(driver, 1300)
-        driver.find_element("id", "slider-speed").send_keys("\ue012")
+        driver.find_element("id", "slider-speed").send_keys("\ue012")  # arrow left
         (title,) = driver.execute_script(_TITLES)
         speed = re.fullmatch(r"At speed (\d\d\.?\d*) m/s", title)[1]
         assert 30.0 < float(speed) < 35.0

@@ -475,11 +475,18 @@ WITHOUT = {
     "knows no plant": ("controller.basis", "controller.run"),
     "of two arrays": ("verification.relative_error",),
 }
-#: Compared in named units alone: rows with units.
-NAMED = ("trim.sheet_of", "trim.graded")
-#: Those whose times are in seconds by their definition: of samples, of the drift of a state.
-SECONDS = ("hfa.filter", "hfa.keep_inside", "hfa.assess", "hfa.environment", "hfa.predictive")
-#: Those that take more than a second.
+#: Functions compared with twins in named units alone: their rows depend on the unit's name.
+NAMED_UNITS_ONLY = ("trim.sheet_of", "trim.graded")
+#: Functions with times in seconds by definition (samples, the drift of a state): the equations of
+#: their twins keep the second as the unit of time.
+TIMES_IN_SECONDS = (
+    "hfa.filter",
+    "hfa.keep_inside",
+    "hfa.assess",
+    "hfa.environment",
+    "hfa.predictive",
+)
+#: Functions that take more than a second.
 SLOW = (
     "hfa.optimize",
     "hfa.predictive",
@@ -509,21 +516,21 @@ def test_each_public_function_has_an_answer_or_a_reason():
     assert sorted([*ANSWERS, *chain(*WITHOUT.values())]) == sorted(public_functions())
 
 
-def differences(found, right):
-    """Return the answers (name, found, right) that differ: texts, and numbers by more than 1e-6, or
-    1e-9 of the largest one.
+def differences(found, expected):
+    """Return the answers (name, found, expected) that differ: texts that are not equal, and numbers
+    that differ by more than 1e-6 of themselves and 1e-9 of the largest one.
     """
     wrong = []
     for name in found:
-        value = right[name]
-        if isinstance(value, str):
-            same = found[name] == value
+        answer = expected[name]
+        if isinstance(answer, str):
+            same = found[name] == answer
         else:
-            numbers = np.asarray(value)
-            size = np.abs(numbers[np.isfinite(numbers)]).max(initial=0.0)
-            same = np.allclose(found[name], numbers, 1e-6, 1e-9 * size, equal_nan=True)
+            numbers = np.asarray(answer)
+            largest = np.abs(numbers[np.isfinite(numbers)]).max(initial=0.0)
+            same = np.allclose(found[name], numbers, rtol=1e-6, atol=1e-9 * largest, equal_nan=True)
         if not same:
-            wrong.append((name, found[name], value))
+            wrong.append((name, found[name], answer))
     return wrong
 
 
@@ -533,7 +540,7 @@ def cases():
         if name != next(each for each, other in ANSWERS.items() if other == answers):
             continue  # the same answers by another name
         for twin in TWINS:
-            if twin.startswith("scaled") and name in NAMED:
+            if twin.startswith("scaled") and name in NAMED_UNITS_ONLY:
                 continue
             slow = name in SLOW or not twin.endswith("0")
             yield pytest.param(name, twin, marks=[pytest.mark.slow] * slow)
@@ -546,24 +553,25 @@ def answers_in_si(name):
 
 @pytest.mark.parametrize(("name", "twin"), cases())
 def test_an_answer_does_not_depend_on_units(name, twin):
-    """The answers of a public function about the aircraft in other units, converted to SI units,
-    are those about the aircraft in SI units.
+    """A public function has the same answers about the aircraft in SI units and about its twin, the
+    same aircraft in other units; answers are converted to SI units.
     """
-    in_other_units = ANSWERS[name](TWINS[twin](name in SECONDS))
-    assert differences(in_other_units, answers_in_si(name)) == []
+    in_other_units = TWINS[twin](seconds=name in TIMES_IN_SECONDS)
+    assert differences(ANSWERS[name](in_other_units), answers_in_si(name)) == []
 
 
 @pytest.mark.parametrize("power", [-18, pytest.param(20, marks=pytest.mark.slow)])
 def test_a_trim_does_not_depend_on_the_unit_of_time(power):
-    """Equations with a unit of time of 2^-18 s and of 2^20 s have the trims of those per second.
-    The rates of this model have no stated nominal size.
+    """An aircraft whose rates are per 2^-18 s or per 2^20 s has the trims of the same aircraft with
+    rates per second. Its signals have the unit "1", from which no unit of time is known.
     """
-    words, sizes = dict.fromkeys(KINDS, "1"), dict.fromkeys(KINDS, 1.0)
-    assert differences(of_trim(in_units(sizes, words, 2.0**power)), of_trim(SI)) == []
+    names, sizes = dict.fromkeys(KINDS, "1"), dict.fromkeys(KINDS, 1.0)
+    other_time = in_units(sizes, names, second=2.0**power)
+    assert differences(of_trim(other_time), of_trim(SI)) == []
 
 
 class Floored:
-    """A result whose numbers below a floor are 0: in its units, not in those of another."""
+    """A result whose numbers below 1e-3, in its own units, are 0: a fault that depends on units."""
 
     def __init__(self, result):
         self.result = result
@@ -576,12 +584,14 @@ class Floored:
 
 
 @pytest.mark.parametrize("name", ["solve", "sweep", "filter"])
-def test_a_floor_in_units_is_found(name, monkeypatch):
-    """Planted error: a result whose numbers below 1e-3 are 0 in its own units differs between
-    twins.
+def test_a_result_that_depends_on_units_is_found(name, monkeypatch):
+    """If numbers below 1e-3 in the results of a function are 0, its answers about the aircraft in
+    SI units and about at least one of three twins, in other units, differ.
     """
-    right = getattr(hfa, name)
-    monkeypatch.setattr(hfa, name, lambda *given, **options: Floored(right(*given, **options)))
+    function = getattr(hfa, name)
+    monkeypatch.setattr(
+        hfa, name, lambda *arguments, **options: Floored(function(*arguments, **options))
+    )
     answers = ANSWERS[f"hfa.{name}"]
     twins = (scaled(seed, seconds=True) for seed in range(1, 4))
     assert any(differences(answers(twin), answers(SI)) for twin in twins)
