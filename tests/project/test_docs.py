@@ -206,10 +206,12 @@ TABLED = [
 
 @pytest.mark.parametrize("command", TABLED)
 def test_commands_in_tables_run(command, folder):
-    """Each command of a table has exit code 0: its trim, or each trim of its sweep, is found."""
+    """A command that a table of a document shows, in the column `hfa COMMAND`, has exit code 0: its
+    trim, or each trim of its sweep, is found.
+    """
     for name in ("examples", "studies"):
         Path(name).symlink_to(ROOT / name)
-    assert _wrong_with(command, code=0, expected="...") == ""  # any output
+    assert _wrong_with(command, code=0, expected="...") == ""  # "..." is any output
 
 
 def illustrate():

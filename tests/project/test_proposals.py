@@ -152,15 +152,15 @@ def test_a_missing_command_option_argument_or_function_is_found(text, complaint)
 
 #: Aircraft with different variables and parameters: each option of a page is for one of them.
 AIRCRAFT = (
-    ["--dihedral", "10"],
-    ["--aircraft", "examples/uav.toml"],
-    ["--aircraft", "examples/f16.py:F16"],
-    ["--aircraft", "examples/gtm.py:GTM"],
-    ["--aircraft", "examples/glider.toml"],
-    ["--dihedral", "10", "--dynamics", "unsteady"],
-    ["--aircraft", "jsbsim:c310"],
-    ["--aircraft", "jsbsim:737?throttles=each"],
-    ["--aircraft", "jsbsim:c310?throttles=each"],
+    "--dihedral 10",
+    "--dihedral 10 --dynamics unsteady",
+    "--aircraft examples/uav.toml",
+    "--aircraft examples/f16.py:F16",
+    "--aircraft examples/gtm.py:GTM",
+    "--aircraft examples/glider.toml",
+    "--aircraft jsbsim:c310",
+    "--aircraft jsbsim:737?throttles=each",
+    "--aircraft jsbsim:c310?throttles=each",
 )
 #: Options of a trim in the text of pages, like "--hold alpha=2", without words in capitals, which
 #: the reader replaces. Cn_0 is a parameter of an aircraft that is not in `AIRCRAFT`.
@@ -185,7 +185,7 @@ def test_trim_options_on_pages_are_accepted(options, monkeypatch):
     monkeypatch.chdir(ROOT)
     refusals = []
     for aircraft in AIRCRAFT:
-        result = unchecked_hfa("trim", *aircraft, *shlex.split(options))
+        result = unchecked_hfa(*shlex.split(f"trim {aircraft} {options}"))
         if result.code != BAD_INPUT:
             return
         refusals.append(result.err)

@@ -36,17 +36,10 @@ def document_errors(folder, scripts):
     """Return the errors of mypy --strict in scripts, apart from `ACCEPTED_MESSAGES`."""
     for name, text in scripts.items():
         (folder / name).write_text(text, encoding="utf-8")
-    options = ("--strict", "--follow-imports=silent", "--ignore-missing-imports")
+    options = "--strict --follow-imports=silent --ignore-missing-imports"
+    options += " --allow-untyped-defs --allow-untyped-calls"
     done = subprocess.run(
-        [
-            sys.executable,
-            "-m",
-            "mypy",
-            *options,
-            "--allow-untyped-defs",
-            "--allow-untyped-calls",
-            *scripts,
-        ],
+        [sys.executable, "-m", "mypy", *options.split(), *scripts],
         cwd=folder,
         env={**os.environ, "MYPYPATH": os.pathsep.join(map(str, FOLDERS_ABOVE))},
         capture_output=True,
