@@ -17,8 +17,11 @@ from hfa_daveml import checked_outputs, model_unit, read_document, value_of
 
 UAV = ROOT / "examples" / "uav.dml"
 TEXT = UAV.read_text(encoding="utf-8")
+#: A foot in m, and a newton in lbf.
 _FOOT = 0.3048
 _NEWTON = 1.0 / (0.45359237 * 9.80665)
+#: The example's definition of the mass.
+_MASS = re.search(r'  <variableDef name="totalMass".*?</variableDef>\n', TEXT, re.S)[0]
 
 CASE, OUTPUTS, GRID = (
     re.search(rf"<{name}.*?</{name}>", TEXT, re.S)[0]
@@ -187,9 +190,11 @@ def test_forces_in_body_axes_give_the_aircraft_of_lift_and_drag(tmp_path):
         hfa.load_model(with_definitions(tmp_path, "none.dml", renamed, z))
 
 
-def test_a_moved_input_has_its_initial_value_and_a_constant_is_a_parameter(tmp_path):
-    """A deflection with an initial value is an input, another variable with one a parameter. Limits
-    in the file are those of the model; limits that the file does not have are marked as assumed.
+def test_a_deflection_is_an_input_and_another_constant_a_parameter(tmp_path):
+    """With initial values, the deflection of the elevator, -2 deg, is an input of the model, and a mass
+    of fuel, 2 kg, a parameter, both in the model's units rad and slug.
+
+    Limits in the file are those of the model; limits that the file does not have are marked as assumed.
     """
     old = '<variableDef name="elevatorDeflection" varID="de" units="deg"'
     fuel = '<variableDef name="fuel" varID="f" units="kg" initialValue="2"><isInput/></variableDef>'
@@ -207,12 +212,11 @@ def test_a_moved_input_has_its_initial_value_and_a_constant_is_a_parameter(tmp_p
 
 
 def test_an_output_of_one_file_is_an_input_of_another(tmp_path):
-    """A file without the mass, and one that computes it from the wing area of the first, give the
-    trim of the file with the mass.
+    """The example without its mass, and a second file that computes it from the wing area of the first,
+    give the trim of the example.
     """
-    definition = re.search(r'  <variableDef name="totalMass".*?</variableDef>\n', TEXT, re.S)[0]
-    slug_per_ft2 = 13.5 / 14.59390294 / (0.55 / _FOOT**2)
-    (tmp_path / "aero.dml").write_text(TEXT.replace(definition, ""), encoding="utf-8")
+    slug_per_ft2 = 13.5 / 14.59390294 / (0.55 / _FOOT**2)  # 13.5 kg and 0.55 m²
+    (tmp_path / "aero.dml").write_text(TEXT.replace(_MASS, ""), encoding="utf-8")
     (tmp_path / "mass.dml").write_text(
         '<DAVEfunc><variableDef name="referenceWingArea" varID="S" units="ft2"><isInput/>'
         '</variableDef><variableDef name="totalMass" varID="m" units="slug"><calculation><math>'
@@ -225,9 +229,10 @@ def test_an_output_of_one_file_is_an_input_of_another(tmp_path):
 
 
 def test_two_files_declare_one_input(tmp_path):
-    """An input of two files has the narrowest limits of both, in any order and units.
+    """An input that two files declare has the narrower limits of both, in either order of the files, and
+    in m beside ft. With an initial value, which both files have, it is a parameter.
 
-    Two initial values, an initial value in one file only, and units of two quantities are refused.
+    Another initial value, one in one file only, and one in another unit are refused.
     """
 
     def both_orders(own, other):
@@ -240,7 +245,7 @@ def test_two_files_declare_one_input(tmp_path):
 
     with_limits = 'units="ft" initialValue="2" minValue="-3" maxValue="7"'
     for paths in both_orders(with_limits, 'units="ft" initialValue="2" maxValue="5"'):
-        load = hfa.load_model(paths).parameters["load"]  # as an input with an initial value
+        load = hfa.load_model(paths).parameters["load"]
         assert (load.min, load.start, load.max) == (-3.0, 2.0, 5.0)
     for paths in both_orders('units="ft" maxValue="7"', 'units="m" maxValue="1.524"'):
         assert hfa.load_model(paths).inputs["load"].max == pytest.approx(5.0)
@@ -257,11 +262,10 @@ def test_two_files_declare_one_input(tmp_path):
 
 def test_a_missing_and_a_repeated_definition_are_refused(tmp_path):
     """A file without the mass, a mass in two files, and a file that is missing are refused."""
-    mass = re.search(r'  <variableDef name="totalMass".*?</variableDef>\n', TEXT, re.S)[0]
     alone = tmp_path / "aero.dml"
-    alone.write_text(TEXT.replace(mass, ""), encoding="utf-8")
+    alone.write_text(TEXT.replace(_MASS, ""), encoding="utf-8")
     other = tmp_path / "mass.dml"
-    other.write_text(f"<DAVEfunc>{mass}</DAVEfunc>", encoding="utf-8")
+    other.write_text(f"<DAVEfunc>{_MASS}</DAVEfunc>", encoding="utf-8")
     with pytest.raises(BadInputError, match=r"totalMass; add \+FILE"):
         hfa.load_model(str(alone))
     with pytest.raises(BadInputError, match="is also an output of"):
@@ -272,7 +276,7 @@ def test_a_missing_and_a_repeated_definition_are_refused(tmp_path):
 
 @pytest.mark.parametrize("kind", ["link", "fifo", "device"])
 def test_a_path_that_is_no_file_is_refused(kind, tmp_path):
-    """A link to itself, and files whose reading never ends, are refused before they are read."""
+    """A link to itself, and a pipe and a device whose reading never ends, are refused unread."""
     path = tmp_path / "aircraft.dml"
     if kind == "fifo":
         os.mkfifo(path)
@@ -484,17 +488,20 @@ def test_deeply_nested_formulas_are_evaluated_or_refused(tmp_path):
 
 @pytest.mark.parametrize("encoding", ["unknown-9", "utf-32", "shift_jis"])
 def test_an_unsupported_encoding_is_refused(encoding, tmp_path):
-    """A file in an unknown or multi-byte encoding is refused; Latin-1 is read."""
+    """A file that states an unknown or a multi-byte encoding is refused."""
     path = tmp_path / "encoded.dml"
-    head = '<?xml version="1.0" encoding="{}"?>\n'
-    path.write_bytes((head.format(encoding) + "<DAVEfunc/>").encode())
+    path.write_text(f'<?xml version="1.0" encoding="{encoding}"?><DAVEfunc/>')
     with pytest.raises(BadInputError, match="the encoding of the file is not supported"):
         hfa.load_model(str(path))
-    path.write_bytes(
-        (head.format("iso-8859-1") + '<DAVEfunc><fileHeader name="\xe4"/></DAVEfunc>').encode(
-            "latin-1"
-        )
+
+
+def test_a_file_in_latin_1_is_read(tmp_path):
+    """The letter ä of a title in a file that states the encoding ISO 8859-1 (Latin-1) is read."""
+    path = tmp_path / "encoded.dml"
+    text = (
+        '<?xml version="1.0" encoding="iso-8859-1"?><DAVEfunc><fileHeader name="\xe4"/></DAVEfunc>'
     )
+    path.write_text(text, encoding="latin-1")
     assert read_document(str(path)).title == "\xe4"
 
 
@@ -512,9 +519,10 @@ def value_at(path, x, z):
 
 
 def test_a_function_of_points_equals_a_gridded_table(tmp_path):
-    """A function of points is interpolated like a gridded table, whose last argument z varies fastest.
+    """A function y of points on the grid x = -1, 0, 1 and z = 0, 10 is interpolated linearly. Its values
+    1, 2, 3, 5, 7, 11 are listed like those of a gridded table: the last argument z varies fastest.
 
-    The limits of an argument apply: x >= -0.5.
+    Beyond the grid, and below the limit x = -0.5 of the file, the values at the ends apply.
     """
     path = tmp_path / "points.dml"
     path.write_text(_ONE.format("", _POINTS))
@@ -522,7 +530,7 @@ def test_a_function_of_points_equals_a_gridded_table(tmp_path):
     for place, value in corners.items():
         assert value_at(path, *place) == pytest.approx(value)
     assert value_at(path, 0.5, 5.0) == pytest.approx(6.5)  # the mean of the four corners
-    assert value_at(path, -1.0, 0.0) == pytest.approx(2.0)  # the value at x = -0.5
+    assert value_at(path, -1.0, 0.0) == pytest.approx(2.0)  # at x = -0.5, the mean of 1 and 3
     assert value_at(path, 9.0, 99.0) == pytest.approx(11.0)
 
 

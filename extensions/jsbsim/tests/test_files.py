@@ -383,7 +383,7 @@ def test_a_number_ends_where_the_next_begins(tmp_path):
 def test_components_have_their_steady_output_in_the_model(tmp_path, component, positions):
     """The elevator position behind a component is its steady output for the present command.
 
-    A note names half of the width of a hysteresis, 0.025, by which the model may be off.
+    A note names half of the width of a hysteresis, 0.025, by which JSBSim's actuator may miss its command.
     """
     model = model_of(tmp_path, with_elevator(component))
     for command, position in positions.items():
