@@ -353,7 +353,8 @@ def _crossover(
             )
             between = " and ".join(model.describe(altitude, end) for end in (lowest, highest))
             raise BadInputError(
-                f"{words} are one speed at no altitude between {between}; give other values"
+                f"{words} do not give one altitude between {between}; impose {altitude} instead of"
+                " one of them"
             )
         accuracy = _CROSSOVER_ACCURACY * (highest - lowest)
         heights.append(brentq(speed_difference, lowest, highest, (at_point,), xtol=accuracy))
