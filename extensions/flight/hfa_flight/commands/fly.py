@@ -83,8 +83,7 @@ def tracking_of(
         )
     from controller.tracking import tracked
 
-    commands = stacked(reference, linear.states)
-    return tracked(linear, solve(game), policy.gain, commands)
+    return tracked(linear, solve(game), policy.gain, stacked(reference, linear.states))
 
 
 def with_tracking_errors(
@@ -325,10 +324,9 @@ def _planned(
     if reference is not None:
         scenario = replace(scenario, reference=reference)
     if request.keep_inside:
-        from hfa_flight.plan.problem import flight_problem
-        from hfa_flight.plan.state_dependent import kept_inside
+        from hfa_flight.plan.state_dependent import keep_inside
 
-        policy = kept_inside(policy, flight_problem(point.model, point), scenario.interval)
+        policy = keep_inside(policy, point.model, point, limits=limits)
     if request.filter:
         policy = behind_a_filter(policy, scenario, point)
     policy, scenario = policy.in_scenario(scenario)
@@ -369,15 +367,9 @@ def _steering(
         steps = command_steps(commands)
         return _Steering(policy_of_options(request, linear, given.common.at, steps))
     if request.kind in LAWS:
-        planned = policy_of_word(
-            request.kind,
-            noted_game(given_weights(request, model), linear),
-            point,
-            limits,
-            horizon=request.horizon,
-            margin=request.margin,
-        )
-        return _Steering(planned)
+        game = noted_game(given_weights(request, model), linear)
+        settings = {"horizon": request.horizon, "margin": request.margin}
+        return _Steering(policy_of_word(request.kind, game, point, limits, **settings))
     # A constant gain follows a command as its reference, or a reference with feedforward.
     reference = CommandedStates(command_steps(commands), model.linear) if commands else None
     for name in commands:

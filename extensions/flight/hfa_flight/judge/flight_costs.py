@@ -219,13 +219,14 @@ class FlightCosts(Result):
     def ratio_text(self) -> str:
         """Return the median of `ratios` as a phrase that names the comparison.
 
-        If most flights of the policy, or all of the LQR, do not converge, the phrase says this.
+        If most flights of the policy do not converge, or none of the LQR where one of the policy
+        does, the phrase says this.
         """
         if 2 * self.not_converged > self.starts:
             those = f"{self.not_converged} of {self.starts} flights"
             return f"{those} leave or have not returned after {self.seconds:.3g} s"
         if self.ratios is None:
-            return "no flight of the exact gain returns"
+            return "the exact gain returns from no initial condition from which the policy does"
         return f"median cost {_number(self.median)}x the exact gain's"
 
     def sentences(self) -> list[str]:

@@ -259,7 +259,7 @@ def predictive(
     controller = RecedingHorizon(planner, end, budget)
     controller.rehearse()
     identity = {
-        "predictive": [problem.Q.tolist(), problem.R.tolist(), end_game.delta, margin],
+        "predictive": [problem.identity, end_game.delta, margin, budget],
         "holds": grid.at(0).seconds.tolist(),
     }
     return Predictive("predictive", problem.point, grid.dt, problem, controller, identity=identity)

@@ -271,13 +271,14 @@ def state_dependent(
     step = sample_time_of_plans(scaled, dt)
     scaled_E = np.array(at_trim.E) / of_states[:, None]
     policy = RiccatiPolicy(scaled, step, scaled_E, at_trim.delta, P, limit_weight)
-    weights = [matrix.tolist() for matrix in (at_trim.Q, at_trim.R, at_trim.E)]
-    identity = {"state-dependent": [weights, at_trim.delta, limit_weight]}
+    identity = {"state-dependent": [problem.identity, at_trim.delta, at_trim.E, limit_weight, step]}
     return StateDependent(
         "state-dependent", problem.point, step, problem, policy, identity=identity
     )
 
 
+#: Duration of a sample before a policy has a flight, s: that of `Scenario` by default.
+_SAMPLE = 0.01
 #: Largest difference of a command and its nearest one that is rounding, in nominal values.
 _ROUNDING = 1e-12
 
@@ -291,11 +292,11 @@ class KeptInside(Policy):
     policy: the policy
     problem: aircraft, trim and limits
     nearest: nearest inputs of a sample that keep the limits
-    interval: duration of a sample, s
-    delay: time from a sample until its command acts, s
-    ticks_per_sample: number of ticks of the flight in a sample
     changed: one entry, the number of samples of the last flight whose command was changed. It is
         counted while the policy flies
+    tick: tick of the flight, s, or 0 before the policy has a flight
+    delay: time from a sample until its command acts, s
+    ticks_per_sample: number of ticks of the flight in a sample
     """
 
     predicts = False
@@ -303,10 +304,15 @@ class KeptInside(Policy):
     policy: Policy
     problem: FlightProblem
     nearest: NearestInputs
-    interval: float
-    delay: float
-    ticks_per_sample: int
     changed: list[int]
+    tick: float = 0.0
+    delay: float = 0.0
+    ticks_per_sample: int = 1
+
+    def __post_init__(self) -> None:
+        """Hold the inputs of the policy, whether its command is replaced, and by which inputs."""
+        size = self.policy.held.shape[1] + 1 + len(self.problem.model.inputs)
+        object.__setattr__(self, "held", np.zeros((1, size)))
 
     def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
         """Return the policy's inputs, or the nearest ones where they differ, (m,).
@@ -351,17 +357,15 @@ class KeptInside(Policy):
         if isinstance(policy, SampledPolicy):
             policy = replace(policy, delay=0.0)
         nearest = NearestInputs(self.nearest.model.scaled, scenario.interval)
-        held = np.zeros((1, policy.held.shape[1] + 1 + len(self.problem.model.inputs)))
-        changed = replace(
+        in_flight = replace(
             self,
             policy=policy,
             nearest=nearest,
-            interval=scenario.interval,
+            tick=scenario.tick,
             delay=scenario.delay,
             ticks_per_sample=scenario.ticks_per_sample,
-            held=held,
         )
-        return changed, scenario
+        return in_flight, scenario
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the data of the policy, the kept states and the number of changed samples."""
@@ -401,7 +405,7 @@ class _SamplesInside:
         if tick % kept.ticks_per_sample:
             return self._held
         # The states when the command of this sample acts.
-        time = tick * (kept.interval / kept.ticks_per_sample)
+        time = tick * kept.tick
         z = self._measured.when_acting(problem.followed_of(problem.point.x + measured))
         when_acting = measured.copy()
         if kept.delay:
@@ -458,32 +462,18 @@ def keep_inside(
     """
     if isinstance(policy, Deployment):
         policy = flown_deployment(policy, point)
-    return kept_inside(policy, flight_problem(model, point, limits=limits))
-
-
-def kept_inside(policy: Policy, problem: FlightProblem, interval: float = 0.01) -> KeptInside:
-    """Return the policy of `keep_inside` for a problem.
-
-    interval: duration of a sample of the flight, s
-    """
-    nearest = NearestInputs(ScaledProblem(problem), interval)
+    problem = flight_problem(model, point, limits=limits)
+    nearest = NearestInputs(ScaledProblem(problem), _SAMPLE)
     if not nearest.states:
         raise BadInputError(
-            f"in {interval:g} s the inputs move no limited state by a tenth of its range; remove "
+            f"in {_SAMPLE:g} s the inputs move no limited state by a tenth of its range; remove "
             "keep-inside"
         )
-    # Held inputs of the policy, whether its command is replaced, and by which inputs.
-    held = np.zeros((1, policy.held.shape[1] + 1 + len(problem.model.inputs)))
-    # The samples and the delay are those of a scenario, set by `in_scenario`.
     return KeptInside(
         f"{policy.name}, kept inside",
         policy,
         problem,
         nearest,
-        interval,
-        delay=0.0,
-        ticks_per_sample=1,
         changed=[0],
-        held=held,
-        identity={**policy.identity, "keeps": list(nearest.states)},
+        identity={"kept inside": [policy.identity, problem.identity]},
     )

@@ -183,7 +183,7 @@ class FilteredPolicy(SampledPolicy):
             )
         if isinstance(law, SampledPolicy):
             law = replace(law, tick=kalman.dt)  # the filter calls it once a sample
-        identity = {"filter": storable(kalman), **law.identity}
+        identity = {"filter": storable(kalman), "fade": fade, **law.identity}
         name = f"{law.name} behind a filter"
         return cls(
             name, kalman.point, kalman.dt, filter=kalman, law=law, fade=fade, identity=identity

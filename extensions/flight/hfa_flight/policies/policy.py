@@ -135,7 +135,8 @@ class GainPolicy(Policy):
                 f"the gain has shape {np.shape(self.K)}; give a matrix of finite numbers, "
                 "inputs x states"
             )
-        fields = {"K": K, "sizes": K.shape, "held": K.ravel("F")[None], "identity": {"K": K}}
+        identity = {"K": K, "feedforward": storable(self.feedforward)}
+        fields = {"K": K, "sizes": K.shape, "held": K.ravel("F")[None], "identity": identity}
         for name, value in fields.items():
             object.__setattr__(self, name, value)
 

@@ -157,6 +157,7 @@ class MonteCarlo(Reported):
             "model": _equations_identity(self.model),
             "states": self.point.states._asdict(),
             "inputs": self.point.inputs._asdict(),
+            "control_limits": [(signal.min, signal.max) for signal in self.model.inputs.values()],
             "policy": {"name": self.policy.name, **self.policy.identity},
             "scenario": self.scenario.to_dict(),
             "uncertainty": asdict(self.scenario.uncertainty),

@@ -126,6 +126,21 @@ def test_costs_are_compared_only_where_both_flights_converge(slope, cube, lost, 
     assert found.ok is (lost == 0)
 
 
+def test_flights_of_which_no_two_converge_from_one_start_have_no_ratio():
+    """Without an initial condition from which policy and exact gain both converge, the first line
+    says so. It does not say that no flight of the exact gain converges.
+
+    v' = v + 10 v^2 + f converges with the exact gain, 1 + sqrt 2, from v < .141, and with
+    f = -2 v - 20 v^2 from v > -.1.
+    """
+    model = scalar(lambda v, f: v + 10.0 * v**2 + f, 2.0, 100.0)
+    deployment = deployed(lambda v: -2.0 * v - 20.0 * v**2, 0.02, [-100.0, 100.0])
+    found = assess(model, deployment, samples=2, seed=0, box={"v": 1.0})  # from v = .27 and -.46
+    costs = found.points[0].costs
+    assert (costs.not_converged, costs.lqr_not_converged, costs.ratios) == (1, 1, None)
+    assert "the exact gain returns from no initial condition from which the" in found.first_line
+
+
 def stiff_case():
     """Return v' = -v - 40 v^3 + f, its LQR at 5 Hz as a deployment, and the gain.
 

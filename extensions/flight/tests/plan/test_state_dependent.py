@@ -1,10 +1,12 @@
 """Policy of the state-dependent game, and the filter that keeps rates inside their limits."""
 
+import json
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
+from cli import hfa as hfa_command
 from scipy.linalg import solve_continuous_are
 
 import hfa
@@ -88,6 +90,19 @@ def test_keep_inside_does_not_change_a_policy_inside_the_limits():
     np.testing.assert_allclose(flights[0].states, flights[1].states, atol=1e-6)
     np.testing.assert_allclose(flights[0].inputs, flights[1].inputs, atol=1e-6)
     assert flights[1].policy["changed_samples"] == 0
+
+
+def test_the_command_keeps_the_limits_of_envelope_inside():
+    """`hfa fly --keep-inside` changes commands for a pitch rate limited by --envelope to 3 deg/s,
+    which the exact policy alone exceeds with 3.4. None is changed for the 39 deg/s of the model.
+    """
+    words = "fly --dihedral 10 --policy exact --initial alpha=3 --duration 0.3 --json"
+    limited = f"{words} --envelope pitch_rate=-3:3"
+    assert hfa_command(*limited.split()).code == 1
+    for command, is_changed in ((words, False), (limited, True)):
+        result = hfa_command(*command.split(), "--keep-inside")
+        assert result.code == 0
+        assert (json.loads(result.out)["policy"]["changed_samples"] > 0) is is_changed
 
 
 def test_with_a_delay_a_sampled_policy_acts_on_the_predicted_state():
