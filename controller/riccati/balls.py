@@ -168,7 +168,7 @@ def is_positive_definite(matrix: arb_mat) -> bool | None:
 
 
 #: Midpoint or radius: m and e of m 2^e, or a text if it is not finite.
-_Part: TypeAlias = "tuple[int, int] | str"
+_Storable: TypeAlias = "tuple[int, int] | str"
 
 
 @cache
@@ -176,14 +176,14 @@ def make_balls_picklable() -> None:
     """Let balls and their matrices be pickled and copied in this process."""
     from flint import arb, arb_mat
 
-    copyreg.pickle(arb, lambda ball: (arb, (_part(ball.mid()), _part(ball.rad()))))
+    copyreg.pickle(arb, lambda ball: (arb, (_storable(ball.mid()), _storable(ball.rad()))))
     copyreg.pickle(
         arb_mat, lambda matrix: (arb_mat, (matrix.nrows(), matrix.ncols(), matrix.entries()))
     )
 
 
-def _part(exact: arb) -> _Part:
-    """Return the midpoint or the radius of a ball, from a ball of radius 0."""
+def _storable(exact: arb) -> _Storable:
+    """Return an exact number, the midpoint or radius of a ball, in a form that can be pickled."""
     if exact.is_finite():
         mantissa, exponent = exact.man_exp()
         return int(mantissa), int(exponent)

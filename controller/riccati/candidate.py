@@ -189,7 +189,7 @@ def corrected(equation: Equation, X: arb_mat) -> Candidate:
     """Return a candidate near X, corrected by residuals in the bits of `precision`.
 
     Each correction Z solves F'Z + Z F + residual = 0 in doubles, with the loop F at X, until a
-    correction is small or not half the last.
+    correction is small, or is more than half of the one before it.
 
     Raises FailedError.
     """

@@ -320,8 +320,8 @@ def has_indefinite_weights(game: Game) -> bool:
 
 
 def _sentences(certificate: Certificate) -> Iterator[str]:
-    """Yield sentences on what is proved: digits, stable loops, weight and gain of the disturbance,
-    regularized weights.
+    """Yield sentences on what is proved: digits, stable loops, the sign of P, indefinite weights,
+    last digits that decide, and the weight and gain of the disturbance.
     """
     enclosure = certificate.enclosure
     equation, game = enclosure.proved.equation, enclosure.game
@@ -333,11 +333,11 @@ def _sentences(certificate: Certificate) -> Iterator[str]:
         "P and K are right to the last digit (enclosed with the radius"
         f" {certificate.radius:.1g}, {enclosure.bits} bits)"
     )
-    is_value = has_semidefinite_weights(game)
+    has_no_negative_cost = has_semidefinite_weights(game)
     with precision(enclosure.bits):
-        is_positive = is_value or is_positive_definite(enclosure.proved.P)
-    value = ", and P is positive semidefinite" if is_positive else ""
-    yield f"{' and '.join(loops)} {'are' if len(loops) > 1 else 'is'} {stable}{value}"
+        is_positive = has_no_negative_cost or is_positive_definite(enclosure.proved.P)
+    sign = ", and P is positive semidefinite" if is_positive else ""
+    yield f"{' and '.join(loops)} {'are' if len(loops) > 1 else 'is'} {stable}{sign}"
     if has_indefinite_weights(game):
         yield "the weights are indefinite: optimal among policies under which the state goes to 0"
     if warning := warning_of(certificate.data_change):

@@ -47,10 +47,10 @@ class Units(NamedTuple):
         return scaled_balls(of_y, -self.states, -self.states)
 
     def gain_of_user(self, rows: arb_mat, units: np.ndarray) -> arb_mat:
-        """Return a gain for the user's states, (m, n), of one for the states of the equation.
+        """Return a gain for the user's states, (m, n), from one for the states of the equation.
 
-        rows: the latter
-        units: of the rows, (m,) integers
+        rows: the gain for the states of the equation
+        units: of its rows, (m,) integers
         """
         of_y = rows if self.T is None else rows * self.T
         return scaled_balls(of_y, units, -self.states)
@@ -326,7 +326,7 @@ class StepEquation(Equation):
         return L, M
 
     def half_plane_matrix(self) -> arb_mat:
-        """Return (L + M)⁻¹ (L - M) of the pencil."""
+        """Return (L + M)⁻¹ (L - M) of the pencil L - z M: λ = (z - 1) / (z + 1)."""
         L, M = self.pencil()
         return (L + M).mid().solve((L - M).mid()).mid()
 

@@ -72,6 +72,8 @@ class SignFunction(Generic[Middle]):
             c = float((_size(inverse) / size) ** 0.5)
             if not 0.0 < c < math.inf:
                 raise FailedError("the sign is not finite")
+            # Then, steps without a factor converge quadratically. Factors that stay far from 1 are
+            # left out in the second half of the steps.
             is_near = 0.9 < c < 1.1 or step > NEWTON_STEPS // 2
             c = 1.0 if is_near else c
             self._steps.append((c, inverse))

@@ -464,6 +464,7 @@ def _are_without_cost(columns: fmpq_mat, held: _StatesHeldWithoutCost, game: Gam
     held: of the game
     """
     coordinates = _rows(columns, held.pivots)
+    # Columns that are not in the subspace are without cost only if they are 0.
     if held.states * coordinates != columns or not coordinates.rank():
         return columns.rank() == 0
     # What they move is the least subspace that contains them and that the loop maps into itself.

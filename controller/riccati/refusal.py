@@ -156,7 +156,7 @@ def too_large_at(equation: Equation, frequency: float) -> str:
     The determinant of the pencil at a frequency is real. Its sign differs from that without
     disturbance (in continuous time, from that at infinite frequency) only if an eigenvalue is on
     the boundary of stability, at this frequency for this or a larger delta (in continuous time, at
-    this or a higher frequency for this delta). None is if the game has a value.
+    this or a higher frequency for this delta). If the game has a value, no eigenvalue is there.
 
     frequency: rad/s, in discrete time rad/step
     """
@@ -185,6 +185,7 @@ def _between_eigenvalues(equation: Equation, *, in_bits: bool) -> list[float]:
     ends = [0.0, *frequencies.tolist()]
     gaps = sorted(pairwise(ends), key=lambda gap: gap[0] - gap[1])
     between = [(low + high) / 2.0 for low, high in gaps]
+    # Both ends are tried, too. The number of frequencies bounds the work.
     return [0.0, *between, ends[-1]][: 2 * equation.n + 2]
 
 

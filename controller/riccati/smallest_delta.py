@@ -150,7 +150,7 @@ class _Secant:
         self.before, self.low = self.low, nearer
 
     def first_zero(self) -> float:
-        """Return the w at which a line through the last two of a distance is first 0, or inf."""
+        """Return the least w at which a distance is 0 on the line through its last two, or inf."""
         if self.before is None:
             return math.inf
         with np.errstate(all="ignore"):
@@ -234,7 +234,7 @@ def _bracket(search: _Search, estimate: _Estimate) -> DeltaMin:
         except UndecidedError:
             if refused > 0.0 or not value < NEGLIGIBLE * search.first_w() ** -0.5:
                 raise
-            return DeltaMin(value, 0.0)
+            return DeltaMin(value, 0.0)  # the disturbance has hardly an effect at such deltas
         is_value = not isinstance(outcome, str)
         if isinstance(outcome, str):
             # The next smaller delta may be what was refused.
@@ -245,7 +245,7 @@ def _bracket(search: _Search, estimate: _Estimate) -> DeltaMin:
         if value <= refused * (1.0 + TOLERANCE):
             return DeltaMin(value, refused)
         if value <= LEAST * BESIDE:
-            return DeltaMin(value, 0.0)
+            return DeltaMin(value, 0.0)  # a game has no smaller delta that could be refused
         if secant.is_open(zero := secant.first_zero()):
             # The error of a secant is about the square of its step.
             guess, width = zero, max(BESIDE, 1.0 + (zero / secant.low.w - 1.0) ** 2)
@@ -282,6 +282,7 @@ class _Search:
         """Return the Riccati equation at w = 1/δ²."""
         delta = math.inf if w == 0.0 else w**-0.5
         units = self._units_at(delta)
+        # The units of the disturbances depend on δ, and so does E.
         no_change = 0 * units.states
         E = scaled_balls(self.entries.E, no_change, units.disturbances - self.units.disturbances)
         return equation_of(self.game, units, delta, self.entries._replace(E=E))

@@ -133,7 +133,7 @@ def test_gains_and_distances_are_of_both_policies(is_discrete):
     ],
 )
 def test_costs_of_stored_games(kind, number, worst):
-    """A gain that is 1 % too large costs what the same equations give with 60 digits."""
+    """A gain that is 1 % too large costs `worst` % more than the optimum, as 60 digits give it."""
     game = stored(kind, number).game
     found = judged(game, 1.01 * solve(game).K)
     assert 100.0 * found.high == pytest.approx(worst, rel=1e-5)
@@ -333,8 +333,8 @@ def test_an_unstable_loop_has_no_value(is_discrete):
                 loop.value(delta)
 
 
-def test_bounds_of_a_ratio_hold_whatever_is_proposed():
-    """The largest z'Dz / z'Pz of diag(3, 1) and diag(2, 1) is 3/2, and the smallest 1."""
+def test_bounds_of_a_ratio_hold_for_any_direction_and_estimate():
+    """The largest z'D z / z'P z with D = diag(3, 1) and P = diag(2, 1) is 3/2, and the smallest 1."""
     D, P = (ball_matrix(np.diag(each)) for each in ([3.0, 1.0], [2.0, 1.0]))
     with precision(128):
         for direction in ([1.0, 0.0], [1.0, 1e-3], [1.0, 1.0], [0.0, 1.0]):
