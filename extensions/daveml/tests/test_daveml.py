@@ -230,7 +230,7 @@ def test_an_output_of_one_file_is_an_input_of_another(tmp_path):
 
 def test_two_files_declare_one_input(tmp_path):
     """An input that two files declare has the narrower limits of both, in either order of the files, and
-    in m beside ft. With an initial value, which both files have, it is a parameter.
+    if one is in m and the other in ft. With an initial value, which both files have, it is a parameter.
 
     Another initial value, one in one file only, and one in another unit are refused.
     """

@@ -137,7 +137,7 @@ def unwrapped(text):
 
 
 def by_turns(kinds):
-    """Return each kind with both versions of FMI, of which one is fast, by turns."""
+    """Return each kind with FMI 2 and 3, in turn: one of the two cases is marked as slow."""
     return [
         pytest.param(kind, version, marks=pytest.mark.slow if (place + version) % 2 else ())
         for place, kind in enumerate(kinds)
@@ -360,8 +360,8 @@ def test_the_equations_after_an_event_are_linearized(version):
 
 
 def test_both_sides_of_a_kink_are_reported():
-    """rate' has the terms -.5 rate - |rate|: the report has the slopes .5 and -1.5, and the error of
-    the linear model relative to its largest entry.
+    """rate' has the terms -.5 rate - |rate|: the report has their slopes .5 below and -1.5 above the
+    rate 0, and the error of the linear model relative to its largest entry.
     """
     linear = hfa.trim(hfa.load_model(fmu("kinked"))).linearize()
     said = unwrapped(linear.report().text())

@@ -192,10 +192,10 @@ def test_right_records_in_turbulence_pass_the_residual_test(lag):
     The turbulence is white noise that drives alpha and, through a lag of 100 s or 0.1 s, the pitch rate.
     """
     true = {"Z_alpha": -2.0, "M_alpha": -12.0, "M_q": -3.0, "M_elevator": -20.0}
-    # alpha, pitch rate, and the lagged noise
-    # x[k+1] = Phi x[k] + held u[k] is the exact solution for a constant input over a step.
+    # The states are alpha, the pitch rate, and the lagged noise.
     A = np.array([[-2.0, 1.0, 0.0], [-12.0, -3.0, 3.0 / lag], [0.0, 0.0, -1.0 / lag]])
     step = 0.02
+    # x[k+1] = Phi x[k] + held u[k] is the exact solution for a constant input over a step.
     Phi = expm(A * step)
     held = np.linalg.solve(A, (Phi - np.eye(3)) @ [0.0, -20.0, 0.0])
     model = hfa.Model(
@@ -316,7 +316,7 @@ def test_noise_slower_than_the_maneuver_fails():
     slow = lfilter([1.0], [1.0, -0.985], np.random.default_rng(0).standard_normal(2000))
     columns["x"] = columns["x"] + 0.02 * slow[-len(columns["x"]) :]
     result = identify(model, columns, ["k"], inputs="steps")
-    assert result.coloured > 8.0  # the largest factor by which bands are widened
+    assert result.coloured > 8.0  # 8 is the largest factor by which bands are widened
     assert not result.ok
 
 

@@ -155,11 +155,11 @@ def test_the_options_of_the_proof_give_the_subject():
 
 
 @pytest.mark.parametrize(("path", "words", "entry"), CASES)
-def test_an_option_that_changes_the_subject_is_noticed(
+def test_a_changed_option_is_refused_if_it_changes_the_subject(
     path, words, entry, usual, files, monkeypatch
 ):
-    """A change of an option of `BASE` changes the entry of a proof's subject that `CHANGED` lists, and
-    --check then refuses the stored certificate.
+    """If an option of `BASE` is changed as in `CHANGED`, the listed entry of what a proof is about changes,
+    and --check refuses the stored certificate. Without a listed entry, the certificate is verified.
     """
     check_case(path, words, entry, usual, monkeypatch)
 

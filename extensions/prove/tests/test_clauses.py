@@ -161,7 +161,7 @@ def test_a_trim_curved_in_the_scheduling_variable_is_within_its_limits():
     flight = Family(model).flight(-0.9, 0.9)
     witness = without_p(n=1)
     assert check_schedule(ScheduleStatement(flight, gains, decay_rate=0.5), witness) > 0
-    # u = p² at the first p
+    # At the first p, -0.94, the trim u = p² = 0.88 is within its limit.
     beyond = replace(flight, range=(-0.94, 1.0), first={"u": 0.94**2})
     with pytest.raises(NoSolutionError, match="u is not proved to be within its limits"):
         check_schedule(ScheduleStatement(beyond, gains, decay_rate=0.5), witness)

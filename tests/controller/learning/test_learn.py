@@ -117,7 +117,7 @@ def printed_law(game, pool):
 
 def test_the_law_as_printed_overflows_on_the_aircraft_of_the_paper():
     """The paper's learning law, with its explicit steps, is refused for the paper's aircraft. The message
-    has the step at which it overflows, and the largest step that Theorem 1 permits.
+    has the step at which it overflows, and the limit of explicit steps for its gains.
     """
     with pytest.raises(NoSolutionError, match=r"overflows at step .* explicit step below"):
         learn(PAPER, "published")

@@ -73,9 +73,9 @@ def test_kind_of_an_npy_file_follows_from_shape(game):
     (5, 6). Another shape is refused.
     """
     exact = {"weights": weights_of(value(game)), "P": value(game), "K": gain(game)}
-    for name, right in exact.items():
-        np.save("mine.npy", right)
-        assert np.array_equal(getattr(critic_in("mine.npy", game), name), right)
+    for name, array in exact.items():
+        np.save("mine.npy", array)
+        assert np.array_equal(getattr(critic_in("mine.npy", game), name), array)
     np.save("odd.npy", np.ones((4, 3)))
     with pytest.raises(BadInputError, match=r"odd.npy: the array of shape \(4, 3\) does not fit"):
         critic_in("odd.npy", game)
