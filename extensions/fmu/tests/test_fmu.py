@@ -236,11 +236,11 @@ def test_an_exported_fmu_has_the_trim_and_model_of_its_aircraft():
 
 
 def test_the_game_of_an_fmu_is_solved():
-    """`solve`, `verify` and `sweep`, which need numbers alone, accept an FMU."""
-    given = ("--aircraft", fmu(), "--Q", "1,1", "--R", "1")
-    assert run("solve", *given, "-o", "K.npz").code == 0
-    assert run("verify", *given, "--weights", "K.npz").out.startswith("PASS")
-    assert run("sweep", *given[:2], "--hold", "length=1:3:1").code == 0
+    """`solve`, `verify` and `sweep`, which need numbers and no equations, accept an FMU."""
+    aircraft, cost = ("--aircraft", fmu()), ("--Q", "1,1", "--R", "1")
+    assert run("solve", *aircraft, *cost, "-o", "K.npz").code == 0
+    assert run("verify", *aircraft, *cost, "--weights", "K.npz").out.startswith("PASS")
+    assert run("sweep", *aircraft, "--hold", "length=1:3:1").code == 0
 
 
 @pytest.mark.slow

@@ -186,7 +186,6 @@ def test_the_command_refuses_in_one_line(text, words, named, folder):
     written.
     """
     Path("record.csv").write_text(text, encoding="utf-8")
-    Path("columns.toml").write_text("")
     options = ("--aircraft", UAV, "--free", "Cm_q", "-o", "found.toml", *words)
     done = run("identify", "record.csv", *options)
     assert done.code == 2
@@ -197,7 +196,9 @@ def test_the_command_refuses_in_one_line(text, words, named, folder):
 
 @pytest.mark.slow
 def test_a_flight_file_is_a_record(folder):
-    """The last column of a file of `hfa fly`, the provenance, is ignored."""
+    """A file like those of `hfa fly`, whose last column `about`, the provenance, has a text in its first
+    row alone, is read without this column.
+    """
     columns = record(model=AIRCRAFT)
     written("flight.csv", columns, {})
     head, first, *rows = Path("flight.csv").read_text().splitlines()

@@ -282,8 +282,8 @@ def test_trims_and_loop_of_two_unknowns_are_enclosed():
 
 
 def test_a_jump_to_another_branch_is_refused(monkeypatch):
-    """Trims on the branch u = -√p are proved; a search that jumps to u = √p above p = 0.75 is
-    refused.
+    """A proof about the branch u = -√p of the trims of x' = u² - p - x is verified. It is refused if the
+    checker's estimates of the trims jump to the other branch, u = √p, above p = 0.75.
     """
     proof = fold(0.5, 1.0, BOTH)
     assert proof.statement.flight.first["u"] < 0.0
@@ -455,7 +455,9 @@ FORGED = [
 
 @pytest.mark.parametrize(("changes", "said"), FORGED)
 def test_each_clause_refuses_its_forgery(changes, said, content):
-    """The proof of the fixture is verified, and refused with the words of `FORGED` after the change."""
+    """The certificate of the float, `content`, is verified. After each change in `FORGED`, it is refused
+    by the clause whose words are listed beside the change.
+    """
     assert checked(copy.deepcopy(content)) > 0
     with pytest.raises((NoSolutionError, BadInputError), match=said):
         checked(changed(content, **changes))

@@ -330,7 +330,9 @@ def test_weights_are_a_row_or_a_column_and_their_basis_a_list():
 
 
 def test_games_and_critics_are_tables_of_their_entries():
-    """`to_pandas` of a game and a critic has a row for each entry, with its matrix and column."""
+    """`to_pandas` of a game and a critic has a row for each entry, with its matrix and column: the name of
+    a state for a game, and its number for a critic.
+    """
     pytest.importorskip("pandas")
     for result, name, column in ((ONE, "A", "speed"), (hfa.from_gain(ONE, [4.0, 3.0]), "K", "1")):
         table = result.to_pandas()
@@ -339,9 +341,8 @@ def test_games_and_critics_are_tables_of_their_entries():
 
 
 def test_h_is_read_in_the_order_that_its_file_lists():
-    """H over (u, x) with H_signals, blocks or names, gives K of H over (x, u) without them.
-
-    Names that are no signals are refused.
+    """An H over (u, x), an order that the file's entry H_signals lists by blocks or by names, gives the
+    K of the H over (x, u), the order without this entry. Names that are no signals are refused.
     """
     H = np.diag([8.0, 6.0, 4.0, 10.0]) + np.add.outer(range(4), range(4)) / 10.0
     own = critic_in(stored("own.json", H=H), STEPS)

@@ -36,7 +36,9 @@ PAPER = game_models()["published-5"]
     ],
 )
 def test_the_learned_solution_is_the_exact_one(game):
-    """P and K agree with the exact ones within 1e-9, and `verify` accepts the run."""
+    """P and K that `learn` finds from samples agree with those of `solve` within a relative 1e-9, and
+    `verify` accepts the run.
+    """
     run = learn(game, seed=4)
     exact = hfa.solve(game)
     assert run.outcome == "settled"
@@ -46,7 +48,7 @@ def test_the_learned_solution_is_the_exact_one(game):
 
 
 def test_the_refusal_names_the_smallest_delta():
-    """For a delta 10 % below the smallest, the message has the smallest within 1 %."""
+    """For a delta 10 % below the smallest one, the refusal states the smallest one within 1 %."""
     smallest = hfa.solve(STABLE).delta_min
     with pytest.raises(NoSolutionError) as refused:
         learn(STABLE.with_delta(0.9 * smallest))

@@ -69,13 +69,15 @@ def test_a_wrong_parameter_fails_its_check(parameters, name, factor, check):
     reason.
     """
     wrong = parameters._replace(**{name: getattr(parameters, name) * factor})
-    failing = [check for check in validate(hfa.aircraft(parameters=wrong)).checks if not check.ok]
-    assert check in {check.name for check in failing}
-    assert all(check.reason for check in failing)
+    failing = [each for each in validate(hfa.aircraft(parameters=wrong)).checks if not each.ok]
+    assert check in {each.name for each in failing}
+    assert all(each.reason for each in failing)
 
 
 def test_a_wrong_eigenvalue_fails_its_check(published_aircraft, monkeypatch):
-    """A wrong eigenvalue of the released simulation fails only the check of this eigenvalue."""
+    """If one eigenvalue of the released simulation, at 68 ft/s and 0 deg, is off by 2e-4, the check of the
+    eigenvalues at 68 ft/s fails, and no other.
+    """
     first, *rest = released_trims()
     moved = first._replace(eigenvalues=(first.eigenvalues[0] + 2e-4, *first.eigenvalues[1:]))
     # The planted fault: a wrong number of the released simulation.

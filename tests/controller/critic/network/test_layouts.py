@@ -407,7 +407,7 @@ def test_half_precision_is_read(kind):
 
 
 TWO = chain("left.0", "left.2", "left.4") | chain("right.0", "right.2", "right.4")
-#: Files whose reading asks for more than one word.
+#: Tensors of several networks, of which options of the user select a policy.
 ASKED = {
     "two actors": TWO,
     "body and head": chain("body.0", "body.2", widths=(3, 5, 4))
@@ -427,8 +427,8 @@ ASKED = {
 
 @pytest.mark.parametrize("name", ASKED)
 def test_each_example_of_a_refusal_is_accepted(name):
-    """For a file with several networks, the options that refusals propose, one after the other,
-    select a policy with 2 actions and two hidden layers of tanh.
+    """A file with several networks is refused with a proposed option. The options that it and the
+    following refusals propose, at most four, select a policy with 2 actions and two layers of tanh.
     """
     path = torch_file("asked.pt", ASKED[name])
     typed = {}

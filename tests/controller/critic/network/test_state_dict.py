@@ -34,12 +34,12 @@ def test_a_tensor_of_unknown_function_is_refused_or_named_as_not_used(more):
     the 2 actions.
     """
     path = torch_file("a.pt", OF_ACTOR | OF_CRITIC | more)
-    how = {"inputs": ACTIONS, "activation": "tanh"}
+    options = {"inputs": ACTIONS, "activation": "tanh"}
     unknown = next(iter(more))
-    said = refusal(path, network="policy=", **how)
+    said = refusal(path, network="policy=", **options)
     assert unknown in said
     assert 'network="policy=actor"' in said
-    policy = read(path, network="policy=actor", **how)
+    policy = read(path, network="policy=actor", **options)
     x = RANDOM.normal(size=(3, STATES))
     assert policy.u(x) == pytest.approx(output_of(OF_ACTOR, ACTOR, np.tanh, x), rel=1e-9)
     (note,) = policy.declared.notes
