@@ -144,8 +144,8 @@ class Tracking(Result, Reported):
     exact: feedforward of the game
     K: gain of the feedback, (m, n)
     duration: time over which means are computed, s
-    trims: trims at each commanded value, at the constant ones together, and at all together; those
-        of ramps at the end of the duration. Sines are left out: only their means are judged.
+    trims: trims at each commanded value, at the constant values together, and at all together. A
+        ramp has its value at the end of the duration, and a sine its mean.
     """
 
     exact: Feedforward

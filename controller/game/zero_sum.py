@@ -118,6 +118,7 @@ class Game(ByValue, Reported):
             )
         if self.Q is None or self.R is None:
             raise BadInputError("Q or R is missing; write Game(A, B, Q=..., R=...)")
+        # The dataclass is frozen: vars(self) sets its fields.
         if self.E is None:
             vars(self)["E"] = np.eye(len(np.atleast_1d(numbers_in("A", self.A))))
         for name in ("Q", "R"):
@@ -513,8 +514,8 @@ def _checked_numbers(delta: Any, dt: Any, discount: Any) -> dict[str, float | bo
 def is_definite(matrix: np.ndarray) -> bool:
     """Return whether a symmetric matrix (n, n) is positive definite by more than rounding.
 
-    Each diagonal entry must be at least 1 / `LARGEST`. Otherwise the result does not depend on
-    units.
+    The result does not depend on units, except that each diagonal entry must be at least
+    1 / `LARGEST`.
     """
     smallest_diagonal = np.diag(matrix).min(initial=np.inf)
     rounding = 10 * len(matrix) * np.finfo(float).eps

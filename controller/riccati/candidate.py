@@ -116,12 +116,14 @@ def candidate_in_doubles(
     with failures():
         units = near or first_units(game, delta)
         X = stabilizing_in_doubles(equation_of(game, units, delta))
+        # Powers of two as units, in which the diagonal of |X| is near 1.
         for _ in range(0 if near else TURNS):
             former = units.states
             units, X = _in_units_of_solution(game, delta, units, X)
             if np.abs(units.states - former).max() <= SAME:
                 break  # in the former units, X had its digits already
             X = stabilizing_in_doubles(equation_of(game, units, delta))
+        # Other states, in which |X| itself is near 1.
         for turn in range(turns):
             noise = NOISE if turn > 1 else 0.0  # the first changes make small eigenvalues larger
             root = _root_of(X, game, noise)

@@ -127,7 +127,9 @@ def enclosed_poles(loop: arb_mat) -> Poles:
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoops:
-    """Loops of a solution in the states of its proof, with the user's inputs and disturbances.
+    """Loops of a solution in new states y, with the user's inputs and disturbances.
+
+    The new states are those of the proof, in which the value is nearly y'y.
 
     enclosure: of the solution
     """

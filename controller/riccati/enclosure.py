@@ -67,8 +67,8 @@ class Enclosure:
 
     game: the game, with its exact entries
     units: units and states of the proof
-    proved: ball of the stabilizing solution, in these
-    bits: of the proof
+    proved: ball of the stabilizing solution, in these units and states
+    bits: number of bits of the proof
     """
 
     game: Game
@@ -114,6 +114,7 @@ class Enclosure:
         Row i of P where P_ii may be 0, and K_ij where its scale may be 0, are known only if zeros
         of the game prove that they are 0 or, with many bits, if their nearest doubles are 0.
         """
+        # Rows of P and entries of K that are known to be 0, or to round to it.
         zero_states, zero_gains = zeros_of(self.game)
         if self.bits >= ATTEMPTS[-2]:
             zero_states = zero_states | _rounds_to_zero(self.P).all(1)
@@ -128,7 +129,9 @@ class Enclosure:
             if not (has_value | zero_states).all():
                 return math.inf
             roots = np.sqrt(sizes[has_value])
+            # The radii of P are relative to √(P_ii P_jj).
             of_P = P_radius[np.ix_(has_value, has_value)] / np.outer(roots, roots)
+            # Those of K are relative to √P_jj times the largest K_ik / √P_kk of the row.
             K_radius = np.where(zero_gains, 0.0, radii(K))
             scales = np.where(zero_gains, 0.0, np.abs(midpoints(K)))
             rows = scales[:, has_value] / roots
@@ -415,9 +418,13 @@ def _first_order_change(enclosure: Enclosure) -> float:
     W_of_Ty = ball_matrix(T @ W @ T.T)
     V_of_Ty = midpoints(solved_in_bits(loop.transpose(), W_of_Ty, is_discrete=equation.is_discrete))
     V = T_inverse @ V_of_Ty @ T_inverse.T
+    # Changes of A, B and E count as 2 Σ (P V)_ij dF_ij, in discrete time with P F V in place of
+    # P V, where dF = √α (dA - dB K + dE L).
     of_F = P @ (T_inverse @ F @ T @ V if equation.is_discrete else V)
     twice = 2.0 * math.sqrt(game.discount) * of_F
-    terms = (  # (what a change of the matrix is multiplied by, the matrix, units of both sides)
+    # tr(V c), term by term: what a change of a matrix is multiplied by, the matrix, units of both
+    # sides
+    terms = (
         (twice, game.A, -states, states),
         (twice @ K.T, game.B, -states, inputs),
         (twice @ L.T, game.E, -states, disturbances),

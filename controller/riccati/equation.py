@@ -268,6 +268,7 @@ class StepEquation(Equation):
         self.G, self.W, self.C = self.B, self.R, self.N
         if self.is_disturbed:
             d = units.disturbances
+            # -δ² I in the units of d
             of_disturbance = scaled_balls(identity(len(d)), d, d) * (-1 / self.w)
             coupling = 0 * (self.B.transpose() * self.E)
             self.G = stacked([[self.B, self.E]])

@@ -328,6 +328,7 @@ def lqr(
     [[1.0, 1.4142]]
     """
     if isinstance(A, LinearModel) or is_state_space(A):
+        # lqr(linear, Q, R, N): the weights are in the places of B, Q and R, or are named.
         of_linear = [weight for weight in (B, Q, R) if weight is not None]
         if len(of_linear) not in (2, 3):
             raise BadInputError("lqr: Q or R is missing; write lqr(linear, Q, R)")

@@ -258,9 +258,10 @@ def rational_root(value: float) -> fmpq | None:
     from flint import fmpq
 
     numerator, denominator = value.as_integer_ratio()
-    above, below = math.isqrt(numerator), math.isqrt(denominator)
-    is_exact = above**2 == numerator and below**2 == denominator
-    return fmpq(above, below) if is_exact else None
+    # Of a fraction in lowest terms, both roots must be integers.
+    of_numerator, of_denominator = math.isqrt(numerator), math.isqrt(denominator)
+    is_exact = of_numerator**2 == numerator and of_denominator**2 == denominator
+    return fmpq(of_numerator, of_denominator) if is_exact else None
 
 
 class Boundary(Enum):
@@ -308,11 +309,12 @@ def _interpolated(points: list[int], values: list[fmpq]) -> fmpq_poly:
     """Return the polynomial that has these values at these points (Newton)."""
     from flint import fmpq_poly
 
-    differences = list(values)
+    differences = list(values)  # divided differences of Newton's form
     for order in range(1, len(points)):
         for i in reversed(range(order, len(points))):
             step = points[i] - points[i - order]
             differences[i] = (differences[i] - differences[i - 1]) / step
+    # Newton's form by Horner's rule.
     polynomial = fmpq_poly([differences[-1]])
     for point, value in zip(reversed(points[:-1]), reversed(differences[:-1]), strict=True):
         polynomial = polynomial * fmpq_poly([-point, 1]) + fmpq_poly([value])
@@ -483,8 +485,8 @@ class _StatesHeldWithoutCost(NamedTuple):
     """Largest subspace in which inputs hold the states without any cost.
 
     states: basis, with the identity in the rows `pivots`, (n, d)
-    inputs: that hold the states of the basis, (m, d)
-    loop: of the coordinates in the basis, (d, d)
+    inputs: inputs that hold the states of the basis, (m, d)
+    loop: matrix of the loop with these inputs, in coordinates of the basis, (d, d)
     """
 
     states: fmpq_mat

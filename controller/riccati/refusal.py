@@ -84,8 +84,9 @@ def stabilizing(candidate: Candidate) -> Stabilizing:
     if not sensitivity.weight * largest_change <= 0.5:
         raise NotProvedError("the weight near X")
     # The loop F + G of X + Z has the defect of F and |G'Y + Y G|, in discrete time
-    # |G'Y F + F'Y G + G'Y G|: less than 1 together. Half of the latter, times ζ, bounds q(Z), as
-    # |q(Z)| <= |Z| |G|, in discrete time |Z| |G| |F|: |r| + |q(Z)| is then at most 1/2 ζ.
+    # |G'Y F + F'Y G + G'Y G|: less than 1 together. Half of the latter, times ζ, bounds the
+    # quadratic term q(Z) of the residual at X + Z, as |q(Z)| <= |Z| |G|, in discrete time
+    # |Z| |G| |F|: |r| + |q(Z)|, with the residual r at X, is then at most 1/2 ζ.
     twice_through = 2 * norm(loop) + loop_change if equation.is_discrete else 2
     if not size * loop_change * twice_through < 0.5:
         raise NotProvedError("the loop of both players near X")
@@ -267,6 +268,7 @@ def refuse_modes(game: Game) -> None:
     root = rational_root(game.discount)
     discount = 1.0 if root is not None else game.discount
     exact = RationalGame.of(game)
+    # A mode that no input reaches and that is not stable.
     unreached = unreachable_modes(exact.A * (root or 1), exact.B)
     unstable = None
     if unreached is not None:
@@ -277,6 +279,7 @@ def refuse_modes(game: Game) -> None:
             f"(A, B) is not stabilizable: no input reaches the {mode}; change B or leave that mode"
             " out of A"
         )
+    # An undamped mode without cost, which is found only with R⁻¹ and a rational √discount.
     if exact.R.rank() < exact.R.nrows() or discount != 1.0:
         return
     plain = exact.without_cross_weights

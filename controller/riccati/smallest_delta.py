@@ -55,8 +55,8 @@ INDEFINITE = 1e-2
 class DeltaMin(NamedTuple):
     """Proved bounds of delta_min = inf{δ : a value exists}: refused <= delta_min <= value.
 
-    value / refused is at most 1 + 1e-6. Both are 0 if the disturbance costs nothing, and `refused`
-    alone if it costs something, but no delta is refused.
+    value / refused is at most 1 + 1e-6. Both are 0 if the disturbance costs nothing. Only `refused`
+    is 0 if the disturbance costs something, but no delta is refused.
 
     value: a delta with a value
     refused: a delta without a value
@@ -136,7 +136,7 @@ class _Secant:
     """What is known of w = 1/δ² on the way to 1/delta_min²: a value at `low`, and none at `high`.
 
     low: distances at the largest w known to have a value
-    before: those of the w before it
+    before: distances at the w that had a value before it
     high: smallest w known to have no value
     """
 
@@ -192,6 +192,7 @@ def _estimate(search: _Search) -> _Estimate:
     for _ in range(MOST_ESTIMATES):
         distances = search.in_doubles(w)
         is_value = bool((distances.numbers > ON_AXIS * first.numbers).all())
+        # Is the estimate settled?
         if is_value:
             secant.add(distances)
             last_guess, guess = guess, secant.first_zero()
@@ -200,6 +201,7 @@ def _estimate(search: _Search) -> _Estimate:
                 return _Estimate(guess, distances.frequency)
         else:
             secant.high = w
+        # If not, the next w is near the guess of the secant, or between or beyond the bounds.
         low, high = secant.low.w, secant.high
         if not low < high * SAME:  # the bounds are near enough
             break

@@ -84,7 +84,7 @@ def _gain_table(solution: Solution) -> Iterator[Part]:
     def with_digits(digits: int | None) -> Table:
         return matrix_table("K", names.inputs, names.states, solution.K, digits)
 
-    usual = with_digits(None)
+    usual = with_digits(None)  # four decimals
     for table in chain([usual], map(with_digits, range(5, MOST_DIGITS + 1))):
         printed = np.array([row[1:] for row in table.rows], dtype=float)
         if stabilizes(solution.game, printed, is_discounted=True):

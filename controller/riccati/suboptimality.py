@@ -65,7 +65,7 @@ _ABOVE = range(-12, -5)
 class Suboptimality:
     """Cost of u = -K z above the optimum, under the worst disturbance of the policy.
 
-    low, high: bounds of the largest one over all initial states, relative to the optimal cost.
+    low, high: bounds of the largest suboptimality of a state, relative to its optimal cost.
         Both are inf if it is proved that the cost has no bound, or is positive where the optimum
         is 0; high alone is inf if no bound is proved.
     mean: mean suboptimality over initial states with the same optimal cost, relative to it
@@ -73,7 +73,7 @@ class Suboptimality:
     matrix: D, (n, n), or None without a bounded cost
     disturbance_gain: (k, n), of the worst disturbance of the policy, minus that of the optimum
     is_stable: whether A - B K is proved stable
-    is_summable: whether √α (A - B K) is, in continuous time A - B K
+    is_summable: whether √α (A - B K), in continuous time A - B K, is proved stable
     from_free: cost from a state of the box where the optimum is 0, the largest of those tried; it
         counts unless the cost of the box is the same double without it
     free_state: this state, (n,), or None without such a cost
@@ -121,7 +121,7 @@ def suboptimality_of(enclosure: Enclosure, K: np.ndarray, box: np.ndarray) -> Su
             is_stable = is_summable = stability_of(loop, is_discrete=game.is_discrete)
             if game.discount != 1.0:
                 is_summable = stability_of(discounted(loop, game), is_discrete=game.is_discrete)
-            if is_summable is False:
+            if is_summable is False:  # the cost is infinite
                 return without_bound(game, is_stable=is_stable is True)
             found = replace(
                 suboptimality, is_stable=is_stable is True, is_summable=is_summable is True
@@ -134,6 +134,7 @@ def suboptimality_of(enclosure: Enclosure, K: np.ndarray, box: np.ndarray) -> Su
         suboptimality = found  # perhaps with wide bounds, which more bits make narrower
         if suboptimality.is_known and suboptimality.matrix is not None:
             break
+    # Without an enclosed D, the cost is known to be infinite only if the L2 gain is at least δ.
     if suboptimality.is_summable and suboptimality.matrix is None:
         is_beyond = ClosedLoops(enclosure).l2_gain(K).low >= game.delta
         return replace(suboptimality, low=math.inf if is_beyond else 0.0)
@@ -172,6 +173,7 @@ def _bounded(
     if has_indefinite_weights(game):  # relative to the largest optimum of the box
         sizes = midpoints(enclosure.P) * np.outer(box, box)
         largest = float(np.abs(np.linalg.eigvalsh(sizes)).max())
+        # z' reference z is `largest` on the ellipsoid within the box.
         reference = ball_matrix(np.diag(largest / box**2))
         ratio = _largest_ratio(solved.D, reference, [], box)
         return replace(suboptimality, is_relative=False, **ratio._asdict())
