@@ -277,8 +277,6 @@ def state_dependent(
     )
 
 
-#: Duration of a sample before a policy has a flight, s: that of `Scenario` by default.
-_SAMPLE = 0.01
 #: Largest difference of a command and its nearest one that is rounding, in nominal values.
 _ROUNDING = 1e-12
 
@@ -310,7 +308,15 @@ class KeptInside(Policy):
     ticks_per_sample: int = 1
 
     def __post_init__(self) -> None:
-        """Hold the inputs of the policy, whether its command is replaced, and by which inputs."""
+        """Hold the inputs of the policy, whether its command is replaced, and by which inputs.
+
+        Raises BadInputError if no state is kept in the samples of a flight.
+        """
+        if not self.nearest.states:
+            raise BadInputError(
+                f"in {self.nearest.model.holds[0]:g} s the inputs move no limited state by a tenth "
+                "of its range; remove keep-inside"
+            )
         size = self.policy.held.shape[1] + 1 + len(self.problem.model.inputs)
         object.__setattr__(self, "held", np.zeros((1, size)))
 
@@ -463,12 +469,8 @@ def keep_inside(
     if isinstance(policy, Deployment):
         policy = flown_deployment(policy, point)
     problem = flight_problem(model, point, limits=limits)
-    nearest = NearestInputs(ScaledProblem(problem), _SAMPLE)
-    if not nearest.states:
-        raise BadInputError(
-            f"in {_SAMPLE:g} s the inputs move no limited state by a tenth of its range; remove "
-            "keep-inside"
-        )
+    # A sample is by default that of `Scenario`, s, and in a flight that of its scenario.
+    nearest = NearestInputs(ScaledProblem(problem), dt=0.01)
     return KeptInside(
         f"{policy.name}, kept inside",
         policy,

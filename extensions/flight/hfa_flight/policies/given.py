@@ -27,7 +27,6 @@ from hfa_flight.air.signals import CommandSteps
 from hfa_flight.policies.laws import DEPLOYMENT, GAIN, NETWORK, TABLE
 from hfa_flight.policies.policy import (
     GainPolicy,
-    OpenLoop,
     Policy,
     SampledPolicy,
     function_policy,
@@ -121,15 +120,12 @@ def policy_and_scenario(
 
     Raises BadInputError if `given` has no accepted form.
     """
-    inputs = tuple(point.model.inputs)
     if isinstance(given, (str, Path)):
         given = policy_of_file(Path(given), point)
     if isinstance(given, Policy):
         return given.in_scenario(scenario)
-    if given is None:
-        return OpenLoop("none", held=np.zeros((1, len(inputs)))), scenario
-    if isinstance(given, Mapping):
-        return open_loop(command_steps(given), inputs), scenario
+    if given is None or isinstance(given, Mapping):
+        return open_loop(command_steps(given or {}), tuple(point.model.inputs)), scenario
     return _policy_of_object(given, point, scenario)
 
 

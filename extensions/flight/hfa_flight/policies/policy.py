@@ -8,6 +8,7 @@ from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, Self
+from uuid import uuid4
 
 import casadi as ca
 import numpy as np
@@ -48,7 +49,7 @@ class Policy(Reported):
     name: name in reports
     held: (N, h), inputs of the policy that are constant during a tick: row k during tick k, and the
       last row afterwards
-    identity: JSON data that identify the policy
+    identity: JSON data that identify the policy, by default unlike those of any other policy
     sizes: numbers of inputs and of states of the linear model, or None if they are those of a trim
     predicts: whether the linear model is flown with the policy too, as a prediction
     """
@@ -57,7 +58,7 @@ class Policy(Reported):
 
     name: str
     held: np.ndarray = field(default_factory=lambda: np.zeros((1, 0)), kw_only=True)
-    identity: Mapping[str, Any] = field(default_factory=dict, kw_only=True)
+    identity: Mapping[str, Any] = field(default_factory=lambda: {"id": uuid4().hex}, kw_only=True)
     sizes: tuple[int, int] | None = field(init=False, repr=False, default=None)
 
     def refuse_other_sizes(self, point: OperatingPoint) -> None:

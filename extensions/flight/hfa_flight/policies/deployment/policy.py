@@ -171,6 +171,7 @@ def policy_about(deployed: Deployed, point: OperatingPoint, name: str) -> Deploy
     name: name of the policy in reports
     """
     text = deployed.command.serialize()
-    identity = {"deployment": hashlib.sha256(text.encode()).hexdigest()}
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    identity = {"deployment": [digest, deployed.deployment.timing]}
     held = np.zeros((1, len(point.model.inputs)))  # the sampler returns them in flight
     return DeployedPolicy(name, deployed, point, held=held, identity=identity)
