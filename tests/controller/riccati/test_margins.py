@@ -155,8 +155,10 @@ def test_a_loop_gain_of_one_at_rest_tolerates_all_delays():
     assert (found.phase, found.delay) == (180.0, math.inf)
 
 
-def test_a_fast_actuator_does_not_blur_the_slow_modes():
-    """The phase margin of k / s is 90 deg, whatever the rate of the actuator after it."""
+def test_a_fast_actuator_leaves_the_phase_margin_of_a_slow_loop():
+    """The phase margin of k / s with k = 0.01 1/s is 90 deg, less the lag of the actuator
+    rate / (s + rate) at the crossover of 0.01 rad/s.
+    """
     for rate in (1e6, 1e9, 1e11):
         linear = hfa.LinearModel.of([[0.0, 1.0], [0.0, -rate]], [[0.0], [rate]])
         found = hfa.margins(linear, [[1e-2, 0.0]])["u1"]
@@ -201,12 +203,14 @@ def test_a_stable_loop_that_rounds_to_a_singular_one_has_a_disk_margin():
 
 @pytest.mark.parametrize("rate", [1e-170, 1e-200, 1e-300])
 def test_a_slow_loop_is_proved_stable(rate):
-    """Squares of the entries of a loop may be below the smallest double."""
+    """x' = -rate x is proved stable, and with u = 2 rate x unstable, although rate² is below the
+    smallest double. Beside a state with a cost, x without a cost has P = 0.
+    """
     game = Game([[-rate]], [[1.0]], Q=[1.0], R=[1.0])
     assert stabilizes(game, np.zeros((1, 1)))
     assert not stabilizes(game, np.array([[-2.0 * rate]]))
-    free = Game(np.diag([1.0, -rate]), [[1.0], [1.0]], Q=[1.0, 0.0], R=[1.0])
-    assert np.allclose(solve(free).P, np.diag([1.0 + math.sqrt(2.0), 0.0]), rtol=1e-15)
+    beside_another = Game(np.diag([1.0, -rate]), [[1.0], [1.0]], Q=[1.0, 0.0], R=[1.0])
+    assert np.allclose(solve(beside_another).P, np.diag([1.0 + math.sqrt(2.0), 0.0]), rtol=1e-15)
 
 
 def test_a_loop_of_zeros_is_far_from_instability():

@@ -123,18 +123,25 @@ def test_a_mode_is_solved_that_is_undamped_up_to_rounding():
 
 @pytest.mark.parametrize("rate", [1e-18, 1e-20])
 def test_a_ball_that_may_be_zero_is_not_taken_for_zero(rate):
-    """x'' + 2 rate x' + 9 x = 0, nearly, costs x²: P is 1 / (4 rate), which no double knows at first."""
+    """x1' = -rate x1 + 3 x2 and x2' = -3 x1 - rate x2 with the cost x1² have P = I / (4 rate), nearly.
+
+    Doubles lose the rate beside 3, so that balls of P may contain 0 until there are enough bits.
+    """
     game = Game([[-rate, 3.0], [-3.0, -rate]], np.zeros((2, 1)), Q=[1.0, 0.0], R=[1.0])
     np.testing.assert_allclose(np.diag(solve(game).P), 0.25 / rate, rtol=1e-14)
 
 
 @pytest.mark.parametrize("weight", [0.0, 1.0])
 def test_a_state_that_moves_nothing_needs_no_input(weight):
-    """z⁺ = u with the weight 0 or 1 of u: K is 0, exactly, and P is Q."""
+    """z⁺ = u with the weight 0 or 1 of u: K is 0, exactly, and P is Q.
+
+    The input of such a state is 0 beside another state with its own input, too.
+    """
     solution = solve(Game([[0.0]], [[1.0]], Q=[[4.0]], R=[[weight]], dt=True))
     assert (solution.P.item(), solution.K.item()) == (4.0, 0.0)
-    apart = solve(Game(np.diag([0.0, 0.5]), np.eye(2), Q=[1.0, 1.0], R=np.eye(2), dt=True))
-    np.testing.assert_array_equal(apart.K[0], 0.0)
+    # z1⁺ = u1 and z2⁺ = z2 / 2 + u2
+    uncoupled = solve(Game(np.diag([0.0, 0.5]), np.eye(2), Q=[1.0, 1.0], R=np.eye(2), dt=True))
+    np.testing.assert_array_equal(uncoupled.K[0], 0.0)
 
 
 def test_inputs_that_move_no_cost_are_zero():

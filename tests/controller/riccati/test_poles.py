@@ -15,7 +15,7 @@ LOOPS = {
     "simple": [[-1.0, 0.0, 0.0], [0.0, -2.0, 0.0], [0.0, 0.0, -3.0]],
     "slow": [[-1e-14, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1e6]],
     "double": [[-2.0, 0.0, 0.0], [0.0, -2.0, 0.0], [0.0, 0.0, -1.0]],
-    "of one chain": [[-2.0, 1.0, 0.0], [0.0, -2.0, 1.0], [0.0, 0.0, -2.0]],
+    "Jordan block": [[-2.0, 1.0, 0.0], [0.0, -2.0, 1.0], [0.0, 0.0, -2.0]],
 }
 
 
@@ -24,7 +24,8 @@ LOOPS = {
 def test_poles_are_right_to_the_last_digit(name, is_discrete):
     """The discs contain the poles, and their radii are at most a rounding of the fastest pole.
 
-    Doubles would move the poles of a chain of three by 1e-5.
+    The loop is T M T⁻¹ with an integer T and an upper triangular M, whose diagonal has the poles.
+    Rounding would move the triple pole of a Jordan block by 1e-5.
     """
     middle = np.array(LOOPS[name])
     exact = np.sort(np.diag(middle))

@@ -170,6 +170,7 @@ def test_a_gain_on_a_state_without_cost_is_infinitely_suboptimal_if_it_is_visibl
 
 @pytest.mark.parametrize("factor", [1.0, 1.1])
 def test_a_gain_right_on_states_without_cost_has_the_suboptimality_of_the_others(factor):
+    # x1' = x1 + u has the cost x1² + u²; x2' = 3 x1 - x2 has none, and its gain is 0.
     game = Game([[1.0, 0.0], [3.0, -1.0]], [[1.0], [0.0]], Q=np.diag([1.0, 0.0]), R=[[1.0]])
     K = factor * (1.0 + math.sqrt(2.0))
     found = judged(game, [[K, 0.0]])
@@ -198,7 +199,10 @@ def test_states_without_cost_need_not_be_rational():
 
 
 def test_states_without_cost_may_have_nearly_dependent_eigenvectors():
-    """Where the states without cost are not known, the cost of a gain is not called infinite."""
+    """Where the states without cost are not known, the cost of a gain is not called infinite.
+
+    2^-300 makes the three stable eigenvalues at -1 differ, and their eigenvectors nearly equal.
+    """
     A = np.diag([-1.0, -1.0, -1.0, 1.0]) + np.diag([1.0, 1.0, 1.0], 1)
     A[2, 0] = 2.0**-300
     game = Game(A, np.ones((4, 1)), Q=np.zeros((4, 4)), R=[1.0])
@@ -243,6 +247,7 @@ def test_the_cost_of_a_gain_of_just_delta_is_not_decided():
 
 @pytest.mark.parametrize(("kind", "number"), [("weak", 12), ("discrete", 5), ("aircraft", 4)])
 def test_a_suboptimality_does_not_depend_on_units(kind, number):
+    # K and the box are converted to the new units, of which units.u and units.z are in an old one.
     game = stored(kind, number).game.with_delta(math.inf)
     other, units = in_units(game, np.random.default_rng(number), base=10.0, most=3)
     K = 1.01 * solve(game).K
