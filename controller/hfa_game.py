@@ -61,7 +61,7 @@ def published_game(
     plant: Any = A
     names = UNNAMED
     if B is None:
-        if not hasattr(plant, "point"):
+        if not hasattr(plant, "point"):  # of a linear model
             raise BadInputError("B is missing; give A and B, or a linear model")
         names = plant_names(plant)
         if plant.model.about.names_schedule:  # the flexible aircraft, which declares these weights

@@ -224,11 +224,13 @@ def game(
         weights = weights_of_sizes(sizes, linear.states, linear.inputs)
         Q, R = weights["Q"], weights["R"]
     names = names_of_linear(linear)
+    # An E that is the matrix of the winds has their names.
     if E is not None and linear.disturbances and np.array_equal(E, linear.E):
         names = names._replace(disturbances=linear.disturbances)
     default = partial(
         default_weight, model=linear.model, states=linear.states, inputs=linear.inputs
     )
+    # Cross weights belong to Q and R: without either, they are those of the model, else 0.
     if N is None and (Q is None or R is None):
         N = default("N")
     return Game(
@@ -248,7 +250,7 @@ def game(
 
 def _weights(matrix: str, given: Any, names: tuple[str, ...]) -> Any:
     """Return Q or R in the order of the names, or name -> weight."""
-    if len(labels_of(given)) == 1:
+    if len(labels_of(given)) == 1:  # a series of pandas with the weight of each name
         return dict(given)
     return in_order(matrix, given, names, names)
 

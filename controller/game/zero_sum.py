@@ -36,7 +36,7 @@ SHORTEST = 1e-6
 
 
 #: Matrices with more rows or columns are not printed: they are wider than a terminal.
-_MOST = 12
+_MOST_PRINTED = 12
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -177,7 +177,7 @@ class Game(ByValue, Reported):
     def report(self) -> Report:
         """Return a report with the matrices of the game, with named rows and columns.
 
-        Matrices with more than `_MOST` rows or columns are omitted from the text.
+        Matrices with more than `_MOST_PRINTED` rows or columns are omitted from the text.
         """
         states = self.names.states
         inputs = self.names.inputs
@@ -193,11 +193,12 @@ class Game(ByValue, Reported):
         if self.N.any():
             names["N"] = (states, inputs)
             cross = " + 2 z'Nu"
+        # name -> labels of the rows, labels of the columns, matrix
         entries = {name: (*labels, getattr(self, name)) for name, labels in names.items()}
         tables = [
             matrix_table(name, *labelled)
             for name, labelled in entries.items()
-            if max(map(len, labelled[:2])) <= _MOST
+            if max(map(len, labelled[:2])) <= _MOST_PRINTED
         ]
         stored = (*names, "delta")
         change, time = "z'", ""
@@ -227,11 +228,11 @@ class Game(ByValue, Reported):
         """F = R⁻¹ N', (m, n). With v = u + F z, the cost rate is z'(Q - N R⁻¹ N')z + v'R v."""
         return self._over_R(self.N.T)
 
-    def _over_R(self, right: np.ndarray) -> np.ndarray:
+    def _over_R(self, matrix: np.ndarray) -> np.ndarray:
         """Return R⁻¹ times a matrix, or R⁺ if R is singular, as it may be in discrete time."""
         if self.is_discrete and not is_definite(self.R):
-            return np.linalg.pinv(self.R) @ right
-        return np.linalg.solve(self.R, right)
+            return np.linalg.pinv(self.R) @ matrix
+        return np.linalg.solve(self.R, matrix)
 
     @cached_property
     def without_cross_weights(self) -> Game:

@@ -295,7 +295,7 @@ def solve(game: Game) -> Solution:
 
 
 def _rounded(matrix: arb_mat) -> np.ndarray:
-    """Return the midpoints, read-only, 0 where a ball contains 0."""
+    """Return the midpoints, read-only, 0 where a ball contains 0 and thus no digit is known."""
     entries = [0.0 if ball.contains(0) else float(ball) for ball in matrix.entries()]
     rounded = np.reshape(entries, (matrix.nrows(), matrix.ncols()))
     rounded.setflags(write=False)

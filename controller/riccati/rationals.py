@@ -113,7 +113,7 @@ def _reaches_all_modulo_prime(A: fmpq_mat, B: fmpq_mat) -> bool:
     n = A.nrows()
     reached: list[Any] = []
     for _ in range(n):
-        reached += chain.from_iterable(block.transpose().tolist())
+        reached += chain.from_iterable(block.transpose().tolist())  # columns as rows
         if nmod_mat(len(reached) // n, n, reached, PRIME).rank() == n:
             return True
         block = step * block
