@@ -17,12 +17,13 @@ import hfa
 from hfa_support.files import folder_written_whole
 
 pytestmark = pytest.mark.usefixtures("folder")
-AT_15 = "--dihedral 15"
+AT_15 = ("--dihedral", "15")
 #: A result that can be saved.
 SOLUTION = hfa.solve(hfa.Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0]))
 NO_TEXT = ("is not a TOML file", "is not JSON")
 NO_FILE = "no parameters and no readable file of this name"
-#: Fault -> call that makes the file, and the reasons that `trim` and `verify` give, in this order.
+#: Fault -> call that makes the file; reason of `hfa trim` that it is no file of parameters; reason
+#: of `hfa verify` that it is no critic.
 UNREADABLE = {
     "fifo": (os.mkfifo, NO_FILE, "not a regular file"),
     "large": (
@@ -40,20 +41,18 @@ UNREADABLE = {
 
 
 @pytest.mark.parametrize("fault", UNREADABLE)
-@pytest.mark.parametrize(
-    ("number", "words"),
-    enumerate([f"trim {AT_15} --parameters a.toml", f"verify {AT_15} --weights a.json"]),
-)
-def test_an_unreadable_file_is_refused(fault, number, words):
-    """FIFOs, folders, large, missing and damaged files are refused in one line that names the file
-    and the reason, without blocking.
-
-    number: 0 for `trim`, 1 for `verify`, whose reasons are those of `UNREADABLE` in this order
+@pytest.mark.parametrize("command", ["trim", "verify"])
+def test_an_unreadable_file_is_refused(fault, command):
+    """A file of parameters or a critic that is a FIFO, a folder, large, missing or damaged is
+    refused in one line that names the file and the reason, without blocking.
     """
-    name = words.split()[-1]
-    make, *reasons = UNREADABLE[fault]
+    make, reason_of_trim, reason_of_verify = UNREADABLE[fault]
+    option, name, reason = {
+        "trim": ("--parameters", "a.toml", reason_of_trim),
+        "verify": ("--weights", "a.json", reason_of_verify),
+    }[command]
     make(name)
-    assert_refused(run(*words.split()), 2, name, reasons[number])
+    assert_refused(run(command, *AT_15, option, name), 2, name, reason)
 
 
 def zipped(name="K.npy", content=b"text", method=zipfile.ZIP_DEFLATED):
@@ -96,22 +95,20 @@ ZIPS = {
     "fault",
     [*(fault for fault in ZIPS if fault != "large"), pytest.param("large", marks=pytest.mark.slow)],
 )
-def test_a_wrong_zip_file_is_refused_in_one_line(fault):
-    """A zip file with a fault is refused with the same reason as an FMU, as .npz, and as a network
-    (.pt, .zip).
+def test_a_faulty_zip_file_is_refused_in_one_line(fault):
+    """A zip file with a fault is refused with the same reason as an FMU (an aircraft), as .npz
+    (arrays of a critic), and as a network (.pt, .zip), which are all zip files.
     """
-    make, said = ZIPS[fault]
+    make, reason = ZIPS[fault]
     for name in ("a.fmu", "a.npz", "a.pt", "a.zip"):
         Path(name).write_bytes(make())
-        words = (
-            ("trim", "--aircraft") if name == "a.fmu" else ("verify", *AT_15.split(), "--weights")
-        )
-        assert_refused(run(*words, name), 2, name, said)
+        words = ("trim", "--aircraft") if name == "a.fmu" else ("verify", *AT_15, "--weights")
+        assert_refused(run(*words, name), 2, name, reason)
 
 
 def test_a_toml_key_of_many_parts_is_refused():
-    """A key a.a.a... of 30,000 parts is refused before Python's reader, whose time is quadratic in
-    their number, sees it; a comment may have as many points.
+    """A key a.a.a... of 30,000 parts is refused before Python reads the file, which takes a time
+    quadratic in the number of parts. Points in a comment are not counted.
     """
     for key in ("a" + ".a" * 30_000, '"b"' + " . 'c'" * 30_000):
         Path("a.toml").write_text(f"{key} = 1\n")
@@ -121,11 +118,11 @@ def test_a_toml_key_of_many_parts_is_refused():
 
 
 @pytest.mark.parametrize("is_named", [False, True])
-def test_a_full_disk_is_told_with_the_file(monkeypatch, is_named):
-    """An output that the disk cannot hold is refused by the name of the output, and no file
-    remains.
+def test_a_full_disk_is_reported_with_the_name_of_the_output(monkeypatch, is_named):
+    """If the disk is full when an output is stored, the message names the output, and no file
+    remains. The system's error is raised where the temporary file is renamed to the output.
 
-    is_named: whether the system's error names the temporary file, which the message must not name
+    is_named: whether the system's error names the temporary file, which a user has not given
     """
 
     def full(temporary, _):
@@ -133,7 +130,7 @@ def test_a_full_disk_is_told_with_the_file(monkeypatch, is_named):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), *names)
 
     monkeypatch.setattr(Path, "replace", full)
-    assert_refused(run("trim", *AT_15.split(), "-o", "trim.json"), 2, "trim.json")
+    assert_refused(run("trim", *AT_15, "-o", "trim.json"), 2, "trim.json")
     assert os.listdir() == []
 
 
@@ -149,15 +146,20 @@ INPUT = "is an input of this run; name another file"
         ("verify --model plant.json --weights a.json -o a.json", "a.json", INPUT),
         ("trim --aircraft navion.py:NAVION --picture link.svg", "navion.py", INPUT),
         ("solve --model=plant.json --output=plant.json", "plant.json", INPUT),
-        (f"trim {AT_15} -o kept.pdf --picture=./kept.pdf", "kept.pdf", "is given for two outputs"),
-        (f"trim {AT_15} -o fifo.json", "plant.json", "is not a regular file"),
+        (
+            "trim --dihedral 15 -o kept.pdf --picture=./kept.pdf",
+            "kept.pdf",
+            "is given for two outputs",
+        ),
+        ("trim --dihedral 15 -o fifo.json", "plant.json", "is not a regular file"),
     ],
 )
 def test_an_output_replaces_no_input(words, kept, said):
-    """An output that is an input of the run, also through a link or another path, another output or
-    no regular file is refused, and all files remain as they were.
+    """An output is refused that is an input of the run, also through a link or another path, or
+    another output, or not a regular file. All files remain as they were.
 
-    B.csv and navion.py are inputs because A.csv and link.svg -> navion.py are.
+    `--model A.csv` reads B.csv beside it, too. link.csv and link.svg are links to A.csv and
+    navion.py.
     kept: file whose content is compared
     """
     np.savetxt("A.csv", [[0.0, 1.0], [-1.0, -1.0]], delimiter=",")
@@ -185,7 +187,7 @@ def test_an_interrupted_write_keeps_the_old_file(monkeypatch):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr(np, "savez", broken)  # Ctrl-C, which a test cannot send at this time
+        patched.setattr(np, "savez", broken)  # as Ctrl-C does after the first bytes
         with pytest.raises(KeyboardInterrupt):
             SOLUTION.save("kept.npz")
     assert Path("kept.npz").read_bytes() == before
@@ -206,7 +208,7 @@ def test_an_interrupted_folder_is_not_written():
 
 
 def test_a_replaced_file_keeps_its_permissions():
-    """A file with the permissions 640, which no new file has, has them after it is written anew."""
+    """A file with the permissions 640, not those of a new file, keeps them when it is replaced."""
     Path("kept.npz").touch()
     Path("kept.npz").chmod(0o640)
     SOLUTION.save("kept.npz")

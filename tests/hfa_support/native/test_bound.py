@@ -29,10 +29,11 @@ class _Recorded(ca.Callback):
 
 
 @pytest.mark.parametrize("counts", [(1,), (5, 16, 37), (300, 1800, 7)])
-def test_rows_of_any_number_have_their_own_results(counts):
-    """The results of each row are those of its arguments, for numbers of rows of which blocks of
-    one, of 16 and of 250 rows are made, the last one of which is not full. After 2000 rows, blocks
-    are made in another way.
+def test_any_number_of_rows_has_the_results_of_its_arguments(counts):
+    """Each row has the results of its own arguments, in several calls with these counts of rows.
+
+    Rows are evaluated in blocks of 1, 16 or 250, and these counts leave some blocks partly filled.
+    Blocks are built by another method (`by_columns`) when the sum of the counts reaches 2000.
     """
     x, y = ca.SX.sym("x", 2), ca.SX.sym("y")
     rows = RowFunction(ca.Function("f", [x, y], [ca.vertcat(x[0] - x[1], y * x[1]), y**2]))
@@ -45,8 +46,8 @@ def test_rows_of_any_number_have_their_own_results(counts):
 
 
 def test_a_function_is_evaluated_at_the_given_rows_only():
-    """Of 10 rows, a block of 16 is filled up with given rows: the function sees no other points, at
-    which it may not be defined.
+    """10 rows are evaluated in a block of 16, whose other 6 rows repeat given ones: at another
+    point, the function may not be defined, as 1/x at 0.
     """
     recorded = _Recorded()
     (found,) = RowFunction(recorded)(np.arange(1.0, 11.0)[:, None])
@@ -55,7 +56,9 @@ def test_a_function_is_evaluated_at_the_given_rows_only():
 
 
 def test_threads_have_their_own_memory():
-    """A call of another thread during an evaluation changes no argument or result of the first."""
+    """If another thread calls a RowFunction at -x while a thread evaluates it at x, the results of
+    the latter are those at x.
+    """
     X = np.arange(1.0, 17.0)[:, None]
     with ThreadPoolExecutor(1) as other:
         recorded = _Recorded(lambda: other.submit(rows, -X).result())

@@ -1,5 +1,7 @@
 """C code of CasADi Functions: no warnings of a compiler, whatever a Function uses."""
 
+from itertools import product
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -16,8 +18,9 @@ x, xx = ca.SX.sym("x", 2), ca.SX.sym("xx")
     ("result", "computed"), [(2.0 * xx, 6.0), (ca.SX(0, 1), -1.0)], ids=["x unused", "empty"]
 )
 def test_unused_arguments_and_empty_results_compile_without_warnings(result, computed, tmp_path):
-    """C code of a function (x, xx) -> 2 xx, and of one without results, compiles with all warnings
-    as errors. The first computes 6 at xx = 3, and the second leaves the memory, -1, as it was.
+    """C code of a function (x, xx) -> 2 xx, and of one with an empty result, compiles with all
+    warnings as errors. The first computes 6 at xx = 3, and the second leaves the memory of its
+    result, -1, as it was.
     """
     function = c_function(ca.Function("f", [x, xx], [result]), "f", ("x", "xx"), ("y",))
     caller = "int g(const double *x, const double *xx, double *y)"
@@ -28,9 +31,7 @@ def test_unused_arguments_and_empty_results_compile_without_warnings(result, com
 
 
 def comparisons(a, b):
-    """Return operations of which a wrong one may differ only where operands are equal, 0 or of
-    another sign.
-    """
+    """Return operations that are special where operands are equal, 0 or of opposite signs."""
     return ca.vertcat(
         a < b, a <= b, a > b, a >= b, ca.eq(a, b), ca.ne(a, b), ca.sign(a), ca.logic_not(a),
         ca.logic_and(a, b), ca.logic_or(a, b), ca.if_else(a, b, -1.0), ca.fmin(a, b), ca.fmax(a, b),
@@ -40,20 +41,24 @@ def comparisons(a, b):
 
 @needs_gcc
 def test_comparisons_are_those_of_casadi(tmp_path):
-    """Comparisons of operands that are equal, 0 or of another sign have CasADi's results, in plain
-    C and in the machine code for one row and for many rows.
+    """`comparisons` of operands that are equal, 0 or of opposite signs have the results of CasADi,
+    in plain C and in the machine code for one row and for many rows at once.
     """
     a, b = ca.SX.sym("a"), ca.SX.sym("b")
-    reference = ca.Function("reference", [a, b], [comparisons(a, b)])
-    text = "#include <math.h>\n" + c_function(reference, "reference", ("a", "b"), ("y",))
+    function = ca.Function("compare", [a, b], [comparisons(a, b)])
+    values = (-2.5, -0.5, 0.0, 0.5, 2.5)
+    pairs = np.array([*product(values, values)])
+    expected = [np.asarray(function(*pair)).ravel() for pair in pairs]
+
+    for one_row in (True, False):
+        (found,) = row_code(function, one_row)(pairs[:, :1], pairs[:, 1:])
+        np.testing.assert_allclose(found, expected, rtol=1e-15)
+
+    text = "#include <math.h>\n" + c_function(function, "compare", ("a", "b"), ("y",))
     caller = "int g(const double *a, const double *b, double *y)"
-    text += f"{caller};\n{caller} {{ reference(a, b, y); return 0; }}\n"
+    text += f"{caller};\n{caller} {{ compare(a, b, y); return 0; }}\n"
     folder = written(tmp_path, {"f.c": text}, "f.c")
-    values = np.array([-2.5, -0.5, 0.0, 0.5, 2.5])
-    pairs = np.array([(one, other) for one in values for other in values])
-    tables = [row_code(reference, one_row)(pairs[:, :1], pairs[:, 1:]) for one_row in (True, False)]
-    for (one, other), *rows in zip(pairs, *(table for (table,) in tables), strict=True):
-        expected = np.asarray(reference(one, other)).ravel()
-        y = np.zeros(expected.size)
-        called(folder, "g", np.array([one]), np.array([other]), y)
-        np.testing.assert_allclose([y, *rows], [expected] * 3, rtol=1e-15)
+    for pair, results in zip(pairs, expected, strict=True):
+        y = np.zeros(results.size)
+        called(folder, "g", pair[:1], pair[1:], y)
+        np.testing.assert_allclose(y, results, rtol=1e-15)

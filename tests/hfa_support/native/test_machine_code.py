@@ -8,7 +8,7 @@ import pytest
 from hfa_support.native.row_code import machine_code
 
 
-def broken(*_):
+def without_library(*_):
     raise RuntimeError
 
 
@@ -16,16 +16,17 @@ def broken(*_):
     ("place", "replacement", "noted"),
     [
         ("hfa_support.native.row_code.c_compiler", lambda: "false", "cannot compile"),
-        ("casadi.external", broken, "RuntimeError"),  # an error without a text
+        ("casadi.external", without_library, "RuntimeError"),  # no text: its class is printed
     ],
 )
 def test_a_function_is_evaluated_without_machine_code(
     place, replacement, noted, tmp_path, monkeypatch, capsys
 ):
-    """With a compiler that fails, and a library that cannot be loaded, CasADi evaluates the
-    function, the reason is printed, and no file remains.
+    """If the compiler fails, or if the compiled library cannot be loaded, CasADi evaluates the
+    function, the reason is printed, and no file remains in the cache.
 
-    place, replacement: object of the project or of CasADi, and what replaces it
+    place: name of the function that finds the compiler or loads the library
+    replacement: function in its place, a compiler `false` that fails or one that raises an error
     """
     monkeypatch.setattr(place, replacement)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))

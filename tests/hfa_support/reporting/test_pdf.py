@@ -16,8 +16,8 @@ WORDS = "that no table of the aircraft states the limit of this control surface 
 
 
 def sheet(count, title="UAV trimmed: level, 35 m/s"):
-    """Return a sheet with four groups of `count` rows, notes of growing length, and a sentence
-    each.
+    """Return a sheet, the report of one trim: four groups of `count` rows, each with a note of
+    growing length, and a sentence below each group.
     """
     groups = []
     for name in ("condition", "trim", "performance", "modes and levels"):
@@ -55,7 +55,7 @@ def test_a_sheet_has_all_rows_and_as_few_pages_as_they_need(count, expected, tmp
     """All rows of a sheet are on the expected number of pages, which are numbered "1 of 2" and not
     almost empty.
 
-    count: rows of each group of `sheet`
+    count: rows in each of the four groups of the sheet
     """
     report = sheet(count)
     texts = pages(report, tmp_path)
@@ -76,8 +76,8 @@ def test_a_row_that_is_not_on_the_page_is_found(tmp_path):
 
 
 def test_a_long_name_and_long_cells_are_wrapped(tmp_path):
-    """A title and a head of 240 and 200 characters are whole on the page, and so are markup and a
-    control character, as text.
+    """A title of 240 characters and a cell of 200 are whole on the page. Markup in the title is
+    text, and the control character is shown as \\x1b.
     """
     title = f"{'Very long name of an aircraft ' * 8}\nCheck: a < b & <c>\x1b[31m"
     report = replace(sheet(3, title), head={"aircraft": title[:200]})
@@ -87,7 +87,9 @@ def test_a_long_name_and_long_cells_are_wrapped(tmp_path):
 
 
 def book(count):
-    """Return a book with a table of `count` conditions and the sheets of the first two."""
+    """Return a book, the report of several trims: a table of `count` conditions (the matrix), and
+    the sheets of the first two.
+    """
     rows = [(f"condition {i}", Cell("stalled", "bad"), f"{i}.5", WORDS) for i in range(count)]
     matrix = Table(("condition", "results", "alpha [deg]", "warnings"), rows)
     sheets = [sheet(3, f"condition {i}: level") for i in range(min(count, 2))]
@@ -96,22 +98,23 @@ def book(count):
 
 @pytest.mark.parametrize("count", [1, 51, pytest.param(60, marks=pytest.mark.slow)])
 def test_a_book_has_a_cover_a_matrix_and_a_page_for_each_sheet(count, tmp_path):
-    """A page of the table has one header and at least three rows, and each sheet has a page of its
-    own with the document's number. The cover has lines to sign and the page numbers of the sheets.
+    """A book has a cover with lines to sign and the page numbers of the sheets; then pages of the
+    matrix, each with one header and at least three rows; at the end a page for each sheet, with the
+    document's number.
     """
     texts = pages(book(count), tmp_path)
     assert not lost(book(count), "".join(texts))
     sheets = min(count, 2)
-    assert "signature" in texts[0]
-    for index in range(sheets):  # the contents
-        page = len(texts) - sheets + index + 1
-        assert f".{page}condition{index}" in texts[0]
-    for index, text in enumerate(texts[-sheets:]):
+    cover, of_matrix, of_sheets = texts[0], texts[1:-sheets], texts[-sheets:]
+    assert "signature" in cover
+    for index, text in enumerate(of_sheets):
+        page = 1 + len(of_matrix) + index + 1
+        assert f".{page}condition{index}" in cover
         assert f"condition{index}:level" in text
         assert "12,B" in text
-    for text in texts[1:-sheets]:
-        assert text.count("stalled") >= min(count, 3)
-        assert text.count("results") == 1
+    for text in of_matrix:
+        assert text.count("stalled") >= min(count, 3)  # once in each row
+        assert text.count("results") == 1  # in the header
 
 
 def test_a_table_wider_than_the_page_continues_in_blocks(tmp_path):
@@ -127,18 +130,18 @@ def test_a_table_wider_than_the_page_continues_in_blocks(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_picture_has_a_page_where_it_does_not_fit(tmp_path):
-    """A picture that does not fit below a sheet has the second page; in a book, sheets have no
-    picture and one page each.
+def test_a_picture_has_a_second_page_but_in_a_book(tmp_path):
+    """A picture of 9 inches that does not fit below the rows of a sheet is on a second page. In a
+    book, pictures of sheets are left out, and each sheet has one page.
     """
     picture = Picture("a.png", "a figure", lambda: new_figure(7.0, 9.0))
     report = sheet(16)
-    alone = replace(report, parts=[*report.parts, picture])
-    assert len(pages(alone, tmp_path)) == 2
-    nested = Report("book", [alone, sheet(3)])
-    texts = pages(nested, tmp_path)
+    illustrated = replace(report, parts=[*report.parts, picture])
+    assert len(pages(illustrated, tmp_path)) == 2
+    of_two = Report("book", [illustrated, sheet(3)])
+    texts = pages(of_two, tmp_path)
     assert len(texts) == 1 + 2  # a cover and two sheets
-    assert not lost(nested, "".join(texts))
+    assert not lost(of_two, "".join(texts))
 
 
 def test_equal_reports_give_equal_files(tmp_path):

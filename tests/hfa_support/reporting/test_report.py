@@ -68,10 +68,10 @@ def test_control_characters_in_names_are_escaped(name):
 
 
 def test_names_become_no_formulas_links_or_columns(tmp_path):
-    """A user's name never becomes a formula in a spreadsheet, of .csv, nor a link, tag or column in
-    Markdown.
+    """A name that a spreadsheet would compute as a formula begins with ' in a .csv file, and other
+    names are unchanged. In Markdown, no name becomes a link, a tag or a column.
     """
-    # The first five are formulas. A number, markup and a link are none, and stay as they are.
+    # Five formulas, then a number, a tag and a link.
     names = ("=cmd|' /C'!A0", "@sum", "-x", "+1e", "-1+cmd|' /C'!A0", "-1.5", "<script>", "[a](b)")
     file = tmp_path / "a.csv"
     table = Table(("name", "value"), [(name, 1.0) for name in names])
@@ -85,8 +85,8 @@ def test_names_become_no_formulas_links_or_columns(tmp_path):
 
 
 def test_latex_has_first_lines_head_sentences_and_notes():
-    """In LaTeX, the lines of title, sentences, head and notes, which are not in tables, are
-    paragraphs.
+    """In LaTeX, each line that is not in a table (of the title, sentences, head and notes) is a
+    paragraph without indent.
     """
     pytest.importorskip("pandas")
     group = Group("trim", (Row("alpha", 0.1, "rad"),), ("* assumed",))
