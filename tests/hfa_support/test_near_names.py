@@ -15,8 +15,8 @@ from hfa_support.errors import choice_of, nearest
     ],
 )
 def test_similar_names_are_suggested(name, known, meant):
-    """Known names similar to an unknown name are suggested: those that it begins, whatever its
-    case, else the most similar ones; a name that differs only in case is suggested alone.
+    """For an unknown name, known names that begin with it (in any case) are suggested, else the most
+    similar ones. A known name that differs only in case is suggested alone.
     """
     assert choice_of(name, known).startswith(f"did you mean {meant}? choose from")
 

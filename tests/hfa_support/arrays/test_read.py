@@ -39,8 +39,8 @@ def with_wrong_type(content):
     ],
 )
 def test_a_damaged_mat_file_is_refused_in_one_line(compressed, damaged):
-    """A .mat file with a wrong tag, on which SciPy crashes, or of which half is missing, is refused;
-    the whole one gives its matrix.
+    """A .mat file with a wrong tag, on which SciPy crashes, or of which half is missing, is refused.
+    The undamaged file gives its matrix.
     """
     K = np.arange(4.0).reshape(2, 2)
     scipy.io.savemat("K.mat", {"K": K, "text": "wing"}, do_compression=compressed)
@@ -51,7 +51,7 @@ def test_a_damaged_mat_file_is_refused_in_one_line(compressed, damaged):
 
 
 def test_a_damaged_npz_file_is_refused_in_one_line():
-    """A file that ends after 100 bytes is refused; the whole one gives its matrix."""
+    """A .npz file that is cut after 100 bytes is refused. The whole file gives its matrix."""
     np.savez("K.npz", K=np.eye(2))
     assert np.array_equal(hfa.read_critic("K.npz", GAME).K, np.eye(2))
     Path("K.npz").write_bytes(Path("K.npz").read_bytes()[:100])
@@ -60,7 +60,11 @@ def test_a_damaged_npz_file_is_refused_in_one_line():
 
 
 def element(kind, content):
-    """Return an element of a .mat file of MATLAB 5."""
+    """Return an element of a .mat file of MATLAB 5: type, number of bytes, and the padded content.
+
+    kind: MATLAB's number of the type: 1 bytes, 4 16-bit and 5, 6 32-bit integers, 9 doubles, 14 a
+      matrix
+    """
     return struct.pack("<II", kind, len(content)) + content + b"\0" * (-len(content) % 8)
 
 
@@ -86,15 +90,17 @@ def zeros_of(kind, count):
 
 
 @pytest.mark.parametrize("kind", ["numbers", "text"])
-def test_a_mat_file_that_unpacks_to_more_is_refused(kind, monkeypatch):
-    """A .mat file with 2**20 numbers in a structure, 8 MiB, or letters of a text, 2 MiB, is refused
-    with a limit of 1 MiB. One with 1000 is refused too, as K is no matrix, but not for its size.
+def test_a_small_mat_file_with_large_compressed_data_is_refused(kind, monkeypatch):
+    """With a limit of 1 MiB, a compressed .mat file with 2**20 numbers in a structure (8 MiB) or
+    2**20 letters of a text (2 MiB) is refused for its size. One with 1000 is refused too, because K
+    is not a matrix, but not for its size.
     """
     monkeypatch.setattr("hfa_support.arrays.read.LARGEST", 2**20)
     header = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
     for count, is_large in ((1000, False), (2**20, True)):
         packed = zlib.compress(zeros_of(kind, count))
-        Path("K.mat").write_bytes(header + struct.pack("<II", 15, len(packed)) + packed)
+        compressed = struct.pack("<II", 15, len(packed)) + packed  # 15: MATLAB's type of such data
+        Path("K.mat").write_bytes(header + compressed)
         with pytest.raises(BadInputError) as refusal:
             hfa.read_critic("K.mat", GAME)
         assert ("more than 1 MiB" in str(refusal.value)) == is_large
@@ -104,7 +110,8 @@ def test_a_mat_file_that_unpacks_to_more_is_refused(kind, monkeypatch):
 
 A = np.array([[0.0, 1.0], [-2.0, -3.0]])
 B = np.array([[0.5], [1.0]])
-#: Texts of A.csv and B.csv: numbers alone, with names of rows and columns, with names of columns.
+#: Texts of A.csv and B.csv: numbers alone (BARE), with names of rows and columns (NAMED), and with
+#: names of columns (HEADED).
 BARE = "0,1\n-2,-3\n", ".5\n1e0\n"
 NAMED = (
     ",speed [ft/s],alpha [rad]\nspeed [ft/s],0,1\nalpha [rad],-2,-3\n",

@@ -18,16 +18,17 @@ from hfa import BadInputError
 from hfa_support.rows import store as zarr_store
 from hfa_support.rows.store import RowJob, fill_store, open_store, template_variable
 
+#: The jobs of these tests have 10 rows in 4 chunks: rows 0 to 2, 3 to 5, 6 to 8, and 9.
 ROWS = 10
 CHUNK = 3
 NAN = float("nan")
 
 
 def numbers(start, stop):
-    """Return the arrays of a job for rows start .. stop - 1, of 10 in chunks of 3.
+    """Return the arrays of a job for rows start .. stop - 1.
 
-    `empty` contains only fill values. `pole` is nan+0j in the second chunk, as for a point without
-    a trim.
+    `empty` contains only fill values. `pole` is nan+0j in the second chunk, which is not the fill
+    value nan+nanj, as for a point without a trim.
     """
     count = np.arange(start, stop, dtype=float)
     pole = count * (1 + 2j)
@@ -41,10 +42,8 @@ def numbers(start, stop):
 
 
 def slow_numbers(start, stop):
-    """Return the arrays of `numbers` after a delay.
-
-    The delay is long for all chunks but the first. A signal can then end the job before they are
-    done.
+    """Return the arrays of `numbers` after a delay, short for the first chunk and long for others,
+    in which a process can be killed.
     """
     time.sleep(0.05 if start == 0 else 3.0)
     return numbers(start, stop)
@@ -94,7 +93,9 @@ def resumed(path, **options):
 
 
 def test_stored_results_have_names_and_units(finished_store):
-    """Results are read from a store with their names, units and coordinates."""
+    """Results are read from a store with their names, units and coordinates. `pole` keeps nan+0j,
+    in rows 3 to 5, and column "right" of `square` is twice the square of the row.
+    """
     dataset = open_store(finished_store)
     expected = numbers(0, ROWS)
     for name in ("square", "empty", "pole"):
@@ -128,21 +129,21 @@ def test_only_missing_rows_are_computed(finished_store, tmp_path):
     with pytest.raises(Stop):
         fill_store(row_job(), tmp_path / "a.zarr", progress=stop_after_two)
     assert np.isnan(open_store(tmp_path / "a.zarr").square.values[6:]).all()
-    # The first is reported before anything is computed.
+    # Progress is reported at the start, and after each computed chunk.
     assert resumed(tmp_path / "a.zarr") == [(2, 4), (3, 4), (4, 4)]
     assert contents(tmp_path / "a.zarr") == contents(finished_store)
 
 
-KILLED = """
+#: Script that fills a.zarr slowly with the workers of its argument, the address of a scheduler.
+FILLS_A_STORE = """
 import sys
 from pathlib import Path
 import test_zarr_store as tests
 from hfa_support.errors import NoSolutionError
 if __name__ == "__main__":
     job = tests.row_job(function=tests.slow_numbers)
-    workers = sys.argv[1] if sys.argv[1:] else 1
     try:
-        tests.fill_store(job, Path("a.zarr"), workers=workers)
+        tests.fill_store(job, Path("a.zarr"), workers=sys.argv[1])
     except NoSolutionError as error:
         sys.exit(str(error))
 """
@@ -152,7 +153,7 @@ if __name__ == "__main__":
 def running(folder, *words):
     """Yield a Python process with this file on its path, and kill it on exit.
 
-    Its standard error is written to the file log-N of the folder.
+    Its standard error is written to the file log-N of the folder, for the process number N, from 0.
     """
     paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])
     with (folder / f"log-{len(list(folder.glob('log-*')))}").open("w") as log:
@@ -176,14 +177,14 @@ def begun(path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("lost", ["scheduler", "worker"])
-def test_a_failed_cluster_leaves_the_result_unchanged(finished_store, tmp_path, lost):
-    """If a worker of Dask ends, the job completes. If the scheduler ends, it fails with one line.
-
-    In both cases, the store can be resumed to the same bytes.
+@pytest.mark.parametrize("killed", ["scheduler", "worker"])
+def test_a_failed_cluster_leaves_the_result_unchanged(finished_store, tmp_path, killed):
+    """If a worker of Dask is killed after the first chunk, the job completes on the other worker. If
+    the scheduler is killed, the job fails with one line. In both cases, the resumed store has the
+    bytes of an uninterrupted one.
     """
     pytest.importorskip("distributed")
-    (tmp_path / "killed.py").write_text(KILLED)
+    (tmp_path / "job.py").write_text(FILLS_A_STORE)
     path, file = tmp_path / "a.zarr", tmp_path / "scheduler.json"
     scheduler = "-m dask scheduler --host 127.0.0.1 --port 0 --no-dashboard --scheduler-file"
     worker = "-m dask worker --nthreads 1 --no-nanny --no-dashboard --scheduler-file"
@@ -192,15 +193,16 @@ def test_a_failed_cluster_leaves_the_result_unchanged(finished_store, tmp_path, 
             around.enter_context(running(tmp_path, *each.split(), str(file)))
             for each in (scheduler, worker, worker)
         ]
-        logs = [tmp_path / "log-1", tmp_path / "log-2"]
-        assert until(lambda: all("Registered to" in log.read_text() for log in logs))
+        logs_of_workers = [tmp_path / "log-1", tmp_path / "log-2"]
+        assert until(lambda: all("Registered to" in log.read_text() for log in logs_of_workers))
         address = json.loads(file.read_bytes())["address"]
-        job = around.enter_context(running(tmp_path, "killed.py", address))
+        job = around.enter_context(running(tmp_path, "job.py", address))
         assert until(lambda: begun(path))
-        cluster[0 if lost == "scheduler" else 1].kill()
+        cluster[0 if killed == "scheduler" else 1].kill()
         code = job.wait(timeout=120)
-        said = (tmp_path / "log-3").read_text()
-    assert (code, said.count("\n")) == ((1, 1) if lost == "scheduler" else (0, 0)), said
+        errors = (tmp_path / "log-3").read_text()
+    lines = errors.count("\n")
+    assert (code, lines) == ((1, 1) if killed == "scheduler" else (0, 0)), errors
     resumed(path)
     assert contents(path) == contents(finished_store)
 
@@ -225,10 +227,11 @@ def _flip(file):
     ids=["flip", "cut", "gone"],
 )
 def test_a_damaged_chunk_is_computed_again(finished_store, path, file, damage, noticed):
-    """A chunk with a changed bit, an empty one and a deleted one are computed again, and end with
-    the same bytes. A damaged one is not read, and is noted.
+    """A chunk with a changed bit, an empty one and a deleted one are computed again when the store
+    is resumed, which has the same bytes as before the damage.
 
-    noticed: whether reading fails; a deleted chunk is read as fill values
+    noticed: whether reading the chunk raises an error and resuming warns: not of a deleted chunk,
+      which is the same as one that is not yet computed
     """
     damage(path / file)
     if noticed:
@@ -241,21 +244,31 @@ def test_a_damaged_chunk_is_computed_again(finished_store, path, file, damage, n
     assert contents(path) == contents(finished_store)
 
 
-@pytest.mark.parametrize("file", ["square/zarr.json", "side/c/0", "zarr.json"])
-def test_other_names_and_units_are_refused(path, file):
-    """A store with a changed unit (ft), attribute (seed) or name of a coordinate is not resumed."""
+@pytest.mark.parametrize(
+    ("file", "before", "after", "reason"),
+    [
+        ("square/zarr.json", b'"ft"', b'"kt"', "is damaged or has another origin"),
+        ("zarr.json", b'"seed"', b'"sead"', "is the store of another test"),
+    ],
+)
+def test_a_store_with_another_unit_or_attribute_is_refused(path, file, before, after, reason):
+    """A store in which the unit of `square` or the name of an attribute is changed is not resumed."""
     content = (path / file).read_bytes()
-    if file == "side/c/0":
-        _flip(path / file)
-    else:
-        (path / file).write_bytes(content.replace(b'"ft"', b'"kt"').replace(b'"seed"', b'"sead"'))
-        assert (path / file).read_bytes() != content
-    with pytest.raises(BadInputError, match=r"damaged|is the store of another test"):
+    assert before in content
+    (path / file).write_bytes(content.replace(before, after))
+    with pytest.raises(BadInputError, match=reason):
         fill_store(row_job(), path, resume=True)
 
 
-def state(path, **attributes):
-    """Change attributes of a store: schema and version of the code."""
+def test_a_store_with_a_damaged_coordinate_is_refused(path):
+    """A store in which the names of the columns of `square` have a changed bit is not resumed."""
+    _flip(path / "side/c/0")
+    with pytest.raises(BadInputError, match="damaged"):
+        fill_store(row_job(), path, resume=True)
+
+
+def set_attributes(path, **attributes):
+    """Change attributes of a store."""
     content = json.loads((path / "zarr.json").read_text())
     content["attributes"] |= attributes
     (path / "zarr.json").write_text(json.dumps(content))
@@ -276,7 +289,7 @@ def test_a_store_is_not_continued_by_another_job(path):
 def test_only_stores_of_this_schema_are_continued(path, tmp_path):
     """A missing store, an empty folder and a store of another schema cannot be resumed."""
     (tmp_path / "empty.zarr").mkdir()
-    state(path, schema="test/0")
+    set_attributes(path, schema="test/0")  # that of `row_job` is test/1
     for name in ("none.zarr", "empty.zarr", path.name):
         with pytest.raises(BadInputError, match="not a test store of this version"):
             fill_store(row_job(), tmp_path / name, resume=True)
@@ -284,7 +297,7 @@ def test_only_stores_of_this_schema_are_continued(path, tmp_path):
 
 def test_a_store_of_another_version_is_read_and_not_continued(path):
     """A store that another version of the code has begun is not resumed, and can be read."""
-    state(path, toolchain="0.0.9")
+    set_attributes(path, toolchain="0.0.9")
     with pytest.raises(BadInputError, match=r"was started by version 0\.0\.9, but this is \d"):
         fill_store(row_job(), path, resume=True)
     assert open_store(path).square.shape == (ROWS, 2)
@@ -293,11 +306,15 @@ def test_a_store_of_another_version_is_read_and_not_continued(path):
 # Stores from untrusted sources.
 
 
-def of_format_2(path, job):
-    """Write a store in Zarr's format 2 with pickled chunks and with the attributes of a job."""
+@pytest.fixture
+def format_2_store(tmp_path):
+    """Return a store in Zarr's format 2, which allows pickles as chunks (format 3 does not), with
+    the attributes of the job.
+    """
+    path = tmp_path / "format-2.zarr"
     path.mkdir()
     (path / ".zgroup").write_text('{"zarr_format": 2}')
-    attributes = {**job.template.attrs, "toolchain": zarr_store.identity()}
+    attributes = {**row_job().template.attrs, "toolchain": zarr_store.identity()}
     (path / ".zattrs").write_text(json.dumps(attributes))
     (path / "square").mkdir()
     description = {
@@ -311,41 +328,46 @@ def of_format_2(path, job):
         "filters": [{"id": "pickle", "protocol": 5}],
     }
     (path / "square" / ".zarray").write_text(json.dumps(description))
-    (path / "square" / "0.0").write_bytes(RUNS)
+    (path / "square" / "0.0").write_bytes(pickle.dumps(Runs(tmp_path / "code-was-run")))
+    return path
 
 
 class Runs:
     """Object that creates a folder when it is unpickled."""
 
+    def __init__(self, folder):
+        self.folder = folder
+
     def __reduce__(self):
-        return os.mkdir, ("code-was-run",)
+        return os.mkdir, (self.folder,)
 
 
-RUNS = pickle.dumps(Runs())
+def assert_not_resumed(path, reason):
+    """Assert that a store is refused, and that no pickle beside it was loaded."""
+    with pytest.raises(BadInputError, match=reason):
+        fill_store(row_job(), path, resume=True)
+    assert not (path.parent / "code-was-run").exists()
 
 
-def test_a_store_in_another_format_is_refused(path, tmp_path, monkeypatch):
-    """A store in Zarr's format 2, and one with files of it, are refused, and pickles in them are
-    not loaded.
+def test_a_store_in_another_format_is_refused(format_2_store, path):
+    """A store in Zarr's format 2, whose chunks may be pickles, is refused, also with the metadata
+    (zarr.json) of a store in format 3 added. No pickle is loaded.
     """
-    monkeypatch.chdir(tmp_path)
-    theirs = tmp_path / "theirs.zarr"
-    of_format_2(theirs, row_job())
-    with pytest.raises(BadInputError, match="is not a test store of this version"):
-        fill_store(row_job(), theirs, resume=True)
-    shutil.copy(path / "zarr.json", theirs)
-    with pytest.raises(BadInputError, match=r"\.zattrs' differs from the store of this test"):
-        fill_store(row_job(), theirs, resume=True)
-    shutil.copytree(theirs / "square", path / "more")
-    with pytest.raises(BadInputError, match="'more' differs from the store of this test"):
-        fill_store(row_job(), path, resume=True)
-    shutil.rmtree(path / "more")
-    shutil.copy(theirs / "square" / ".zarray", path / "square")
-    with pytest.raises(
-        BadInputError, match=r"'square/\.zarray' differs from the store of this test"
-    ):
-        fill_store(row_job(), path, resume=True)
-    assert not (tmp_path / "code-was-run").exists()
+    assert_not_resumed(format_2_store, "is not a test store of this version")
+    shutil.copy(path / "zarr.json", format_2_store)
+    assert_not_resumed(format_2_store, r"\.zattrs' differs from the store of this test")
+
+
+@pytest.mark.parametrize(
+    ("source", "added"), [("square", "more"), ("square/.zarray", "square/.zarray")]
+)
+def test_a_store_with_files_of_another_format_is_refused(format_2_store, path, source, added):
+    """A store to which an array in Zarr's format 2, or only the description of one, is added is
+    refused, and a pickle in it is not loaded.
+    """
+    copy = shutil.copytree if source == "square" else shutil.copy
+    copy(format_2_store / source, path / added)
+    assert_not_resumed(path, f"'{added}' differs from the store of this test")
 
 
 def test_a_link_out_of_a_store_is_refused(path, tmp_path):
