@@ -186,10 +186,9 @@ def test_an_interrupted_write_keeps_the_old_file(monkeypatch):
         stream.write(b"half")
         raise KeyboardInterrupt
 
-    with monkeypatch.context() as patched:
-        patched.setattr(np, "savez", broken)  # as Ctrl-C does after the first bytes
-        with pytest.raises(KeyboardInterrupt):
-            SOLUTION.save("kept.npz")
+    monkeypatch.setattr(np, "savez", broken)  # as Ctrl-C does after the first bytes
+    with pytest.raises(KeyboardInterrupt):
+        SOLUTION.save("kept.npz")
     assert Path("kept.npz").read_bytes() == before
     assert [entry.name for entry in Path().iterdir()] == ["kept.npz"]
 

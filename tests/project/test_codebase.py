@@ -16,7 +16,9 @@ DATA = {
 
 @pytest.mark.slow
 def test_the_wheel_contains_all_modules_and_data(tmp_path):
-    """A wheel contains exactly the files of the packages, also with other packages beside them."""
+    """A wheel contains exactly the files of the project's packages, also if the source folder has
+    other packages, whose names begin like those of the project.
+    """
     sources = tmp_path / "sources"
     wheels = tmp_path / "wheels"
     sources.mkdir()
@@ -32,14 +34,14 @@ def test_the_wheel_contains_all_modules_and_data(tmp_path):
     subprocess.run([*command, "--wheel-dir", str(wheels), str(sources)], check=True, timeout=120)
     (wheel,) = wheels.glob("*.whl")
     names = set(zipfile.ZipFile(wheel).namelist())
-    ours = {
+    expected = {
         str(path.relative_to(folder.parent))
         for folder in FOLDERS.values()
         for path in folder.rglob("*")
         if path.is_file() and path.suffix != ".pyc"
     }
-    assert ours >= DATA
-    assert {name for name in names if ".dist-info/" not in name} == ours
+    assert expected >= DATA  # the data files are in the folders of the packages
+    assert {name for name in names if ".dist-info/" not in name} == expected
 
 
 #: Tracked files and folders of the root.
@@ -63,8 +65,8 @@ AT_THE_ROOT = {
 
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a checkout of git")
 def test_the_root_contains_only_the_named_files():
-    """The tracked files and folders of the project's folder are those of the list: no notes, no
-    output.
+    """The files and folders in the project's folder that git tracks are those of `AT_THE_ROOT`:
+    notes and output are not added.
     """
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True)
     assert {

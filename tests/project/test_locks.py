@@ -26,9 +26,9 @@ def pins(lock):
     return [Requirement(line.partition("--hash")[0]) for line in entries(lock)]
 
 
-def without(pythons):
+def excluded_pythons(specifier):
     """Return the supported Python versions that a Requires-Python specifier excludes."""
-    return [each for each in PYTHONS if not SpecifierSet(pythons).contains(f"{each}.0")]
+    return [each for each in PYTHONS if not SpecifierSet(specifier).contains(f"{each}.0")]
 
 
 #: Lock file -> the extra of pyproject.toml that is installed from it.
@@ -44,10 +44,10 @@ LOCKS = {
 def test_locked_packages_support_every_supported_python(lock):
     """Each locked package supports every Python version that the project supports.
 
-    Only packages that are installed here in the locked version are checked, at least 10: pip
-        refuses to install the others if they need a newer Python than this one.
+    Only packages that are installed here in the locked version are compared, at least 10: the
+    metadata of others are not available.
     """
-    assert not without(PROJECT["requires-python"])
+    assert not excluded_pythons(PROJECT["requires-python"])
     assert SpecifierSet(PROJECT["requires-python"]) == SpecifierSet(f">={PYTHONS[0]}")
     excluded = {}
     compared = 0
@@ -61,9 +61,9 @@ def test_locked_packages_support_every_supported_python(lock):
         if installed.version not in pin.specifier:
             continue
         compared += 1
-        missing = without(installed.metadata.get("Requires-Python", ""))
-        if missing:
-            excluded[str(pin)] = missing
+        unsupported = excluded_pythons(installed.metadata.get("Requires-Python", ""))
+        if unsupported:
+            excluded[str(pin)] = unsupported
     assert compared >= 10
     assert excluded == {}
 
@@ -94,10 +94,10 @@ def test_all_locks_pin_the_same_versions(lock):
 
 @pytest.mark.parametrize("lock", LOCKS)
 def test_every_pin_has_hashes_and_names_no_host(lock):
-    """Each entry of a lock file is one exact version with SHA-256 hashes, the same in all lock
-    files, and the file names no index, host or path.
+    """Each entry of a lock file is one exact version with SHA-256 hashes, which are those of the
+    same package in the largest lock file. The file names no index, host or path.
     """
-    whole = {
+    hashes_in_largest = {
         each.partition("==")[0]: each.split("--hash")[1:] for each in entries("requirements.lock")
     }
     for entry in entries(lock):
@@ -106,6 +106,8 @@ def test_every_pin_has_hashes_and_names_no_host(lock):
         assert re.fullmatch(r"[\w.]+( ; [^;]+)?\s*", requirement), entry
         assert hashes, name
         assert all(re.fullmatch(r"=sha256:[0-9a-f]{64}\s*", each) for each in hashes), name
-        assert sorted(map(str.strip, hashes)) == sorted(map(str.strip, whole[name])), name
+        assert sorted(map(str.strip, hashes)) == sorted(map(str.strip, hashes_in_largest[name])), (
+            name
+        )
     text = (ROOT / "tools" / lock).read_text("utf-8")
     assert not re.search("://|--(extra-)?index-url|--find-links|--trusted-host", text)

@@ -487,17 +487,10 @@ TIMES_IN_SECONDS = (
     "hfa.predictive",
 )
 #: Functions that take more than a second.
-SLOW = (
-    "hfa.optimize",
-    "hfa.predictive",
-    "controller.radii_of",
-    "hfa.assess",
-    "hfa.identify",
-    "hfa.state_dependent",
-    "hfa.keep_inside",
-    "hfa.environment",
-    "hfa.from_network",
-)
+SLOW = """
+    hfa.optimize hfa.predictive controller.radii_of hfa.assess
+    hfa.identify hfa.state_dependent hfa.keep_inside hfa.environment hfa.from_network
+""".split()
 
 
 def public_functions():

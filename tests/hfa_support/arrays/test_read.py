@@ -99,8 +99,8 @@ def test_a_small_mat_file_with_large_compressed_data_is_refused(kind, monkeypatc
     header = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM"
     for count, is_large in ((1000, False), (2**20, True)):
         packed = zlib.compress(zeros_of(kind, count))
-        compressed = struct.pack("<II", 15, len(packed)) + packed  # 15: MATLAB's type of such data
-        Path("K.mat").write_bytes(header + compressed)
+        # 15 is MATLAB's type of compressed data.
+        Path("K.mat").write_bytes(header + struct.pack("<II", 15, len(packed)) + packed)
         with pytest.raises(BadInputError) as refusal:
             hfa.read_critic("K.mat", GAME)
         assert ("more than 1 MiB" in str(refusal.value)) == is_large

@@ -59,8 +59,8 @@ def test_several_processes_share_the_tasks():
     ],
 )
 def test_a_task_that_fails_is_reported(function, said):
-    """If the second of two tasks raises an error, as for the square of -3, or ends its process, an
-    error with the reason is raised, and no worker is left.
+    """If the second of two tasks raises an error (the square of -3) or ends its process, an error
+    with the reason is raised, and no worker process remains.
     """
     with pytest.raises(NoSolutionError, match=said), open_workers(2) as run:
         list(run(function, ((key, (-key,)) for key in (0, 3))))
@@ -68,8 +68,8 @@ def test_a_task_that_fails_is_reported(function, said):
 
 
 def test_an_abandoned_job_leaves_no_worker():
-    """If the results are not read to the end, both child processes end, although each has a task of
-    60 s.
+    """If only the first of nine results is read, both child processes end at once, although each
+    works on a task of 60 s.
     """
     start = time.monotonic()
     tasks = ((key, (0.0 if key == 0 else 60.0,)) for key in range(9))
@@ -88,10 +88,12 @@ def test_a_worker_with_other_code_is_refused(monkeypatch):
 
 
 def test_no_worker_starts_without_free_file_handles():
-    """If no file handle is free, no worker is started, and the error suggests fewer workers."""
+    """If only one file handle is free, too few for the pipes of a process, no worker is started, and
+    the error suggests fewer workers.
+    """
     resource = pytest.importorskip("resource")
     limits = resource.getrlimit(resource.RLIMIT_NOFILE)
-    next_descriptor = os.dup(0)
+    next_descriptor = os.dup(0)  # the smallest free number
     os.close(next_descriptor)
     with open_workers(2) as run:
         resource.setrlimit(resource.RLIMIT_NOFILE, (next_descriptor + 1, limits[1]))
@@ -104,12 +106,10 @@ def test_no_worker_starts_without_free_file_handles():
 
 @pytest.mark.slow
 def test_a_cluster_returns_all_results():
-    """A Dask cluster returns all results, and raises NoSolutionError for a task that ends its
-    worker.
-    """
+    """A Dask cluster returns all results. A task that ends its worker raises NoSolutionError."""
     dask = pytest.importorskip("dask")
     distributed = pytest.importorskip("distributed")
-    # The cluster abandons a task after one lost worker instead of four.
+    # By this setting, the cluster abandons a task after one lost worker instead of four.
     with (
         dask.config.set({"distributed.scheduler.allowed-failures": 0}),
         distributed.LocalCluster(
@@ -128,12 +128,11 @@ def test_a_cluster_returns_all_results():
 
 @pytest.mark.slow
 def test_unusable_workers_are_refused(monkeypatch):
-    """Zero processes and an unreachable scheduler are refused."""
+    """Zero processes, and the address of a Dask scheduler that does not respond, are refused."""
     with pytest.raises(BadInputError, match="at least 1"), open_workers(0):
         pass
     pytest.importorskip("distributed")
-    # The usual time to wait for a scheduler is seconds.
-    monkeypatch.setattr(module, "_ANSWER", "0.1s")
+    monkeypatch.setattr(module, "_ANSWER_TIME", "0.1s")  # in place of 10 s
     with (
         pytest.raises(BadInputError, match="no Dask scheduler responds"),
         open_workers("tcp://127.0.0.1:9"),
