@@ -244,7 +244,15 @@ def headings(document):
 
 
 #: Examples without shown output: aircraft (tests/trim/test_own_models.py), and training scripts.
-SILENT = "f16 flying_wings gtm imitate_a_planner navion pendulum train_a_network".split()
+SILENT = (
+    "f16",
+    "flying_wings",
+    "gtm",
+    "imitate_a_planner",
+    "navion",
+    "pendulum",
+    "train_a_network",
+)
 SCRIPTS = [path for path in sorted((ROOT / "examples").glob("*.py")) if path.stem not in SILENT]
 
 

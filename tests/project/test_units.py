@@ -459,17 +459,31 @@ ANSWERS = {
 #: Why public functions have no answer about a twin -> their names.
 WITHOUT = {
     "reads": (
-        *("hfa.read_critic", "hfa.conditions", "hfa.load_model", "hfa.from_derivatives"),
-        *("controller.critic_in", "controller.load_game", "trim.load_condition"),
+        "hfa.read_critic",
+        "hfa.conditions",
+        "hfa.load_model",
+        "hfa.from_derivatives",
+        "controller.critic_in",
+        "controller.load_game",
+        "trim.load_condition",
     ),
     "is one of hfa": ("trim.linearize", "trim.sweep"),
     "of the paper's aircraft": (
-        *("hfa.aircraft", "trim.compare", "trim.entry_bands", "verification.regenerate_all"),
+        "hfa.aircraft",
+        "trim.compare",
+        "trim.entry_bands",
+        "verification.regenerate_all",
     ),
     "shows": (
-        *("trim.trim_report", "trim.linear_model_report", "trim.trim_figure", "trim.draw_point"),
-        *("trim.draw_bode", "controller.expansion_figure", "controller.expansion_report"),
-        *("controller.solution_report", "verification.verdict_figure"),
+        "trim.trim_report",
+        "trim.linear_model_report",
+        "trim.trim_figure",
+        "trim.draw_point",
+        "trim.draw_bode",
+        "controller.expansion_figure",
+        "controller.expansion_report",
+        "controller.solution_report",
+        "verification.verdict_figure",
         "verification.verdict_report",
     ),
     "knows no plant": ("controller.basis", "controller.run"),
@@ -487,10 +501,17 @@ TIMES_IN_SECONDS = (
     "hfa.predictive",
 )
 #: Functions that take more than a second.
-SLOW = """
-    hfa.optimize hfa.predictive controller.radii_of hfa.assess
-    hfa.identify hfa.state_dependent hfa.keep_inside hfa.environment hfa.from_network
-""".split()
+SLOW = (
+    "hfa.optimize",
+    "hfa.predictive",
+    "controller.radii_of",
+    "hfa.assess",
+    "hfa.identify",
+    "hfa.state_dependent",
+    "hfa.keep_inside",
+    "hfa.environment",
+    "hfa.from_network",
+)
 
 
 def public_functions():

@@ -196,8 +196,8 @@ def test_a_failed_cluster_leaves_the_result_unchanged(finished_store, tmp_path, 
         cluster[0 if killed == "scheduler" else 1].kill()
         code = job.wait(timeout=120)
         errors = (tmp_path / "log-3").read_text()
-    lines = errors.count("\n")
-    assert (code, lines) == ((1, 1) if killed == "scheduler" else (0, 0)), errors
+    # Exit code and number of lines.
+    assert (code, errors.count("\n")) == ((1, 1) if killed == "scheduler" else (0, 0)), errors
     resumed(path)
     assert contents(path) == contents(finished_store)
 
@@ -354,13 +354,13 @@ def test_a_store_in_another_format_is_refused(format_2_store, path):
 
 
 @pytest.mark.parametrize(
-    ("source", "added"), [("square", "more"), ("square/.zarray", "square/.zarray")]
+    ("copy", "source", "added"),
+    [(shutil.copytree, "square", "more"), (shutil.copy, "square/.zarray", "square/.zarray")],
 )
-def test_a_store_with_files_of_another_format_is_refused(format_2_store, path, source, added):
+def test_a_store_with_files_of_another_format_is_refused(format_2_store, path, copy, source, added):
     """A store to which an array in Zarr's format 2, or only the description of one, is added is
     refused, and a pickle in it is not loaded.
     """
-    copy = shutil.copytree if source == "square" else shutil.copy
     copy(format_2_store / source, path / added)
     assert_not_resumed(path, f"'{added}' differs from the store of this test")
 
