@@ -14,8 +14,15 @@ import hfa
 from hfa import BadInputError, Game
 
 PACKAGES = (
-    *("hfa", "hfa.paper", "controller", "verification", "trim", "hfa_aircraft"),
-    *("hfa_flight", "hfa_prove", "hfa_identify"),
+    "hfa",
+    "hfa.paper",
+    "controller",
+    "verification",
+    "trim",
+    "hfa_aircraft",
+    "hfa_flight",
+    "hfa_prove",
+    "hfa_identify",
 )
 #: A stable model of two states and an input; GAME is in steps of .1, with a discount.
 LINEAR = hfa.LinearModel.of([[0.5, 0.2], [0.0, 0.3]], [[0.0], [1.0]])

@@ -458,7 +458,7 @@ ANSWERS = {
 }
 #: Why public functions have no answer about a twin -> their names.
 WITHOUT = {
-    "reads": (
+    "reads a file, or makes an aircraft of a table": (
         "hfa.read_critic",
         "hfa.conditions",
         "hfa.load_model",
@@ -467,14 +467,14 @@ WITHOUT = {
         "controller.load_game",
         "trim.load_condition",
     ),
-    "is one of hfa": ("trim.linearize", "trim.sweep"),
-    "of the paper's aircraft": (
+    "another function for the same call of hfa": ("trim.linearize", "trim.sweep"),
+    "about the paper's aircraft": (
         "hfa.aircraft",
         "trim.compare",
         "trim.entry_bands",
         "verification.regenerate_all",
     ),
-    "shows": (
+    "shows a result as text or figure": (
         "trim.trim_report",
         "trim.linear_model_report",
         "trim.trim_figure",
@@ -486,8 +486,8 @@ WITHOUT = {
         "verification.verdict_figure",
         "verification.verdict_report",
     ),
-    "knows no plant": ("controller.basis", "controller.run"),
-    "of two arrays": ("verification.relative_error",),
+    "has no aircraft among its arguments": ("controller.basis", "controller.run"),
+    "compares two arrays": ("verification.relative_error",),
 }
 #: Functions compared with twins in named units alone: their rows depend on the unit's name.
 NAMED_UNITS_ONLY = ("trim.sheet_of", "trim.graded")

@@ -113,10 +113,6 @@ def test_two_processes_write_the_bytes_of_one(finished_store, tmp_path):
     assert contents(tmp_path / "two.zarr") == contents(finished_store)
 
 
-class Stop(Exception):
-    pass
-
-
 def test_only_missing_rows_are_computed(finished_store, tmp_path):
     """A job that ends after two of four chunks computes the other two when it is resumed, and ends
     with the bytes of an uninterrupted one.
@@ -124,9 +120,9 @@ def test_only_missing_rows_are_computed(finished_store, tmp_path):
 
     def stop_after_two(done, _):
         if done == 2:
-            raise Stop
+            raise InterruptedError
 
-    with pytest.raises(Stop):
+    with pytest.raises(InterruptedError):
         fill_store(row_job(), tmp_path / "a.zarr", progress=stop_after_two)
     assert np.isnan(open_store(tmp_path / "a.zarr").square.values[6:]).all()
     # Progress is reported at the start, and after each computed chunk.
