@@ -54,7 +54,7 @@ def test_the_core_trims_without_extensions(tmp_path):
         output = result.out + result.err
         assert result.code == code, (line, output)
         assert all(word in output for word in words), (line, output)
-        if code != 0:
+        if code:
             assert output.count("\n") == 1, output
         if "--help" in line:
             assert [word for word in EXTENSION_WORDS if word in output] == []

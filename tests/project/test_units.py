@@ -467,7 +467,7 @@ WITHOUT = {
         "controller.load_game",
         "trim.load_condition",
     ),
-    "another function for the same call of hfa": ("trim.linearize", "trim.sweep"),
+    "has a function of hfa for users": ("trim.linearize", "trim.sweep"),
     "about the paper's aircraft": (
         "hfa.aircraft",
         "trim.compare",
