@@ -117,6 +117,9 @@ def feedforward(solution: Solution, reference: Waveform) -> Feedforward:
 def late_error(exact: Feedforward, K: np.ndarray, inputs: Waveform) -> Waveform:
     """Return the error z(t), (n,), of z' = (A - B K) z + B inputs + r after the transients.
 
+    r = A x_d - x_d' is the effect of the reference x_d (`exact.forcing`). The equation is solved in
+    the states T z of `Solution.closed_loops`, in which the loop keeps its digits.
+
     K: (m, n)
     inputs: (m,)
     """

@@ -112,11 +112,14 @@ def _failure(error: BaseException) -> tuple[str, int]:
 
 
 def _run(words: list[str], find: Find) -> int:
-    """Run the command given by the command line, and return its exit code."""
+    """Run the command given by the command line, and return its exit code.
+
+    find: function words -> (command, program name, option words)
+    """
     from hfa_support.files import inputs_kept
 
     with contextlib.ExitStack() as around:
-        around.enter_context(inputs_kept())
+        around.enter_context(inputs_kept())  # no output may overwrite a file that is read
         try:
             command, program, options = find(words)
             values = parser_of(command, program).parse_words(options)
@@ -131,7 +134,8 @@ def _run(words: list[str], find: Find) -> int:
         try:
             return _computed(command, request)
         except BadInputError as error:
-            # An option that supplies what is missing is proposed, if the command has the option.
+            # `error.options` is an option with its value that supplies what is missing, such as
+            # ("--set", "mass=10"). It is proposed in the message, if the command has the option.
             names = [declared.names for declared in options_of(command.request).values()]
             if not error.options or error.options[0] not in chain(*names):
                 raise
@@ -217,12 +221,13 @@ def parser_of(command: Command, program: str) -> Parser:
     program: what the user types before the options: "hfa trim", or "python my_command.py"
     """
     called, _, name = program.partition(" ")
+    # Only `hfa` has commands of two words; a program of the user is a single command.
+    second_words = partial(words_after, name) if called == "hfa" else dict
     return Parser(
         options_of(command.request),
         moved=command.request.moved,
         example=command.example,
-        # A program other than hfa has a single command.
-        second_words=partial(words_after, name) if called == "hfa" else dict,
+        second_words=second_words,
         prog=program,
         description=inspect.cleandoc(command.run.__doc__ or ""),
     )

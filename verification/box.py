@@ -98,10 +98,12 @@ def balanced_units(game: Game) -> np.ndarray:
     (n,).
     """
     plain = game.without_cross_weights
-    root = math.sqrt(game.discount)  # the game of √α A, √α B has the same value, undiscounted
+    # The undiscounted game of √α A, √α B, √α E has the same value; α is 1 in continuous time.
+    root = math.sqrt(game.discount)
     B = root * plain.B
     weight = game.R + B.T @ plain.Q @ B if game.is_discrete else game.R
     E = root * plain.E / game.delta
+    # Sizes of the terms count, not their signs: that of the disturbance is added.
     return units_of(root * plain.A, B @ np.linalg.pinv(weight) @ B.T + E @ E.T, plain.Q)
 
 

@@ -157,13 +157,18 @@ def _reason_for_action_value(game: Game, H: np.ndarray, exact_H: np.ndarray, lim
     """
     sizes = floored(np.sqrt(np.abs(np.diag(exact_H))))
     values = Compared(
-        "H", H, exact_H, np.outer(sizes, sizes), lambda M: action_value_error(M, exact_H) <= limit
+        kind="H",
+        given=H,
+        exact=exact_H,
+        sizes=np.outer(sizes, sizes),
+        is_right=lambda M: action_value_error(M, exact_H) <= limit,
     )
     n, m = game.B.shape
     blocks = {"x": numbered("x", n), "u": numbered("u", m), "w": numbered("w", len(H) - n - m)}
     present = [block for block, signals in blocks.items() if signals]
 
     def mistakes() -> Iterator[Mistake]:
+        # The right order is among them. It leaves H, which is wrong, so that it explains nothing.
         for order in itertools.permutations(present):
             texts = [", ".join(names) for names in (order, present)]
             says = f"H is in the order ({texts[0]}); it must be in the order ({texts[1]})"

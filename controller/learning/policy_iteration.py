@@ -50,12 +50,14 @@ class Problem(NamedTuple):
 class Iteration(Samples):
     """Policy iteration on the samples of a game, with a quadratic basis.
 
-    The policies u = -R⁻¹B'P z and d = s δ⁻²E'P z of a P have the loop z' = (A - S_s P) z. The
-    weights W of their value z'P⁺z = W'ψ(z), with the discount β, solve at each sample
+    The policies u = -R⁻¹B'P z and d = s δ⁻²E'P z of a P have the loop z' = (A - S_s P) z, with
+    S_s = B R⁻¹B' - s E E'/δ². Samples are states z_j and their drifts F_j = A z_j. The value of the
+    policies is z'P⁺z = W'ψ(z), with the basis ψ of quadratic monomials and its derivatives ∂ψ_j at
+    z_j. The weights W solve at each sample
 
         W'∂ψ_j (F_j - β z_j - S_s P z_j) = -z_j'(Q + P S_s P) z_j.
 
-    β and s are those of a `Problem`.
+    The discount rate β and the share s of the disturbance are those of a `Problem`.
     """
 
     def S(self, problem: Problem) -> np.ndarray:
@@ -100,7 +102,7 @@ class Iteration(Samples):
     def is_solved(self, P: np.ndarray, problem: Problem) -> bool:
         """Return whether P >= 0 up to rounding, and A - S_s P - βI is stable."""
         loop = self.game.A - self.S(problem) @ P
-        smallest = float(np.linalg.eigvalsh(P)[0])
+        smallest = np.linalg.eigvalsh(P)[0]
         is_semidefinite = smallest > -NEGATIVE_BY_ROUNDING * float(np.abs(P).max())
         return is_semidefinite and spectral_abscissa(loop) < problem.discount
 

@@ -183,7 +183,9 @@ def make_balls_picklable() -> None:
 
 
 def _storable(exact: arb) -> _Storable:
-    """Return an exact number, the midpoint or radius of a ball, in a form that can be pickled."""
+    """Return an exact number, the midpoint or radius of a ball, in a form that can be pickled:
+    (mantissa, exponent of 2), or "inf", "-inf" or "nan".
+    """
     if exact.is_finite():
         mantissa, exponent = exact.man_exp()
         return int(mantissa), int(exponent)

@@ -326,6 +326,7 @@ def candidate_in_bits(game: Game, delta: float) -> Candidate:
 
 def _without_noise(X: arb_mat, game: Game) -> arb_mat:
     """Return the midpoints of the symmetric part of X, exact, with 0 for states without cost."""
+    # P is exactly 0 for states that never move a state with a cost; their entries of X are noise.
     matrix = symmetric(X)
     for i in np.flatnonzero(states_without_cost(game)).tolist():
         for j in range(len(game.A)):

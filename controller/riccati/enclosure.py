@@ -356,6 +356,8 @@ def _radius_of_L(enclosure: Enclosure) -> float:
     proof; inf if no digit of a row is known.
     """
     L, radius = midpoints(enclosure.L), radii(enclosure.L)
+    # In units of the proof, column j is multiplied by the unit of state j. The unit of a row, that
+    # of a disturbance, cancels in the ratio of two entries of the row.
     sizes = np.exp2(enclosure.units.states.astype(float))
     with np.errstate(all="ignore"):
         largest = (np.abs(L) * sizes).max(1, keepdims=True)

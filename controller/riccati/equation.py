@@ -78,6 +78,10 @@ class Entries(NamedTuple):
     def of(cls, game: Game, units: Units) -> Entries:
         """Return the matrices of a game in exact units, and in the states T y.
 
+        y are the states in units of powers of two: the user's states are z_i = 2^states_i y_i, and
+        likewise inputs and disturbances. Rows of rates are therefore scaled by 2^-states, columns
+        and costs by 2^states.
+
         Raises ZeroDivisionError if T may be singular with the bits of `precision`.
         """
         doubles = (game.A, game.B, game.E, game.Q, game.R, game.N)

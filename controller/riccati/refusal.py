@@ -99,11 +99,13 @@ def stabilizing(candidate: Candidate) -> Stabilizing:
 
 
 def prove_value(found: Stabilizing) -> None:
-    """Prove that the stabilizing solution is the value, provided that the game without disturbance
-    has a value.
+    """Prove that the stabilizing solution is the value of the game. That the game without
+    disturbance has a value is a premise, which is not proved here.
 
-    The weights of both players are positive: R, in discrete time R + B'P B and δ² - E'P E. The loop
-    without disturbance, A - B K, is stable.
+    Proved are two conditions:
+    - The input of each player costs this player: R > 0 and δ² > 0, in discrete time R + B'P B > 0
+      and δ² - E'P E > 0.
+    - The loop without disturbance, A - B K, is stable.
 
     Raises NotProvedError if the ball does not prove it.
     """

@@ -197,12 +197,14 @@ def _bounded(
 
 
 def _solved(optimum: Enclosure, K: arb_mat) -> LoopValue | None:
-    """Return D and the gain of the worst disturbance, minus that of the optimum, for u = -K z,
-    or None if they are not proved.
+    """Return the excess D and the gain of the worst disturbance, minus that of the optimum, for
+    u = -K z, or None if they are not proved.
 
-    With Δ = K - K*, W W' = V = δ² - E'P E and W M = -E'P B Δ, the disturbance L* z + W'⁻¹(v + M z)
-    leaves the cost Δ'(R + B'P B)Δ + M'M of the loop and -v'v. In continuous time, V = δ², M = 0,
-    and R is the weight.
+    z'D z is what u costs more than the optimum z'P z under its worst disturbance. With Δ = K - K*,
+    W W' = V = δ² - E'P E and W M = -E'P B Δ, write the disturbance as L* z + W'⁻¹(v + M z).
+    Completing the square then gives a game of v alone: per step, z costs
+    z'(Δ'(R + B'P B)Δ + M'M) z, and v costs -v'v. In continuous time, V = δ², M = 0, and R is in the
+    place of R + B'P B.
     """
     from flint import arb
 

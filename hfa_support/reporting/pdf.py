@@ -106,8 +106,9 @@ class Rows(Grid):
         """Return width and height. A table of tall rows may be split after any row, to fit on
         pages.
         """
-        size = super().wrap(width - 0.01, height)
+        size = super().wrap(width - 0.01, height)  # points, more than a rounding
         if max(self._rowHeights) > _TALL_ROW_HEIGHT:
+            # ReportLab's range of rows after which it may split the table: None permits all.
             self._rowSplitRange = None
         return size
 

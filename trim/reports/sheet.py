@@ -283,7 +283,7 @@ def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
     groups: list[_Titled] = [
         ("condition", [*flight_rows(trimmed), balance_row(point)], table_lines),
         ("configuration", configuration_rows(trimmed), configuration_lines(trimmed)),
-        (VARIABLES, variables, _on_stars(variables)),
+        (VARIABLES, variables, _meaning_of_stars(variables)),
         ("limits", limit_rows(nearest_first(trimmed)), ()),
     ]
     if point.ok:
@@ -419,11 +419,11 @@ def _data(trimmed: Trimmed, sheet: Sheet) -> dict[str, Any]:
         "balance_limit": BALANCE,
         "modes": trimmed.modes if point.ok else (),
         "search": trimmed.search.data,
-        "warnings": point.warnings,
+        # Without warnings of the trim, the notes of the point; else the sheet has these in "notes".
+        "warnings": warnings_of(trimmed) or point.warnings,
     } | without_empty(
         dihedral_deg=point.dihedral_deg,
         scheduled=point.scheduled,
-        warnings=warnings_of(trimmed),  # in place of the notes, which the sheet has in "notes"
         stalled=stall_lines(trimmed),
     )
 
@@ -571,8 +571,10 @@ def brief_list(report: Report) -> Report:
 
 
 def _shortened(group: Group) -> Group:
-    """Return a group with the rows that are read first. Of the variables, these are those that are
-    printed as another value than 0, and the load factor is read if it is not 1.
+    """Return a group with the rows that are read first.
+
+    These are the variables that are not printed as 0, a load factor that is not printed as 1, the
+    rows named in `_READ_FIRST` or by `_ENDS_READ_FIRST`, and judged rows, which have a tone.
     """
     rows = []
     for row in group.rows:
@@ -585,9 +587,9 @@ def _shortened(group: Group) -> Group:
             is_read_first = named or bool(row.tone) or row.name.endswith(_ENDS_READ_FIRST)
         if is_read_first and not row.rare:
             rows.append(row)
-    return group._replace(rows=tuple(rows), lines=_on_stars(rows))
+    return group._replace(rows=tuple(rows), lines=_meaning_of_stars(rows))
 
 
-def _on_stars(rows: Iterable[Row]) -> tuple[str, ...]:
+def _meaning_of_stars(rows: Iterable[Row]) -> tuple[str, ...]:
     """Return the meaning of the stars in the notes of rows, or () if there is none."""
     return (ASSUMED,) if any("*" in row.note for row in rows) else ()

@@ -567,9 +567,10 @@ class Trimmed:
     def largest_lift(self) -> LargestLift | str:
         """Largest lift at the speed and the inputs of the trim, or why it is unknown.
 
-        The lift is q S CL_max with a declared CL_max; its alpha is the first above the trim at
-        which the output `lift` has this value. Otherwise it is the first maximum of the lift over
-        alpha, above the trim, or the last one below a trim at which the lift falls.
+        - with a declared CL_max: q S CL_max, at the first alpha above the trim at which the output
+          `lift` has this value
+        - if the lift rises with alpha at the trim: the first maximum above the trim
+        - if the lift falls with alpha at the trim, which is stalled: the nearest maximum below it
         """
         if reason := self.lacks("lift", nonzero=("dynamic_pressure", "reference_area", "lift")):
             return reason
@@ -594,6 +595,7 @@ class Trimmed:
             return _NO_MAXIMUM
         slopes = np.diff(lift(above))
         is_stalled = bool(slopes.size and slopes[0] < 0.0)  # lift falls with alpha at the trim
+        # Downward from the trim, so that the first peak is the nearest one.
         below = np.linspace(here, min(lowest, here), _ANGLE_COUNT)
         peak = _first_peak(lift, below if is_stalled else above)
         if peak is None:

@@ -13,14 +13,14 @@ from hfa_support.matrices import ROUNDING
 from trim.linear.modes import modes_of, order_fastest_first
 
 #: Gain for keeping conjugate pairs together; it exceeds every other gain.
-_GAIN_OF_PAIRS = 1e3
+_GAIN_OF_CONJUGATES = 1e3
 #: Weight of the distance of two eigenvalues compared with the similarity of their shapes. Two modes
 #: that interchange nearly parallel shapes keep their eigenvalues if these are far apart.
-_DISTANCE = 2.0
+_WEIGHT_OF_DISTANCE = 2.0
 #: Weight of an order that decides between equal gains; smaller than any difference of gains.
 _TIE_BREAK = 1e-9
 #: Number of pairs of points that are compared together.
-_AT_ONCE = 10_000
+_PAIRS_AT_ONCE = 10_000
 #: Eigenvectors whose smallest singular value is below this fraction of the largest belong to modes
 #: that coincide: roundings separate a double eigenvalue, and its eigenvectors, by the root of eps.
 _PARALLEL = float(np.sqrt(np.finfo(float).eps))
@@ -145,14 +145,14 @@ def _along_tree(pairs: np.ndarray, paired: _Paired) -> Iterator[tuple[int, int, 
 
 def _paired(A: np.ndarray, nominal: np.ndarray, pairs: np.ndarray) -> _Paired:
     """Return the eigenvalues of N matrices, and their best pairings at M pairs of points."""
-    # Eigenvectors are computed for `_AT_ONCE` pairs at a time.
+    # Eigenvectors are computed for `_PAIRS_AT_ONCE` pairs at a time.
     values = np.empty(A.shape[:2], dtype=complex)
     values[:1] = _modes(A[:1], nominal).values  # of a single point, which has no pair
     matches = np.empty((len(pairs), A.shape[1]), dtype=int)
     gains = np.empty(len(pairs))
     by_point = np.argsort(pairs.max(axis=1), kind="stable")  # so that a chunk has few points
-    for begin in range(0, len(pairs), _AT_ONCE):
-        rows = by_point[begin : begin + _AT_ONCE]
+    for begin in range(0, len(pairs), _PAIRS_AT_ONCE):
+        rows = by_point[begin : begin + _PAIRS_AT_ONCE]
         points, places = np.unique(pairs[rows], return_inverse=True)
         modes = _modes(A[points], nominal)
         values[points] = modes.values
@@ -161,15 +161,24 @@ def _paired(A: np.ndarray, nominal: np.ndarray, pairs: np.ndarray) -> _Paired:
 
 
 def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the best pairing of the eigenvalues of pairs of points, (M, n), and its gain, (M,)."""
+    """Return the best pairing of the eigenvalues at the two points of each of M pairs of points,
+    (M, n), and its sum of gains, (M,).
+
+    The gain of pairing two eigenvalues is the similarity of their mode shapes minus a multiple of
+    their relative distance (`_gain_of_pairing`).
+
+    modes: of all points
+    pairs: indices of the two points, (M, 2)
+    """
     first, second = pairs.T
     gain = _gain_of_pairing(modes.at(first), modes.at(second))
     best = gain.argmax(axis=2)
     # If the best column of each row is a different one, these columns are the best permutation,
-    # unless a pair becomes real: its members have equal gains with a real eigenvalue.
+    # unless a conjugate pair at one point is two real eigenvalues at the other: both members of the
+    # conjugate pair have equal gains with a real eigenvalue.
     is_shared = (np.sort(best, axis=1) != np.arange(best.shape[1])).any(axis=1)
-    pair_count = np.count_nonzero(modes.values.imag > 0.0, axis=1)
-    becomes_real = pair_count[first] != pair_count[second]
+    conjugate_pairs = np.count_nonzero(modes.values.imag > 0.0, axis=1)  # number at each point
+    becomes_real = conjugate_pairs[first] != conjugate_pairs[second]
     for i in np.flatnonzero(is_shared | becomes_real).tolist():
         best[i] = _best_permutation(gain[i], modes.values[first[i]], modes.values[second[i]])
     return best, np.take_along_axis(gain, best[:, :, None], axis=2)[:, :, 0].sum(axis=1)
@@ -178,8 +187,9 @@ def _pairings(modes: _Modes, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 def _gain_of_pairing(modes: _Modes, others: _Modes) -> np.ndarray:
     """Return the gain of pairing eigenvalue λ_i of a point with μ_j of another, (.., n, n).
 
-    The gain is min(|tr P_i Q_j|, 1) - _DISTANCE |λ_i - μ_j| / (|λ_i| + |μ_j|), with the projectors
-    P_i = r_i l_i' and Q_j = s_j m_j' of right and left eigenvectors: tr P_i Q_j = l_i's_j m_j'r_i.
+    The gain is min(|tr P_i Q_j|, 1) - `_WEIGHT_OF_DISTANCE` |λ_i - μ_j| / (|λ_i| + |μ_j|), with the
+    projectors P_i = r_i l_i' and Q_j = s_j m_j' of right and left eigenvectors:
+    tr P_i Q_j = l_i's_j m_j'r_i.
     """
     across = (modes.left @ others.right) * (others.left @ modes.right).swapaxes(-1, -2)
     distance = np.abs(modes.values[..., None] - others.values[..., None, :])
@@ -188,7 +198,9 @@ def _gain_of_pairing(modes: _Modes, others: _Modes) -> np.ndarray:
     fastest = speed.max(axis=-1) + other_speed.max(axis=-1)
     # Eigenvalues below the rounding of the fastest ones are at no relative distance.
     least = np.where(fastest > 0.0, ROUNDING * fastest, 1.0)[..., None, None]
-    return np.minimum(np.abs(across), 1.0) - _DISTANCE * distance / np.maximum(size, least)
+    return np.minimum(np.abs(across), 1.0) - _WEIGHT_OF_DISTANCE * distance / np.maximum(
+        size, least
+    )
 
 
 def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) -> np.ndarray:
@@ -203,7 +215,7 @@ def _best_permutation(gain: np.ndarray, values: np.ndarray, others: np.ndarray) 
     adjusted = gain.copy()
     for member in (0, 1):
         matched = first_members[pairs] + member, other_first_members[other_pairs] + member
-        adjusted[matched] += _GAIN_OF_PAIRS
+        adjusted[matched] += _GAIN_OF_CONJUGATES
 
     # If a pair becomes two real eigenvalues, or the reverse, its members have equal gains: the
     # member with positive imaginary part then matches the lower real eigenvalue.

@@ -103,6 +103,8 @@ class Rates:
     closed: Function [z; cost] -> (its rate, V*)
     largest: V* above which a flight diverges
     sizes: sizes of the states and of the cost, to which errors are relative, (n + 1,)
+    tick: duration of a tick, s; the longest flight has `TICKS` of them
+    most_steps: largest number of steps of LSODA in a simulation
     """
 
     def __init__(

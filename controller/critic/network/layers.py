@@ -214,10 +214,10 @@ def layers_of(
     is_ordered: whether the tensors are in the order of evaluation. Otherwise layers are numbered
     check: function (layers, whether words selected them) that raises BadInputError if layers are
         not a network that can be judged
-    sizes: numbers of outputs of a selection that is proposed, () for any
+    sizes: permitted numbers of outputs of a network that the error proposes, () for any
 
-    Raises BadInputError if the layers are not one network. It proposes words that select one, if
-    there are any.
+    Raises BadInputError if the layers are not one network. The error proposes words that select
+    one, if there are any.
     """
     if not tensors:
         raise BadInputError("the file contains no tensors; give the weights of linear layers")
@@ -225,33 +225,33 @@ def layers_of(
     if part and not any(has_word(name, part) for name in of_layers):
         raise _no_such_part(part, tensors)
 
-    def network_of(chosen: Tensors, words: str) -> list[Layer]:
-        """Return the layers of tensors, if these are one network that can be judged."""
+    def network_of(chosen: Tensors, words: str = "") -> list[Layer]:
+        """Return the layers of the tensors that words select, if these are one network that can be
+        judged.
+        """
+        if words:
+            chosen = {name: chosen[name] for name in chosen if has_word(name, words)}
         layers = _chain(chosen, words, is_ordered)
         check(layers, bool(words))
         return layers
 
-    def selected(words: str) -> Tensors:
-        """Return the tensors that words select."""
-        return {name: of_layers[name] for name in of_layers if not words or has_word(name, words)}
-
-    # First, the selected tensors, or all.
+    # 1. The selected tensors, or all without words.
     try:
-        return network_of(selected(part), part)
+        return network_of(of_layers, part)
     except BadInputError as error:
         refusal = error
-    # If these are not one network and no words are given: the tensors of the critic for V, and the
-    # others otherwise.
+    # 2. Without words: the tensors of the critic for V, and the others otherwise.
     of_kind = {name: of_layers[name] for name in of_layers if is_of_critic(name) == (kind == "V")}
     if not part and 0 < len(of_kind) < len(of_layers):
         try:
-            return network_of(of_kind, part)
+            return network_of(of_kind)
         except BadInputError as error:
             refusal = error
-    # If these are not one network either, the last refusal is raised, with words that select one.
+    # 3. No network is returned. The last error is raised, with the first words that would select a
+    # network with a permitted number of outputs, if any do.
     for words in _selections(of_layers, kind):
         with suppress(BadInputError):
-            outputs = network_of(selected(words), words)[-1].outputs
+            outputs = network_of(of_layers, words)[-1].outputs
             if not sizes or outputs in sizes:
                 proposed = f"{kind}={words}" if kind else words
                 refusal = _with_selection(refusal, of_layers, proposed)

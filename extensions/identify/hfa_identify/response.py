@@ -108,11 +108,13 @@ class Responses:
         theta = ca.SX.sym("theta", len(self.free))
         rates, recorded = self._expressions(x, u, theta)
         self._step = _runge_kutta_step(ca.Function("f", [x, u, theta], [rates]))
+        # Number of integration steps -> function from a state to the states after these steps.
         self._advances: dict[int, BoundFunction] = {}
         unknowns = ca.vertcat(x, theta)
         slopes = ca.densify(ca.jacobian(rates, unknowns))
         recorded_slopes = ca.densify(ca.jacobian(recorded, unknowns))
-        # Slopes are transposed, so that a row contains the columns of a matrix in succession.
+        # CasADi stores matrices column by column: transposed slopes are stored row by row, as NumPy
+        # reshapes them.
         arguments = [x, u, theta]
         self._rates = RowFunction(ca.Function("rates", arguments, ca.cse([rates, slopes.T])))
         self._recorded = RowFunction(ca.Function("recorded", arguments, [recorded]))

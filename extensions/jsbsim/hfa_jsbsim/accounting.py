@@ -27,7 +27,7 @@ from hfa_jsbsim.properties import IDLE, MOTION, Note, Writer, is_zero
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import BadInputError, shortened
 
-#: (imposed values, freed names) -> all values by name at the solution, or None.
+#: (imposed values, dropped equations) -> all values by name at the solution, or None.
 Solve = Callable[[Mapping[str, float], tuple[str, ...]], Mapping[str, float] | None]
 #: Angles of attack at which the greatest lift is searched.
 _ANGLES = np.radians(np.arange(-4.0, 40.5, 0.5))
@@ -54,8 +54,8 @@ def explain(
     inputs: names of the aircraft's inputs.
     commands: property of the files that nothing sets -> input.
     imposed: name -> value imposed by the trim condition.
-    solve: function (held, free) -> values by name, or None. It solves the same condition with the
-        values `held` imposed and the equations `free` dropped.
+    solve: function (imposed, dropped) -> values by name, or None. It solves the same condition with
+        the values `imposed` in addition, and without the equations `dropped`.
     """
     held = [full_name for full_name, name in commands.items() if name in imposed]
     advice = f"--free {' or '.join(held[:_MOST_COMMANDS])} solves for a command that no file sets"
@@ -125,11 +125,13 @@ class _Lift(NamedTuple):
     alpha: float
 
 
-def _greatest_lift(throttles: Sequence[str], solve: Solve, free: tuple[str, ...]) -> _Lift | None:
-    """Return the greatest lift over alpha at half throttle, without the equations `free`."""
+def _greatest_lift(
+    throttles: Sequence[str], solve: Solve, dropped: tuple[str, ...]
+) -> _Lift | None:
+    """Return the greatest lift over alpha at half throttle, without the equations `dropped`."""
     lifts = []
     for alpha in _ANGLES.tolist():
-        values = solve({"alpha": alpha, **dict.fromkeys(throttles, 0.5)}, free)
+        values = solve({"alpha": alpha, **dict.fromkeys(throttles, 0.5)}, dropped)
         if values is not None:
             lifts.append(_Lift(values["lift_to_weight"], alpha))
     return max(lifts, default=None)
@@ -137,9 +139,10 @@ def _greatest_lift(throttles: Sequence[str], solve: Solve, free: tuple[str, ...]
 
 def _of_moment(solve: Solve) -> Iterator[str]:
     """Yield a sentence on the unbalanced pitching moment if all other equations have a solution."""
-    # If they have none, the equation of the speed is dropped too.
-    for free in (("pitch_rate_dot",), ("pitch_rate_dot", "speed_dot")):
-        values = solve({}, free)
+    # No value is imposed in addition, and the equation of the moment is dropped: its rate is what
+    # remains. If the other equations have no solution, that of the speed is dropped too.
+    for dropped in (("pitch_rate_dot",), ("pitch_rate_dot", "speed_dot")):
+        values = solve({}, dropped)
         if values is not None:
             pitch = values["pitch_rate_dot"]
             if abs(pitch) > _LEAST_REPORTED:

@@ -393,10 +393,12 @@ class Equations:
         for section, number in sections:
             # Elements of the aircraft's own file follow those of a file that its section includes.
             for element in section.all("property"):
-                self._define_property(element, overrides=element.file != section.file)
+                is_in_aircraft_file = element.file != section.file
+                self._define_property(element, overrides=is_in_aircraft_file)
             for part in property_definitions(section):
+                # Such as "MilThrust": defined for each engine by its own section, below.
                 of_engine = part.attributes["name"] in OF_ENGINES
-                if not (of_engine and section.name == "propulsion"):  # engines come below
+                if not (of_engine and section.name == "propulsion"):
                     self._define_function(part, number)
 
     def _define_property(self, element: Element, overrides: bool) -> None:
@@ -550,14 +552,15 @@ class Equations:
         self._substitute(symbols, angle_rates)
 
     def _name_constants(self) -> None:
-        """Make each property that nothing sets a parameter, or an input if it turns an axis that no
-        command of the pilot turns.
+        """Turn each constant, a property that nothing in the files sets, into a parameter, or into
+        an input if it turns the aircraft about an axis that no command of the pilot turns.
         """
         constants, used = self.properties.constants, self.used_inputs()
         axes = [axis for axis, command in _TURNED_BY.items() if command not in used]
         turning = ca.vertcat(*(self.rates[axis] for axis in axes))  # that no command changes
         for full_name, constant in constants.items():
-            if full_name in self.properties.frozen:  # then the parameter has no effect, and goes
+            # Loops depend on a frozen constant, which keeps its value: the parameter does nothing.
+            if full_name in self.properties.frozen:
                 self._substitute(constant.symbol, ca.SX(constant.start))
             taken = (*self.states, *self.inputs, *self.parameters, *self.outputs)
             name = identifier(full_name, "constant", taken)
@@ -583,9 +586,12 @@ class Equations:
                 )
 
     def _remove_time(self) -> None:
-        """Set the simulation time to 0, with a note if rates depend on it in unsteady flight."""
+        """Set the simulation time to 0. If rates contain it, add a note.
+
+        Raises BadInputError if the time changes the rates in a typical steady flight.
+        """
         rates = ca.vertcat(*self.rates.values())
-        if ca.depends_on(rates, self._time):
+        if ca.depends_on(rates, self._time):  # the expressions contain it, perhaps without effect
             symbols = [*self.states.values(), *(given.symbol for given in self.inputs.values())]
             symbols += [*self.parameters.values(), *self.gusts.values()]
             if depends_on_time(rates, self._time, symbols):

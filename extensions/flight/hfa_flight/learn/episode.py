@@ -133,7 +133,8 @@ def _surviving_shares(
     # `least` and `most` are the limits with their tolerance.
     stays = flight.stays(flown.states, envelope.least, envelope.most).all(axis=1)
     stays = stays.reshape(len(directions), len(_SHARES))
-    # True where the flights of this share, and of all smaller ones, stay.
+    # True where the flights of this share, and of all smaller ones, stay. `_SHARES` descend: the
+    # accumulation begins in the last column, which has the smallest share.
     up_to_share = np.logical_and.accumulate(stays[:, ::-1], axis=1)[:, ::-1]
     # The largest share is the first that stays; if none does, the smallest share.
     return np.where(up_to_share.any(axis=1), _SHARES[up_to_share.argmax(axis=1)], _SHARES[-1])

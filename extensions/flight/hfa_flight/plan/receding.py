@@ -65,7 +65,7 @@ class _Memory:
 
     room: Range  # soft limits of the states of a plan at this sample
     plan: Plan | None = None  # None where none is to be continued
-    waits: bool = False  # whether the plan was made before the flight's first sample
+    is_before_first: bool = False  # whether the plan was made before the flight's first sample
     linear_agrees: bool = False  # whether the linear policy takes over in its region
     spent: float = 0.0  # cost since the plan began
     samples: FlownSamples = field(default_factory=FlownSamples)
@@ -113,7 +113,7 @@ class RecedingHorizon:
         if following is not None:
             self._memory.room = self.planner.room_of(following)
         self._begin_plan(self.measured.when_acting(z))
-        self._memory.waits = True
+        self._memory.is_before_first = True
 
     def rehearse(self) -> None:
         """Fly samples with all lengths of holds, so that no function is loaded in a flight."""
@@ -172,17 +172,20 @@ class RecedingHorizon:
         return plan.v[0]
 
     def _planned(self, z: np.ndarray, until: float) -> Plan:
-        """Return the plan from the states z: the last one, improved, or the better of two new."""
+        """Return the plan from the states z: the last one, improved, or a new one if none exists or
+        the last one has become far dearer.
+        """
         memory = self._memory
         last = memory.plan
         if last is None:
             return self._begin_plan(z, until)
-        if memory.waits:  # the first sample, for which `begin` has made the plan already
-            memory.waits = False
+        if memory.is_before_first:  # `begin` has made the plan of this first sample already
+            memory.is_before_first = False
             if np.array_equal(z, last.z[0]):
                 return last
             return self._continued(self.planner.flown(z, last.v, memory.room), last.cost, until)
         # The last plan from the states one sample later, with the same inputs at the same times.
+        # Costs are compared from the begin of the first plan on: flown samples and the plan's rest.
         promised = memory.spent + last.cost
         memory.spent += self.planner.cost_of_sample(last)
         return self._continued(self.planner.later(last, z, memory.room), promised, until)
@@ -190,7 +193,8 @@ class RecedingHorizon:
     def _continued(self, plan: Plan, promised: float, until: float) -> Plan:
         """Return the plan, improved, or a new one if it costs far more than was promised.
 
-        promised: cost from the begin of the plan on, as it was one sample earlier
+        promised: cost from the begin of the first plan on, as it was expected one sample earlier.
+            The present one is the part already flown, `spent`, and the cost of the plan
         """
         improved = self._improved(plan, until)
         is_late = np.isfinite(improved.cost) and time.thread_time() >= until

@@ -390,8 +390,9 @@ class KeptInside(Policy):
 class _SamplesInside:
     """Samples of one flight of a `KeptInside`.
 
-    With a delay, a sampled policy too acts on the states when its command acts. `_measured`
-    predicts them, and `_held` are the held inputs since the last sample.
+    A command acts `kept.delay` after its sample. The limits, and a policy that is computed in
+    samples, are evaluated at the states at that time, which `_measured` predicts. `_held` are the
+    held inputs since the last sample, and zeros before the first one.
     """
 
     def __init__(self, kept: KeptInside) -> None:
@@ -399,7 +400,7 @@ class _SamplesInside:
         self._sampler = kept.policy.sampler()  # None if the policy is not computed in samples
         self._command = BoundFunction(kept.command())
         self._measured = Measured(kept.nearest.model, kept.delay)
-        self._held = kept.held[0]
+        self._held = kept.held[0]  # a single row: zeros
 
     def __call__(self, tick: int, measured: np.ndarray) -> np.ndarray:
         """Return the held inputs of a tick, which change at a sample: those of the policy, 1 if its

@@ -252,11 +252,12 @@ class KalmanFilter(Result):
         return np.asarray(slopes(0.0))
 
     def compensator_radius(self, K: np.ndarray) -> float:
-        """Return the spectral radius of this filter and a gain alone, from the measured values to
-        the commands.
+        """Return the spectral radius of the compensator's own dynamics, from measured values y to
+        inputs u = -K (what is seen at x̂): x⁺ = (Φ - Γ K sight) x̂, x̂ = (I - L C) x + L y.
 
         K: (m, k)
         """
+        # `sight`: derivatives of what the gain sees by the states of the filter.
         predicting = self.Phi - self.Gamma @ K @ self.sight
         return spectral_radius(predicting @ (np.eye(len(self.Phi)) - self.L @ self.C))
 

@@ -84,10 +84,12 @@ def flights_in_air(
 def uncontrolled(plan: MonteCarlo) -> Mapping[str, np.ndarray] | None:
     """Return the results of the same flights with the inputs at trim, or None without a filter."""
     if not isinstance(plan.policy, FilteredPolicy):
-        return None
+        return None  # the deviations without control are reported only beside those of a filter
     no_policy, scenario = policy_and_scenario(None, plan.point, plan.scenario)
     inputs_at_trim = replace(plan, policy=no_policy, scenario=scenario)
-    return run_monte_carlo(inputs_at_trim, 1, ProgressLine("simulate without control"))
+    return run_monte_carlo(
+        inputs_at_trim, workers=1, progress=ProgressLine("simulate without control")
+    )
 
 
 #: Limits of the states, or only those that differ from the usual ones.

@@ -311,12 +311,13 @@ class Deployment(Reported):
     @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest action, (m,) each, infinite without a box."""
+        # Boxes of the table [action] of the deployment, where a missing one is infinite.
         boxes = {name: entry.get("box") for name, entry in self.action.items()}
-        action = self.actor.declared.action if "file" in self.policy else box_of(boxes)
-        # boxes of the policy's file, or else of the deployment, where a missing one is infinite
-        assert action.low is not None
-        assert action.high is not None
-        return action.low, action.high
+        # The box that the policy's file declares, or else that of the deployment.
+        box = self.actor.declared.action if "file" in self.policy else box_of(boxes)
+        assert box.low is not None
+        assert box.high is not None
+        return box.low, box.high
 
     def save(self, path: str | Path) -> None:
         """Write the deployment file .toml.
