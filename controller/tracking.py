@@ -135,7 +135,7 @@ def late_error(exact: Feedforward, K: np.ndarray, inputs: Waveform) -> Waveform:
 #: Usual time over which means are computed, s.
 DURATION = 20.0
 #: Times at which means over the duration are computed.
-_TIMES = 2001
+_TIME_COUNT = 2001
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -219,7 +219,7 @@ class Tracking(Result, Reported):
     @cached_property
     def _times(self) -> np.ndarray:
         """Times at which means are computed, s."""
-        return np.linspace(0.0, self.duration, _TIMES)
+        return np.linspace(0.0, self.duration, _TIME_COUNT)
 
     @property
     def _decisive(self) -> CommandedTrim | None:

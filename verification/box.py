@@ -157,11 +157,11 @@ def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
 #: Largest cost of a critic's flight above that of the exact policy, relative to the latter.
 SHARE = 0.05
 #: Relative excess of a cost that may be rounding: half an ulp in each of a million steps.
-_ROUNDING = 1e6 * ROUNDOFF
+_ROUNDING_OF_COST = 1e6 * ROUNDOFF
 #: Longest flight, in durations after which flights of the exact policy have converged.
-_CLOCK = 10.0
+_LONGEST_FLIGHT = 10.0
 #: The parts of the box are 1, 1/2, 1/4, ..., at least this.
-_SMALLEST = 2.0**-12
+_SMALLEST_PART = 2.0**-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +220,7 @@ class BoxFlights(Result):
         if self.undecided:
             clock = f"{self.clock:.3g} s"
             return f"{self.undecided} of {self.flights} flights are not decided within {clock}"
-        above = 0.0 if self.suboptimality < _ROUNDING else self.suboptimality
+        above = 0.0 if self.suboptimality < _ROUNDING_OF_COST else self.suboptimality
         more = percent(100.0 * above, up=True)
         text = f"{self.flights} flights cost at most {more} more than by the exact policy"
         return text if self.resolved else f"{text}, but are not resolved"
@@ -254,9 +254,9 @@ def box_flights(
     flown = _Flights(expansion, policy, plant, seconds)
     starts = starts_in(b, count)
     part = 1.0  # halved until all flights of the exact policy converge
-    while part >= _SMALLEST and not np.isfinite(exact.costs(part * starts, step)).all():
+    while part >= _SMALLEST_PART and not np.isfinite(exact.costs(part * starts, step)).all():
         part /= 2.0
-    if part < _SMALLEST:
+    if part < _SMALLEST_PART:
         none = np.zeros(len(b))
         return BoxFlights(box=box.name, part=0.0, half_widths=none, clock=flown.seconds, worst=none)
 
@@ -306,7 +306,7 @@ class _Flights:
         both = ca.densify(ca.vertcat(plant.rates(z, u), cost))  # rates of [z; cost]
         self._rates = row_code(ca.Function("rates", [z], [both], {"cse": True}))
         self._P = expansion.solution.P
-        self.seconds = _CLOCK * seconds
+        self.seconds = _LONGEST_FLIGHT * seconds
 
     def costs(self, starts: np.ndarray, step: float) -> np.ndarray:
         """Return the cost of the flights from N states, (N,), inf of those that diverge, and nan of

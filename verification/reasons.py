@@ -35,16 +35,16 @@ from verification.other_games import other_games
 NEAR = 0.05
 #: Factor on a slope per degree, and on the column of a state in degrees.
 DEGREE = math.pi / 180.0
-_ANGLES = "as degrees and radians are"
+_AS_ANGLES = "as degrees and radians are"
 #: Units other than the plant's -> factor on the column of a state in K.
 UNITS_OF_STATES = {
     "in degrees": DEGREE,
     "in metres in place of feet": 1.0 / 0.3048,
     "in feet in place of metres": 0.3048,
-    f"off by 180/pi, {_ANGLES}": 1.0 / DEGREE,
+    f"off by 180/pi, {_AS_ANGLES}": 1.0 / DEGREE,
 }
 #: Units other than the plant's -> factor on the row of an input in K.
-UNITS_OF_INPUTS = {"in degrees": 1.0 / DEGREE, f"off by pi/180, {_ANGLES}": DEGREE}
+UNITS_OF_INPUTS = {"in degrees": 1.0 / DEGREE, f"off by pi/180, {_AS_ANGLES}": DEGREE}
 #: Factors of all entries, and their names.
 FACTORS = {-1.0: "has the wrong sign", 0.5: "is half the exact one", 2.0: "is twice the exact one"}
 

@@ -58,7 +58,7 @@ WIDTH = 1e-6
 #: A cost that is higher by less than this fraction is the same double.
 SAME_DOUBLE = ROUNDOFF
 #: Steps in which an upper bound is sought above the estimate, as powers of ten.
-_ABOVE = range(-12, -5)
+_POWERS_ABOVE = range(-12, -5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -335,7 +335,7 @@ def ratio_bounds(
     least = math.nextafter(float(low.lower()), 0.0) if low.is_finite() else 0.0
     # A ratio below SAME_DOUBLE counts as 0: half of it is near enough.
     at_least = arb(max(estimate, SAME_DOUBLE / 2.0))
-    for exponent in _ABOVE:
+    for exponent in _POWERS_ABOVE:
         bound = (at_least * (1 + arb(10) ** exponent)).mid()
         if is_positive_definite(P * bound - D):
             return max(least, 0.0), math.nextafter(float(bound), math.inf)

@@ -47,15 +47,15 @@ FEW_STEPS = 2000
 #: Number of flights from which each operation is applied to all of them: a third of the time.
 _MANY_ROWS = 24
 #: Number of steps of a discrete loop in a tick, unless it is slow.
-_PER_TICK = 100
+_STEPS_PER_TICK = 100
 #: Largest number of Newton steps to an equilibrium, and its largest distance, in boxes.
 _NEWTON_STEPS = 30
-_FARTHEST_REST = 100.0
+_FARTHEST_EQUILIBRIUM = 100.0
 #: Error of a step of LSODA, relative to a number, and to its size in the box: three digits of costs
 #: are printed, also of a ten-thousandth of the optimum.
-_ACCURACY, _OF_BOX = 1e-7, 1e-9
+_RELATIVE_ACCURACY, _ACCURACY_IN_BOX = 1e-7, 1e-9
 #: A last Newton step, relative to the box, after which only rounding changes the equilibrium.
-_SETTLED = 1e-12
+_SETTLED_STEP = 1e-12
 
 
 class End(NamedTuple):
@@ -154,8 +154,8 @@ class Rates:
                     full_output=True,
                     ml=half_bandwidth,
                     mu=half_bandwidth,
-                    rtol=_ACCURACY,
-                    atol=(_OF_BOX * distances * self._sizes).ravel(),
+                    rtol=_RELATIVE_ACCURACY,
+                    atol=(_ACCURACY_IN_BOX * distances * self._sizes).ravel(),
                     mxstep=most,
                 )
         except FloatingPointError:
@@ -174,7 +174,7 @@ class Steps:
 
     def __init__(self, closed: ca.Function, discount: float, *, is_slow: bool) -> None:
         self.most_steps = FEW_STEPS if is_slow else STEPS
-        self.tick = 1.0 if is_slow else float(_PER_TICK)
+        self.tick = 1.0 if is_slow else float(_STEPS_PER_TICK)
         self.longest = float(self.most_steps)
         self._closed = closed
         self._discount = discount
@@ -384,8 +384,8 @@ def running_suboptimality(exact: Solution, M: np.ndarray, z: ca.SX, u: ca.SX) ->
 def newton_equilibrium(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | None:
     """Return the equilibrium z (n,) that Newton's method finds from z = 0, or None.
 
-    The result is None without convergence. The iterates must stay within |z_i| <= `_FARTHEST_REST`
-    b_i.
+    The result is None without convergence. The iterates must stay within
+    |z_i| <= `_FARTHEST_EQUILIBRIUM` b_i.
 
     z: symbols, (n,)
     rates: expression of z', or of z⁺ - z, in these symbols, (n,)
@@ -402,9 +402,9 @@ def newton_equilibrium(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | No
         except np.linalg.LinAlgError:
             return None
         point = point - change
-        if np.any(np.abs(point) > _FARTHEST_REST * b):
+        if np.any(np.abs(point) > _FARTHEST_EQUILIBRIUM * b):
             return None
-        if np.all(np.abs(change) <= _SETTLED * b):
+        if np.all(np.abs(change) <= _SETTLED_STEP * b):
             return point
     return None
 

@@ -30,7 +30,7 @@ from hfa_support.errors import BadInputError, shortened
 #: (imposed values, dropped equations) -> all values by name at the solution, or None.
 Solve = Callable[[Mapping[str, float], tuple[str, ...]], Mapping[str, float] | None]
 #: Angles of attack at which the greatest lift is searched.
-_ANGLES = np.radians(np.arange(-4.0, 40.5, 0.5))
+_ANGLES_OF_ATTACK = np.radians(np.arange(-4.0, 40.5, 0.5))
 #: Largest number of commands in a sentence.
 _MOST_COMMANDS = 3
 _AIRSPEEDS = {"speed", *AIRSPEEDS}
@@ -130,7 +130,7 @@ def _greatest_lift(
 ) -> _Lift | None:
     """Return the greatest lift over alpha at half throttle, without the equations `dropped`."""
     lifts = []
-    for alpha in _ANGLES.tolist():
+    for alpha in _ANGLES_OF_ATTACK.tolist():
         values = solve({"alpha": alpha, **dict.fromkeys(throttles, 0.5)}, dropped)
         if values is not None:
             lifts.append(_Lift(values["lift_to_weight"], alpha))
@@ -187,12 +187,12 @@ _LONGEST_BLADES = 40.0
 #: do not affect forces in steady flight.
 DATA = Path(__file__).with_name("elements.json")
 #: Elements and attributes with descriptive text or names of files.
-_TEXT = {
+_DESCRIPTIVE = {
     *("description", "documentation", "comment", "note", "notes", "reference", "author", "license"),
     *("name", "file", "version", "release", "type", "xsi", "xmlns", "copyright", "id", "title"),
 }
 #: JSBSim's properties that a file may set, and on which no force in flight depends.
-_IDLE = (
+_WITHOUT_FORCE = (
     *("fcs/", "gear/", "ground/", "ic/", "systems/", "simulation/randomseed"),
     *("simulation/jsbsim-debug", "simulation/terminate", "simulation/pause"),
     *("propulsion/active_engine", "propulsion/starter_cmd", "propulsion/engine/starter-norm"),
@@ -204,7 +204,7 @@ _IDLE = (
 #: JSBSim's properties that are 0 until a file or a pilot sets them.
 _ZERO_UNTIL_SET = ("fcs/", "gear/tailhook", "gear/wing-fold")
 #: JSBSim's properties that a file may set without effect, and the reason.
-_NOTED = {
+_WITHOUT_EFFECT = {
     **dict.fromkeys(
         ("propulsion/tank/external-flow-rate-pps", "propulsion/refuel", "propulsion/fuel_"),
         "without effect, as tank contents are constant",
@@ -212,10 +212,10 @@ _NOTED = {
     "simulation/integrator/": "without effect, as the motion is never stopped",
 }
 #: Why a file that sets a read-only property has no effect.
-_COMPUTED = "without effect, as JSBSim computes it"
+_SET_BUT_COMPUTED = "without effect, as JSBSim computes it"
 #: Statements of notes.
-_OF_FILTERS = "?filters=states after the aircraft's name makes these states"
-_NEVER = "these are omitted, also with ?filters=states"
+_HOW_TO_MAKE_STATES = "?filters=states after the aircraft's name makes these states"
+_ALWAYS_OMITTED = "these are omitted, also with ?filters=states"
 _CONSTANT = (
     "nothing in the files sets these constants, which --hold NAME=VALUE does; ?inputs=NAME after "
     "the aircraft's name makes one an input"
@@ -244,7 +244,7 @@ def notes_on_omitted(parts: Parts, equations: Equations) -> list[Note]:
     for component, what, is_always in equations.properties.left_out.values():
         name = shortened(component.attributes.get("name", ""))
         subject = f"<{component.name}> {name}: {what}"
-        statement = _NEVER if is_always else _OF_FILTERS
+        statement = _ALWAYS_OMITTED if is_always else _HOW_TO_MAKE_STATES
         notes.append(Note(statement, subject, component.where, MOTION))
     for root in parts.folders.documents:
         for element, reason in _omitted(root):
@@ -297,7 +297,7 @@ def _omitted(root: Element) -> Iterator[tuple[Element, str]]:
 def _reason_to_omit(parent: Element, child: Element) -> str:
     """Return the reason why a child element that was not read may be omitted, "" for comments."""
     name = child.name
-    if name in _TEXT:
+    if name in _DESCRIPTIVE:
         return ""
     if name in KINDS or name in ("function", "table", "t") or parent.name == "channel":
         return _NO_FORCE  # it sets properties that are not read
@@ -306,7 +306,7 @@ def _reason_to_omit(parent: Element, child: Element) -> str:
         return _NO_FORCE  # the parent was found by its name, but not evaluated
     if any(other.name == name and other.taken for other in parent.children):
         # Another child of this name was read. Of most kinds, JSBSim reads only the first.
-        return _NOT_READ if name not in _REPEATED else _NO_FORCE
+        return _NOT_READ if name not in _READ_REPEATEDLY else _NO_FORCE
     known = _elements().get(parent.name)
     if known is None:
         raise child.error(
@@ -324,7 +324,16 @@ def _reason_to_omit(parent: Element, child: Element) -> str:
 
 
 #: Elements of which JSBSim reads all. Of other kinds it reads the first.
-_REPEATED = {"property", "output", "test", "location", "pointmass", "tank", "engine", "channel"}
+_READ_REPEATEDLY = {
+    "property",
+    "output",
+    "test",
+    "location",
+    "pointmass",
+    "tank",
+    "engine",
+    "channel",
+}
 
 
 def _refuse_unsupported_attributes(element: Element) -> None:
@@ -351,8 +360,10 @@ def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
 
         # Settings without effect.
         unnumbered = without_numbers(name)
-        reason = next((why for prefix, why in _NOTED.items() if unnumbered.startswith(prefix)), "")
-        reason = _COMPUTED if access_rights == "R" else reason
+        reason = next(
+            (why for prefix, why in _WITHOUT_EFFECT.items() if unnumbered.startswith(prefix)), ""
+        )
+        reason = _SET_BUT_COMPUTED if access_rights == "R" else reason
         if reason:
             notes.append(Note(f"set {reason}", shortened(name), in_files[-1].where, MOTION))
             continue
@@ -364,7 +375,7 @@ def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
                     f"{shortened(name)} is a failure or limit of a component, which cannot be set"
                 )
                 raise _refusal(in_files[-1], fault)
-        elif not (name in properties.names_read or unnumbered.startswith(_IDLE)):
+        elif not (name in properties.names_read or unnumbered.startswith(_WITHOUT_FORCE)):
             # JSBSim reads it in its own code, and this package nowhere.
             raise _refusal(
                 in_files[-1],

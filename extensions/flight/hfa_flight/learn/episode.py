@@ -39,16 +39,16 @@ from trim.point.operating_point import OperatingPoint
 
 #: Sample times, s, the longest first. One is chosen by its product with the fastest pole.
 _SAMPLE_TIMES = (0.02, 0.01, 0.005, 0.002, 0.001)
-_FASTEST = 1.0
+_LARGEST_POLE_TIMES_DT = 1.0
 #: Time that flights without action must survive, s.
-_SURVIVED = 1.0
+_SURVIVAL_TIME = 1.0
 #: Shares of a box that are tried, the largest first.
 _SHARES = np.array([1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1])
 #: Factor on the found box, because only some of its states are tried.
-_MARGIN = 0.95
+_FACTOR_FOR_UNTRIED = 0.95
 #: Numbers of drawn states, and of states up to which all corners of a box are tried.
-_DRAWN = 200
-_CORNERS = 6
+_DRAWN_STATES = 200
+_MOST_STATES_WITH_CORNERS = 6
 
 
 def usual_sample_time(model: Model, points: Sequence[OperatingPoint]) -> float:
@@ -70,7 +70,7 @@ def usual_sample_time(model: Model, points: Sequence[OperatingPoint]) -> float:
         except NoSolutionError:
             continue
         fastest = max(fastest, spectral_radius(linear.A - linear.B @ K))
-    resolving = (dt for dt in _SAMPLE_TIMES if dt * fastest <= _FASTEST)
+    resolving = (dt for dt in _SAMPLE_TIMES if dt * fastest <= _LARGEST_POLE_TIMES_DT)
     return next(resolving, _SAMPLE_TIMES[-1])
 
 
@@ -80,11 +80,11 @@ def surviving_boxes(
     boxes: np.ndarray,
     action: np.ndarray,
 ) -> np.ndarray:
-    """Return half-widths (N, k) from which flights with a constant action stay for `_SURVIVED` s.
+    """Return half-widths (N, k) from which flights with a constant action stay for a second.
 
     Each half-width is reduced to the largest of the `_SHARES` from which flights with this
     deviation alone stay within the limits, and then the whole box to the largest share from whose
-    corners, and from `_DRAWN` drawn states, they stay.
+    corners, and from `_DRAWN_STATES` drawn states, they stay.
 
     boxes: half-widths about each trim, (N, k)
     action: (m,)
@@ -92,8 +92,12 @@ def surviving_boxes(
     # Tried states in half-widths: one deviation alone, all 2^k corners for small k, and drawn ones.
     k = boxes.shape[1]
     sides = np.vstack([np.eye(k), -np.eye(k)])
-    corners = np.array([*itertools.product((-1.0, 1.0), repeat=k)]) if k <= _CORNERS else sides
-    drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (_DRAWN, k))
+    corners = (
+        np.array([*itertools.product((-1.0, 1.0), repeat=k)])
+        if k <= _MOST_STATES_WITH_CORNERS
+        else sides
+    )
+    drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (_DRAWN_STATES, k))
 
     dt = max(flight.dt, _SAMPLE_TIMES[0])  # a constant action needs no shorter samples
     flight = replace(flight, dt=dt, steps_per_sample=parts_of_a_sample(points, dt, [*boxes]))
@@ -111,7 +115,7 @@ def surviving_boxes(
         # A half-width is that of the worse of its two sides.
         alone = np.minimum(of_sides[:k], of_sides[k:]) * box
         joint = _surviving_shares(constant, point, alone, np.vstack([corners, drawn]))
-        reduced.append(_MARGIN * joint.min() * alone)
+        reduced.append(_FACTOR_FOR_UNTRIED * joint.min() * alone)
     return np.array(reduced)
 
 
@@ -127,7 +131,7 @@ def _surviving_shares(
     deviations = directions[:, None, :] * _SHARES[:, None] * box
     starts[:, rows] += deviations.reshape(count, len(box))
     trims = np.tile(flight.deployed.trim_vector(point), (count, 1))
-    ticks = step_count(_SURVIVED, flight.dt)
+    ticks = step_count(_SURVIVAL_TIME, flight.dt)
     flown, _ = loop.fly(flight.start(starts, trims), trims, ticks)
     envelope = flight_envelope(model, point)
     # `least` and `most` are the limits with their tolerance.

@@ -26,7 +26,7 @@ _FURTHER_STEPS = 9
 _LARGE_PENALTY = 0.05
 #: Factor by which a plan may cost more than the plan one sample earlier, with the cost so far.
 #: Beyond it, new first plans are tried: an open-loop flight of an unstable aircraft may diverge.
-_DEARER = 1.05
+_LARGEST_RISE_OF_COST = 1.05
 #: The linear policy takes over where the costs of the plan and of its own flight are within this
 #: fraction of z'Pz.
 _AGREEMENT = 0.01
@@ -198,7 +198,7 @@ class RecedingHorizon:
         """
         improved = self._improved(plan, until)
         is_late = np.isfinite(improved.cost) and time.thread_time() >= until
-        if is_late or self._memory.spent + improved.cost <= _DEARER * promised:
+        if is_late or self._memory.spent + improved.cost <= _LARGEST_RISE_OF_COST * promised:
             return improved
         guess = min(self.planner.guesses(plan.z[0], plan.room), key=_cost)
         return min(self._improved(guess, until), improved, key=_cost)

@@ -36,11 +36,11 @@ from trim.point.operating_point import OperatingPoint
 #: Default drift of a state in one second, as a share of its sensor noise.
 DRIFT = 0.1
 #: Noise from which the drift of a state without a sensor follows, as a share of its nominal value.
-_UNMEASURED = 0.01
+_NOISE_WITHOUT_SENSOR = 0.01
 #: Smallest singular value of [A - s I; C] of an observable mode, relative to that of A.
-_OBSERVED = 1e-7
+_LEAST_OBSERVABILITY = 1e-7
 #: Largest relative residual of the Riccati equation.
-_RESIDUAL = 1e-8
+_LARGEST_RESIDUAL = 1e-8
 
 
 class _Plant(NamedTuple):
@@ -136,7 +136,8 @@ class KalmanFilter(Result):
         # value.
         drifts = {
             name: drift.get(
-                name, DRIFT * sensors.get(name, _UNMEASURED * point.model.states[name].nominal)
+                name,
+                DRIFT * sensors.get(name, _NOISE_WITHOUT_SENSOR * point.model.states[name].nominal),
             )
             for name in linear.states
         }
@@ -363,7 +364,7 @@ def _stationary(
 
       P = Φ (P - L C P) Φ' + Q,  L = P C' (C P C' + I)⁻¹
 
-    Raises NoSolutionError if the Riccati equation has no solution, or not to _RESIDUAL.
+    Raises NoSolutionError if the Riccati equation has no solution, or not to _LARGEST_RESIDUAL.
     """
     from scipy.linalg import solve_discrete_are
 
@@ -377,7 +378,7 @@ def _stationary(
     L = np.linalg.solve(C @ P @ C.T + np.eye(len(C)), C @ P).T
     difference = Phi @ (P - L @ C @ P) @ Phi.T + Q - P
     residual = float(np.abs(difference).max() / np.abs(P).max())
-    if not residual <= _RESIDUAL:
+    if not residual <= _LARGEST_RESIDUAL:
         raise NoSolutionError(
             f"the Riccati equation of the filter is solved only to {residual:.1e}; leave out "
             "states that no sensor observes"
@@ -436,7 +437,9 @@ def _plant(
     C = np.zeros((len(noise), n))
     C[np.arange(len(noise)), [linear.states.index(name) for name in noise]] = 1.0
     # Units of the linear states: the noise of their sensors, or without one a part of the nominal.
-    units = [noise.get(name, _UNMEASURED * states[name].nominal) for name in linear.states]
+    units = [
+        noise.get(name, _NOISE_WITHOUT_SENSOR * states[name].nominal) for name in linear.states
+    ]
     return _Plant(
         A=np.block([[linear.A, air.E], [np.zeros((of_air, k)), air.A]]),
         B=np.vstack([linear.B, np.zeros((of_air, m))]),
@@ -479,9 +482,9 @@ def _unobservable(
         # times the size of A is comparable with A.
         shifted = A[:k, :k] - mode.eigenvalue * np.eye(k)
         observed = np.linalg.svd(np.vstack([shifted, size * C[:, :k]]), compute_uv=False)[-1]
-        if observed > _OBSERVED * size:
+        if observed > _LEAST_OBSERVABILITY * size:
             continue
-        if mode.eigenvalue.real >= -_OBSERVED * size:
+        if mode.eigenvalue.real >= -_LEAST_OBSERVABILITY * size:
             unmeasured = [name for name in states if name not in sensors]
             best = max(unmeasured, key=mode.participation.__getitem__)
             raise BadInputError(
