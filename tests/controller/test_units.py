@@ -49,9 +49,9 @@ def refusal_of(game):
     return ""
 
 
-def agree(found, right, sizes):
+def agree(found, expected, sizes):
     """Return whether two arrays agree, relative to typical sizes of their entries."""
-    return bool(np.abs((found - right) / sizes).max() <= CLOSE)
+    return bool(np.abs((found - expected) / sizes).max() <= CLOSE)
 
 
 CASES = [
@@ -82,25 +82,25 @@ def test_solutions_scale_with_the_units(kind, seed):
         return
     game = game_of(kind, seed)
     other, (z, u, d, t, cost) = in_other_units(game, seed)
-    found, right = hfa.solve(other), hfa.solve(game)
-    of_P, of_u = np.sqrt(np.diag(right.P)), np.sqrt(np.diag(right.suboptimality_weight))
+    found, expected = hfa.solve(other), hfa.solve(game)
+    of_P, of_u = np.sqrt(np.diag(expected.P)), np.sqrt(np.diag(expected.suboptimality_weight))
     of_P = np.where(of_P > 1e-6 * of_P.max(), of_P, of_P.max() or 1.0)
-    assert agree(found.P * np.outer(z, z) / cost, right.P, np.outer(of_P, of_P))
-    large = max(1.0, float(np.abs(right.K * of_u[:, None] / of_P).max()))
-    assert agree(found.K / u[:, None] * z, right.K, large * of_P / of_u[:, None])
-    of_L = np.abs(right.disturbance_gain / of_P).max(initial=0.0) or 1.0
-    assert agree(found.disturbance_gain / d * z, right.disturbance_gain, of_L * of_P)
+    assert agree(found.P * np.outer(z, z) / cost, expected.P, np.outer(of_P, of_P))
+    large = max(1.0, float(np.abs(expected.K * of_u[:, None] / of_P).max()))
+    assert agree(found.K / u[:, None] * z, expected.K, large * of_P / of_u[:, None])
+    of_L = np.abs(expected.disturbance_gain / of_P).max(initial=0.0) or 1.0
+    assert agree(found.disturbance_gain / d * z, expected.disturbance_gain, of_L * of_P)
     size = math.sqrt(cost / t) / d
-    assert found.delta_min / size == pytest.approx(right.delta_min, rel=3e-6, abs=1e-12)
-    assert found.l2_gain / size == pytest.approx(right.l2_gain, rel=1e-6, abs=1e-9)
-    poles = np.sort_complex(found.poles() * t), np.sort_complex(right.poles())
+    assert found.delta_min / size == pytest.approx(expected.delta_min, rel=3e-6, abs=1e-12)
+    assert found.l2_gain / size == pytest.approx(expected.l2_gain, rel=1e-6, abs=1e-9)
+    poles = np.sort_complex(found.poles() * t), np.sort_complex(expected.poles())
     np.testing.assert_allclose(*poles, rtol=1e-5, atol=1e-6)
     radius = re.compile(r"radius \S+")  # of the enclosure, not of the game
     sentences = [
-        [radius.sub("", text) for text in each.certificate.proved[1:]] for each in (found, right)
+        [radius.sub("", text) for text in each.certificate.proved[1:]] for each in (found, expected)
     ]
     assert sentences[0] == sentences[1]
-    for margins, exact in zip(found.loops, right.loops, strict=True):
+    for margins, exact in zip(found.loops, expected.loops, strict=True):
         same = margins._replace(crossover=margins.crossover * t, delay=margins.delay / t)
         assert same == pytest.approx(exact, rel=1e-5, abs=1e-7, nan_ok=True)
     if game.delta < math.inf:
@@ -119,12 +119,12 @@ def test_sampled_games_scale_with_the_units(seed):
     """
     game = drawn("continuous", seed)
     other, (z, u, d, t, cost) = in_other_units(game, seed)
-    found, right = other.sampled(0.1 * t, discount=0.9), game.sampled(0.1, discount=0.9)
-    sizes = np.abs(right.A).max()
-    assert agree(found.A / z[:, None] * z, right.A, sizes)
-    assert agree(found.B / z[:, None] * u, right.B, np.abs(right.B).max() or 1.0)
-    assert agree(found.E / z[:, None] * d, right.E, np.abs(right.E).max() or 1.0)
-    assert agree(found.Q * np.outer(z, z) / cost, right.Q, np.abs(right.Q).max())
+    found, expected = other.sampled(0.1 * t, discount=0.9), game.sampled(0.1, discount=0.9)
+    sizes = np.abs(expected.A).max()
+    assert agree(found.A / z[:, None] * z, expected.A, sizes)
+    assert agree(found.B / z[:, None] * u, expected.B, np.abs(expected.B).max() or 1.0)
+    assert agree(found.E / z[:, None] * d, expected.E, np.abs(expected.E).max() or 1.0)
+    assert agree(found.Q * np.outer(z, z) / cost, expected.Q, np.abs(expected.Q).max())
     for each, step in ((game, 1e-9), (other, 1e-9 * t)):
         with pytest.raises(hfa.BadInputError, match="too short"):
             each.sampled(step)

@@ -272,11 +272,12 @@ def test_a_gain_that_doubles_do_not_hold_is_said_not_to_stabilize():
     assert "K, rounded to doubles, does not stabilize the plant" in str(solution.report())
 
 
-def test_the_bounds_of_delta_min_of_many_unstable_states_are_proved_anew():
+def test_the_bounds_of_delta_min_are_proved_from_the_users_states_too():
     """The game has a value at the upper bound, and is proved to have none at the lower one.
 
-    Two inputs hold eight unstable states: in some directions P is far larger than in others, and
-    the search for delta_min changes the states. `decided` starts from those of the user.
+    Two inputs hold eight unstable states: P is far larger in some directions than in others. The
+    search for delta_min proves its bounds in states in which P is nearly 1; `decided` is not given
+    these.
     """
     rng = np.random.default_rng(3)
     n = 8

@@ -29,7 +29,7 @@ def test_the_gain_of_a_resonance_equals_its_closed_form(damping):
 
 def test_gain_of_an_unstable_loop_is_infinite():
     game = Game([[1.0]], [[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=10.0)
-    assert bounds_of(game, np.array([[0.9]])).low == math.inf
+    assert bounds_of(game, np.array([[0.9]])).low == math.inf  # A - B K is 0.1
 
 
 def test_gain_without_disturbance_or_cost_is_zero():

@@ -187,7 +187,9 @@ def test_the_disk_margin_does_not_depend_on_the_units_of_the_inputs():
     ],
 )  # fmt: skip
 def test_a_loop_stable_within_rounding_has_no_margins(A, B, K, dt):
-    """A pole that is proved stable, but not in doubles, is no error of arithmetic."""
+    """Margins of a loop that is proved stable, but is not stable in doubles, are refused by a message,
+    and a verdict has no number for its disk margin.
+    """
     game = Game(A, np.reshape(B, (2, 1)), Q=np.eye(2), R=[1.0], dt=dt)
     with pytest.raises(NoSolutionError, match="a mode is undamped up to rounding"):
         hfa.margins(game, K)

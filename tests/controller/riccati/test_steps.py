@@ -50,7 +50,7 @@ def test_the_value_is_that_of_a_saddle_point(changes):
     if math.isfinite(game.delta):
         assert max(cost(0.0, step) for step in (-0.1, 0.1)) < value
     loop = game.A - game.B @ solution.K + game.E @ solution.disturbance_gain
-    across = units[:, None] / units
+    across = units[:, None] / units  # to states in which the diagonal of Q is 1
     np.testing.assert_allclose(
         across * game.worst_case_loop(solution.P), across * loop, rtol=1e-6, atol=1e-6
     )
