@@ -96,22 +96,24 @@ def run(folder, *words, number=None, after=0.0, working=0):
 
 
 def result_of(folder):
-    """Return path -> content of each file of a run, without temporary files, those that may remain
-    after SIGKILL, and the dates and commands in JSON.
+    """Return path -> content of each file of a run, with the reproducible part of JSON data.
+
+    Temporary files, and unfinished ones that may remain after SIGKILL, are left out.
     """
     found = {}
     for path in sorted(folder.rglob("*")):
-        left = path.suffix == ".partial" or ".hfa-" in str(path) or "temporary" in path.parts
-        if path.is_file() and not left:
+        unfinished = path.suffix == ".partial" or ".hfa-" in str(path)
+        if path.is_file() and not unfinished and "temporary" not in path.parts:
             content = path.read_bytes()
-            plain = _plain(json.loads(content)) if path.suffix == ".json" else content
-            found[str(path.relative_to(folder))] = plain
+            found[str(path.relative_to(folder))] = (
+                _reproducible(json.loads(content)) if path.suffix == ".json" else content
+            )
     return found
 
 
-def _plain(value):
-    """Return JSON data without what differs between two runs."""
+def _reproducible(value):
+    """Return JSON data without the provenance (date and command) and the hashes that contain it."""
     if isinstance(value, dict):
-        dropped = ("provenance", "digest", "checksum")
-        return {key: _plain(entry) for key, entry in value.items() if key not in dropped}
-    return [_plain(entry) for entry in value] if isinstance(value, list) else value
+        excluded = ("provenance", "digest", "checksum")
+        return {key: _reproducible(entry) for key, entry in value.items() if key not in excluded}
+    return [_reproducible(entry) for entry in value] if isinstance(value, list) else value

@@ -17,7 +17,9 @@ def exact_solution(game):
 
 
 def exact_suboptimality(game, K):
-    """Return sup z'(P_K - P)z / z'P z for P > 0, where P_K is the value of the game of u = -K z."""
+    """Return sup z'(P_K - P)z / z'P z for P > 0, where P_K is the value of the game with the input
+    u = -K z and the worst disturbance.
+    """
     with mp.workdps(DIGITS):
         optimum = _value(game, None)
         above = _value(game, _exact(K)) - optimum
@@ -34,14 +36,14 @@ def _value(game, K):
     A, B, E, Q, R, N = map(_exact, (game.A, game.B, game.E, game.Q, game.R, game.N))
     if K is not None:
         A, Q = A - B @ K, Q - N @ K - K.T @ N.T + K.T @ R @ K
-        # The input that remains to be chosen has no effect, and is 0 because it costs.
+        # The input is a deviation from -K z without effect and with a cost: the best one is 0.
         B, R, N = 0 * B, _exact(np.eye(len(R))), 0 * N
     if np.isfinite(game.delta):  # the disturbance is a second player of the weight -delta²
         weight = -(mp.mpf(game.delta) ** 2) * _exact(np.eye(E.shape[1]))
         B, N, R = np.hstack([B, E]), np.hstack([N, 0 * E]), block_diag(R, weight)
     A, B, Q, R, N = (mp.matrix(each.tolist()) for each in (A, B, Q, R, N))
     if game.is_discrete:
-        root = mp.sqrt(mp.mpf(game.discount))  # discount V(z) is V(root z)
+        root = mp.sqrt(mp.mpf(game.discount))  # V is quadratic: discount V(z) is V(root z)
         return _value_of_steps(root * A, root * B, Q, R, N)
     return _value_of_flow(A, B, Q, R, N)
 

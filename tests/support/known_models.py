@@ -14,7 +14,8 @@ from hfa import solve
 from hfa.paper import level_model, published_game
 from hfa_model import load_parameters
 
-#: Density in SimVFA (B. Thomsen, 2018) at 40,000 ft, slug/ft³; ours is larger by 1.6e-5 of it.
+#: Density at 40,000 ft in SimVFA (B. Thomsen, 2018), the released simulation of the paper's aircraft,
+#: slug/ft³. That of the standard atmosphere is larger by 1.6e-5 of it.
 _RELEASED_DENSITY = 5.872675956988981e-4
 
 

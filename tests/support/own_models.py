@@ -17,7 +17,7 @@ from navion import NAVION as NAVION
 def trimmed(model, hold=None, rates=None):
     """Return the trim of a model with held values and with rates that are not 0, as in a pull-up."""
     usual = usual_condition(model)
-    # In the book, the pull-up requires more than full throttle.
+    # The pull-up of the F-16 in the book that its file names requires more than full throttle.
     condition = release(
         usual, hold=hold, limits={"throttle": (0.0, 1.1), "power": (0.0, 120.0)} if rates else {}
     )

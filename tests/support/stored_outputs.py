@@ -58,7 +58,9 @@ def prepare(folder):
 
 
 def run(words, folder):
-    """Return exit code and output of `hfa words...` in a folder; examples/ is the project's."""
+    """Return exit code and output of `hfa WORDS` in a folder; paths examples/... in the words and in
+    the output are those of the project.
+    """
     from hfa.main import main
 
     placed = [word.replace("examples/", f"{ROOT}/examples/") for word in words]

@@ -184,7 +184,10 @@ SI = Twin(PLANE, dict.fromkeys(KINDS, 1.0))
 
 
 def named(seed, seconds=False):
-    """Return the twin in random units of physics, with equations per minute or second."""
+    """Return the twin in random units of physics that are not SI units, with rates per minute.
+
+    seconds: whether rates are per second
+    """
     choose = random.Random(seed)
     units = {kind: choose.choice([*sizes][1:]) for kind, sizes in SIZES.items()}
     if seconds:
@@ -203,7 +206,8 @@ def named(seed, seconds=False):
 
 
 def scaled(seed, seconds=False):
-    """Return the twin in units without a name, 2^-20 to 2^20 of SI: they change no digit.
+    """Return the twin in random units without a name, 2^-20 to 2^20 SI units: conversion by a power
+    of 2 does not round.
 
     seconds: whether the unit of time remains the second
     """
