@@ -69,18 +69,15 @@ def test_margins_open_the_loop_at_the_input_of_the_plant():
 
 
 def test_any_cross_weights_are_solved():
-    """On the boundary Q - N R^-1 N' = 0, within and beyond it, a game is solved.
-
-    N of another shape is refused.
-    """
+    """A game is solved if Q - N R⁻¹ N' is 0, positive or indefinite; N of another shape is refused."""
     A, B = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0], [1.0]])
     c, d = np.array([[1.0, 0.3]]), 0.7
-    on = Game(A, B, Q=c.T @ c, R=[[d * d]], N=c.T * d)
-    assert np.abs(on.without_cross_weights.Q).max() < 1e-15
-    assert solve(on).is_stable
+    no_cost_of_state = Game(A, B, Q=c.T @ c, R=[[d * d]], N=c.T * d)
+    assert np.abs(no_cost_of_state.without_cross_weights.Q).max() < 1e-15
+    assert solve(no_cost_of_state).is_stable
     for N in (np.array([[1.2], [0.3]]), np.array([[0.0], [1.001]])):
-        beyond = Game(A, B, Q=np.eye(2), R=np.eye(1), N=N)
-        np.testing.assert_allclose(solve(beyond).K, exact_solution(beyond)[1], rtol=1e-14)
+        indefinite = Game(A, B, Q=np.eye(2), R=np.eye(1), N=N)
+        np.testing.assert_allclose(solve(indefinite).K, exact_solution(indefinite)[1], rtol=1e-14)
     assert lqr(A, B, np.eye(2), np.eye(1), [[0.0], [0.999]]).is_stable
     with pytest.raises(BadInputError, match="N is 1 x 2; give 2 x 1"):
         lqr(A, B, np.eye(2), np.eye(1), [[0.1, 0.2]])

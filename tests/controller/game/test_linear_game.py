@@ -144,6 +144,7 @@ def test_the_box_of_states_is_within_their_limits():
     limits = {"speed": (0.0, 300.0), "alpha": (-0.2, 0.5)}
     model = hfa.Model(
         "cart",
+        # unit, nominal value, limits
         {name: hfa.Signal("1", 1.0, *ends) for name, ends in limits.items()},
         {"thrust": hfa.Signal()},
         lambda x, u, p, w: ({"speed": u.thrust - x.speed, "alpha": x.speed - x.alpha}, {}),

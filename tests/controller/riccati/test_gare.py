@@ -261,7 +261,7 @@ def test_the_printed_gain_stabilizes(slow, is_refined):
 
 
 def test_a_gain_that_doubles_do_not_hold_is_said_not_to_stabilize():
-    """The exact K moves the pole 2^-60 to -2^-60, which the digits of doubles do not."""
+    """The exact K moves the pole 2^-60 to -2^-60; K rounded to doubles does not."""
     A = np.diag([0.5, 0.875, -2.0, 2.0**-60])
     A[0, 2:] = 2.5, 0.5
     game = Game(A, [[3.0], [0.125], [1.0], [-1.0]], Q=np.zeros((4, 4)), R=[1.0])

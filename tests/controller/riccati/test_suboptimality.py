@@ -181,7 +181,8 @@ def test_a_gain_right_on_states_without_cost_has_the_suboptimality_of_the_others
 
 
 def test_states_without_cost_need_not_be_rational():
-    """With R = 0, no state of the stable zero (1 - √13) / 4 costs anything: P has the rank 2.
+    """With R = 0, the optimum from the eigenvector of the stable zero (1 - √13) / 4 is 0: P has the
+    rank 2.
 
     The exact K is optimal. Another one costs something from a state from which the optimum is 0.
     """
@@ -354,12 +355,12 @@ def test_stability_is_proved_in_both_directions(is_discrete, unstable):
     """A loop with a pole 1e-9 or more from the boundary of stability, beside a fast stable one, is
     proved stable or unstable. With a pole on the boundary, neither is proved.
     """
-    turn = np.array([[1.0, 1.0], [0.0, 1.0]])
+    T = np.array([[1.0, 1.0], [0.0, 1.0]])  # mixes the states
     for pole, expected in ((unstable, False), (2.0 - unstable, True), (1.0, None)):
         place = pole if is_discrete else pole - 1.0
         if is_discrete and pole == -1.0:  # on the unit circle
             continue
         fast = 0.25 if is_discrete else -4.0
-        loop = turn @ np.diag([place, fast]) @ np.array([[1.0, -1.0], [0.0, 1.0]])
+        loop = T @ np.diag([place, fast]) @ np.array([[1.0, -1.0], [0.0, 1.0]])
         with precision(128):
             assert stability_of(ball_matrix(loop), is_discrete=is_discrete) is expected

@@ -118,11 +118,14 @@ def test_last_digits_that_decide_are_said(dt, A, B):
 
 
 def test_states_without_cost_do_not_disturb_the_digits():
-    """Stable states that no cost sees leave P and K of the others as they are, in any units."""
+    """P and K of states with a cost are as without the stable states that have none, whose entries
+    are up to 1e6.
+    """
     A, B = np.array([[0.9, 0.5], [-0.4, 1.1]]), np.array([[1.0], [0.2]])
     alone = solve(Game(A, B, Q=I2, R=[1.0], dt=True))
-    below = np.array([[0.3, -0.2], [1e5, 0.7]])
-    both = np.block([[A, np.zeros((2, 2))], [below, np.array([[-0.6, -0.4], [0.4, 0.1]])]])
+    # the effect of the states with a cost on those without
+    effect = np.array([[0.3, -0.2], [1e5, 0.7]])
+    both = np.block([[A, np.zeros((2, 2))], [effect, np.array([[-0.6, -0.4], [0.4, 0.1]])]])
     game = Game(both, np.vstack([B, [[1e6], [-3.0]]]), Q=[1.0, 1.0, 0.0, 0.0], R=[1.0], dt=True)
     solution = solve(game)
     np.testing.assert_allclose(solution.P[:2, :2], alone.P, rtol=1e-15)
@@ -140,8 +143,8 @@ def test_a_gain_just_above_the_smallest_delta_is_below_delta():
 
 
 def test_many_states_with_few_inputs_are_solved():
-    """80 unstable states with 3 inputs, whose P has a condition number of 1e12, and the poles are
-    stable.
+    """P and K of an unstable plant with 80 states and 3 inputs are right to the last digit, although
+    P has a condition number of 1e12, and K stabilizes.
     """
     rng = np.random.default_rng(0)
     A = rng.standard_normal((80, 80)) / math.sqrt(80.0) - 0.3 * np.eye(80)
