@@ -262,7 +262,8 @@ def box_flights(
 
     def simulate(per_step: int) -> _Costs:
         """Return the costs, with `per_step` steps of integration in place of each."""
-        return _Costs(*(each.costs(part * starts, step / per_step) for each in (flown, exact)))
+        begins, shorter = part * starts, step / per_step
+        return _Costs(judged=flown.costs(begins, shorter), exact=exact.costs(begins, shorter))
 
     costs, error = resolved(simulate, _converged_costs, step)
     suboptimality = costs.judged / costs.exact - 1.0

@@ -184,6 +184,7 @@ def _reason_for_action_value(game: Game, H: np.ndarray, exact_H: np.ndarray, lim
 def _of_other_games(exact: Solution, compared: Compared) -> Iterator[Mistake]:
     """Yield that P or K is exact for a game that differs by one number, the nearest game first."""
     kind, given, exact_matrix = compared.kind, compared.given, compared.exact
+    # Two equal entries of the symmetric P count once.
     distinct = np.triu(exact_matrix) if kind == "P" else exact_matrix
     if np.count_nonzero(distinct) < 2:
         return  # a single number agrees with many games
@@ -418,6 +419,7 @@ def _order_text(noun: str, order: np.ndarray) -> str:
 def _one_entry(compared: Compared) -> Iterator[Mistake]:
     """Yield that only one entry is wrong: the one with the largest error."""
     kind, given, exact, *_ = compared
+    # Two equal entries of the symmetric P count once.
     distinct = np.triu(exact) if kind == "P" else exact
     if np.count_nonzero(distinct) < 3:
         return  # one right number beside a wrong one agrees with many mistakes

@@ -154,18 +154,20 @@ def policy_iteration(samples: Samples, progress: Progress | None) -> Learned:
     iteration = Iteration(scaled, samples.psi, samples.states / scales)
 
     # Lower the discount to 0, without disturbance.
-    first = max(0.0, spectral_abscissa(A) + FIRST_MARGIN)  # u = 0 is stable with this discount
+    first_discount = max(0.0, spectral_abscissa(A) + FIRST_MARGIN)  # u = 0 is stable with it
     P, share = reached(
         iteration,
         np.zeros_like(A),
-        lambda share: Problem(discount=(1.0 - share) * first, share=0.0),
-        lambda share: report(0.5 * share, 1.0, f"discount {(1.0 - share) * first:.3g} 1/s"),
+        lambda share: Problem(discount=(1.0 - share) * first_discount, share=0.0),
+        lambda share: report(
+            0.5 * share, 1.0, f"discount {(1.0 - share) * first_discount:.3g} 1/s"
+        ),
     )
     if share < 1.0:
         raise NoSolutionError(
-            f"the discount cannot be lowered below {(1.0 - share) * first:.6g} 1/s, where the "
-            "learned policies leave a mode unstable; check that (A, B) is stabilizable and that Q "
-            "weights the mode"
+            f"the discount cannot be lowered below {(1.0 - share) * first_discount:.6g} 1/s, "
+            "where the learned policies leave a mode unstable; check that (A, B) is stabilizable "
+            "and that Q weights the mode"
         )
 
     # Raise the share of 1/δ² to 1.

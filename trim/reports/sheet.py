@@ -331,6 +331,7 @@ def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane, *, whole: bool)
         for title, _, lines in sheet.groups:
             said[f"on {title}"] = [line for line in lines if line != ASSUMED]
 
+    # A rare row is printed in a full sheet only. Sentences are separated by semicolons.
     rows = []
     for name, words in said.items():
         are_sentences = any(" " in word for word in words)
@@ -400,6 +401,7 @@ def _data(trimmed: Trimmed, sheet: Sheet) -> dict[str, Any]:
     """Return the entries of the file of a trim, name -> value."""
     point = trimmed.point
     limited = nearest_first(trimmed)
+    # The nearest limits, and of the others those that are reached.
     nearest = [
         *limited[:_NAMED_LIMITS],
         *(margin for margin in limited[_NAMED_LIMITS:] if margin.at_limit),

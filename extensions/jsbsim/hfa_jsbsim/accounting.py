@@ -60,6 +60,7 @@ def explain(
     held = [full_name for full_name, name in commands.items() if name in imposed]
     advice = f"--free {' or '.join(held[:_MOST_COMMANDS])} solves for a command that no file sets"
     throttles = [name for name in inputs if name.startswith("throttle") and name not in imposed]
+    # Whether a command that no file sets is free, so that the trim may solve for it.
     has_free_command = not imposed.keys() >= {*commands.values()}
     if not set(inputs) - {*commands.values()}:  # the inputs are such commands only
         reasons = ["no input of the pilot changes a force or a moment"]

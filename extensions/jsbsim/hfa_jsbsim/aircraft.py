@@ -378,7 +378,7 @@ class Equations:
                 ("force", f"forces/fb{along}-{group}-lbs"),
                 ("moment", f"moments/{turn}-{group}-lbsft"),
             ):
-
+                # The defaults keep the values of this turn of the loop until the property is read.
                 def total(kind: str = kind, axis: int = axis) -> Any:
                     """Return the sum of one component over all parts."""
                     return sum((getattr(part, kind)[axis] for part in parts()), start=ca.SX(0.0))

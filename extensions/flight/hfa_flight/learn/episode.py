@@ -220,11 +220,12 @@ class Episode:
             deployed.deployment.delay,
             parts_of_a_sample(self.points, dt, [*boxes]),
             commands_of=_commands_of_actions(deployed, self.low, self.high),
+            # Of the air, only the names of its winds are needed: one sample is drawn for them.
             winds=()
             if turbulence is None
             else turbulence.air(self.points[0], dt, count=1, seed=0).names,
         )
-        no_action = np.clip(0.0, self.low, self.high)
+        no_action = np.clip(0.0, self.low, self.high)  # the action of the box nearest to 0
         self._boxes = surviving_boxes(self._flight, self.points, boxes, no_action)
         self._envelopes = [flight_envelope(deployed.model, point) for point in points]
         self._trims = np.array([deployed.trim_vector(point) for point in points])
@@ -245,7 +246,7 @@ class Episode:
         """Return the cost of a sample with each state at its farther limit, and no action."""
         ends = np.array([envelope.lowest, envelope.highest]) - point.x
         below, above = np.where(np.isfinite(ends), ends, 0.0)  # a missing limit costs nothing
-        X = point.x + np.where(-below > above, below, above)
+        X = point.x + np.where(-below > above, below, above)  # the limit farther from the trim
         trim = self.deployed.trim_vector(point)
         rate = float(cost_rate(self.deployed)(X, point.u, trim))
         return self._flight.dt * rate if math.isfinite(rate) else _COST_WITHOUT_NUMBER

@@ -216,7 +216,8 @@ class KalmanFilter(Result):
     @property
     def estimated(self) -> dict[str, float]:
         """State -> standard deviation of the error of its estimate x̂."""
-        P = self.P - self.L @ self.C @ self.P  # of the linear states, then of the air
+        P = self.P - self.L @ self.C @ self.P  # covariance of the error of x̂
+        # The linear states come first; the states of the air are left out.
         return dict(zip(self.states, np.sqrt(np.diag(P)).tolist(), strict=False))
 
     @cached_property
@@ -276,13 +277,13 @@ class KalmanFilter(Result):
         kept = np.eye(n) - L @ C
         F = np.block([[Phi - Gamma @ gain, Gamma @ gain @ kept], [np.zeros((n, n)), Phi @ kept]])
         of_noise = np.vstack([-Gamma @ gain @ L, -Phi @ L])
-        of_air = np.vstack([np.eye(n), np.eye(n)])
+        of_air = np.vstack([np.eye(n), np.eye(n)])  # moves x, and x - x⁻ by the same
         N = of_air @ self.air @ of_air.T + of_noise @ self.R @ of_noise.T
 
         # Linear states, and inputs u = -gain x + gain (x - x̂).
         states = np.eye(n)[:k]
         outputs = np.block([[states, np.zeros((k, n))], [-gain, gain @ kept]])
-        feed = gain @ L @ self.R @ L.T @ gain.T
+        feed = gain @ L @ self.R @ L.T @ gain.T  # of the inputs, by the noise of this sample
 
         # Second order of the speed, which the gain does not see.
         row, H = 0, np.zeros((n, n))
@@ -408,6 +409,7 @@ def _air(point: OperatingPoint, turbulence: Turbulence | None, dt: float) -> _Ai
         return _Air(none, none, none, (), none, np.zeros((len(model.linear), 0)))
     air = turbulence.air(point, dt, count=1, seed=0)  # no sample of it is needed
     full = AirFilter.of(air)
+    # Winds of the model by the states of the filter, whose outputs are the components of the gust.
     winds_of_states = air.factors.T @ full.C
     reaching = _reaching(full.A, winds_of_states)
     block = np.ix_(reaching, reaching)
