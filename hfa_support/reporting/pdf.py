@@ -196,14 +196,14 @@ def _grid(rows: list[list[Any]], widths: Sequence[Any], *rules: Any) -> Rows:
         ("VALIGN", (0, 0), (-1, -1), "MIDDLE"),
         *rules,
     ]
-    # A page has at least `_LEAST_ROWS` of a table.
-    cut = (1 + _LEAST_ROWS, -_LEAST_ROWS) if len(rows) > 2 * _LEAST_ROWS + 1 else None
+    # ReportLab may split the table after these rows, so that a page has at least `_LEAST_ROWS`.
+    split_range = (1 + _LEAST_ROWS, -_LEAST_ROWS) if len(rows) > 2 * _LEAST_ROWS + 1 else None
     return Rows(
         rows,
         widths,
         style=look,
         repeatRows=1,
-        rowSplitRange=cut,
+        rowSplitRange=split_range,
         hAlign="LEFT",
         spaceBefore=_TABLE_MARGIN,
         spaceAfter=_TABLE_MARGIN,
@@ -244,7 +244,7 @@ def drawing(picture: Picture, width: float, height: float) -> Iterator[Flowable]
 
 
 #: Margin of a page, and distance of its footer from the edge, points.
-_MARGIN, _FOOTER_HEIGHT = 34.0, 18.0
+_PAGE_MARGIN, _FOOTER_HEIGHT = 34.0, 18.0
 #: Name of a page -> width and height, points.
 _PAGES = {"portrait": A4, "landscape": landscape(A4)}
 #: Sizes of headings by level, points.
@@ -294,14 +294,14 @@ class _Document(BaseDocTemplate):
 
 def _page_template(name: str) -> PageTemplate:
     """Return the layout of a page of `_PAGES`, one frame within its margins."""
-    frame = Frame(_MARGIN, _MARGIN, *_area(name), *(0.0,) * 4, id=name)
+    frame = Frame(_PAGE_MARGIN, _PAGE_MARGIN, *_area(name), *(0.0,) * 4, id=name)
     return PageTemplate(name, [frame], pagesize=_PAGES[name])
 
 
 def _area(name: str) -> tuple[float, float]:
     """Return width and height within the margins of a page, points."""
     width, height = _PAGES[name]
-    return width - 2.0 * _MARGIN, height - 2.0 * _MARGIN
+    return width - 2.0 * _PAGE_MARGIN, height - 2.0 * _PAGE_MARGIN
 
 
 class _NumberedPages(Canvas):
@@ -326,13 +326,13 @@ class _NumberedPages(Canvas):
         """Write the pages with their numbers."""
         for number, page in enumerate(self.pages, start=1):
             self.__dict__.update(page)
-            right = self._pagesize[0] - _MARGIN
+            right = self._pagesize[0] - _PAGE_MARGIN
             self.setFont(SANS, CELL)
             self.setFillColor(NOTE)
             self.drawRightString(right, _FOOTER_HEIGHT, f"{number} of {len(self.pages)}")
             # The first line of the footer that leaves room for the page number.
             first, *_ = simpleSplit(self.footer, SANS, CELL, 0.8 * right) or [""]
-            self.drawString(_MARGIN, _FOOTER_HEIGHT, first)
+            self.drawString(_PAGE_MARGIN, _FOOTER_HEIGHT, first)
             super().showPage()
         super().save()
 

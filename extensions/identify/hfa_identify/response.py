@@ -173,8 +173,8 @@ class Responses:
         start: initial state, (n,)
         theta: unknowns, (p,)
         """
-        longest = float(np.diff(record.time).max())
-        steps = math.ceil(longest * self._fastest(record, start, theta) / STEP)
+        longest_interval = float(np.diff(record.time).max())
+        steps = math.ceil(longest_interval * self._fastest(record, start, theta) / STEP)
         return int(np.clip(steps, 1, _MOST_STEPS))
 
     def _fastest(self, record: Record, start: np.ndarray, theta: np.ndarray) -> float:

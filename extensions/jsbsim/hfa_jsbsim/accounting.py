@@ -217,16 +217,16 @@ _SET_BUT_COMPUTED = "without effect, as JSBSim computes it"
 #: Statements of notes.
 _HOW_TO_MAKE_STATES = "?filters=states after the aircraft's name makes these states"
 _ALWAYS_OMITTED = "these are omitted, also with ?filters=states"
-_CONSTANT = (
+_UNSET_CONSTANT = (
     "nothing in the files sets these constants, which --hold NAME=VALUE does; ?inputs=NAME after "
     "the aircraft's name makes one an input"
 )
 _SET_TWICE = "set here and by the pilot; earlier components read the pilot's value"
-_COMMAND = (
+_UNSET_COMMAND = (
     "nothing in the files sets these commands; --free NAME solves for one, --hold NAME=VALUE sets "
     "it"
 )
-_FROZEN = "nothing in the files sets these, and loops depend on them: they keep their values"
+_UNSET_FROZEN = "nothing in the files sets these, and loops depend on them: they keep their values"
 _NO_BURN = "omitted: fuel burn, so tank contents are constant"
 _NO_FORCE = "as no force in flight depends on them"
 _NOT_READ = "as JSBSim ignores them too"
@@ -259,7 +259,7 @@ def _notes_on_constants(parts: Parts, equations: Equations) -> list[Note]:
     properties, used, notes = equations.properties, equations.used_symbols(), []
     for full_name, (symbol, start, where) in properties.constants.items():
         if full_name in properties.frozen:
-            notes.append(Note(_FROZEN, f"{shortened(full_name)} ({start:g})", where))
+            notes.append(Note(_UNSET_FROZEN, f"{shortened(full_name)} ({start:g})", where))
         if symbol.element_hash() not in used:
             continue
         is_zero_until_set = full_name.startswith(_ZERO_UNTIL_SET) and not of_component(full_name)
@@ -268,7 +268,8 @@ def _notes_on_constants(parts: Parts, equations: Equations) -> list[Note]:
                 f"{where}: {shortened(full_name)} is a property that JSBSim computes internally, "
                 "which is not supported; use another property"
             )
-        statement = _COMMAND if equations.constants[full_name] in equations.inputs else _CONSTANT
+        is_input = equations.constants[full_name] in equations.inputs
+        statement = _UNSET_COMMAND if is_input else _UNSET_CONSTANT
         notes.append(Note(statement, f"{shortened(full_name)} ({start:g})", where))
     return notes
 

@@ -69,7 +69,7 @@ _COMMANDS = {
 #: Rate -> command that changes it.
 _TURNED_BY = {"roll_rate": "aileron", "pitch_rate": "elevator", "yaw_rate": "rudder"}
 #: Name of a command, which programs around JSBSim set.
-_COMMAND = re.compile("(cmd|command)[^/]*$")
+_NAME_OF_COMMAND = re.compile("(cmd|command)[^/]*$")
 #: Levers with constant positions, by default 0. A gear position of 1 means down.
 LEVERS = {
     "flap": "fcs/flap-cmd-norm",
@@ -415,7 +415,9 @@ class Equations:
             self.declared[full_name] = element.where
         if full_name in self.chosen:
             self.starts.setdefault(self.chosen[full_name], value)
-        elif _COMMAND.search(full_name) and not (rights or self.properties.is_known(full_name)):
+        elif _NAME_OF_COMMAND.search(full_name) and not (
+            rights or self.properties.is_known(full_name)
+        ):
             self.properties.define_constant(full_name, value, element.where)
             return
         if rights == "R":

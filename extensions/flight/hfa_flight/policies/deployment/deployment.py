@@ -60,10 +60,10 @@ def _toml_value(value: Any) -> str:
 #: Largest delay that is assessed, in samples.
 MOST_SAMPLES = 100
 #: Permitted sample times, s. A flight of minutes then has at most a million samples.
-_SAMPLE = Number(1e-4, 10.0)
-_FROM_0 = Number(0.0)
-_OBSERVED: dict[Any, Any] = {"about": None, "scale": NUMBER, "formula": str}
-_ACTED: dict[Any, Any] = {"box": [NUMBER], "map": str}
+_SAMPLE_TIME = Number(1e-4, 10.0)
+_NOT_NEGATIVE = Number(0.0)
+_OBSERVATION_ENTRY: dict[Any, Any] = {"about": None, "scale": NUMBER, "formula": str}
+_ACTION_ENTRY: dict[Any, Any] = {"box": [NUMBER], "map": str}
 _POLICY: dict[Any, Any] = {
     "file": None,
     "normalizer": None,
@@ -74,10 +74,10 @@ _POLICY: dict[Any, Any] = {
 #: Tables of a deployment file -> kinds of their entries. A name with * is required.
 _ENTRIES: dict[Any, Any] = {
     "policy": _POLICY,
-    "observation*": {str: _OBSERVED},
-    "action*": {str: _ACTED},
-    "timing*": {"dt*": _SAMPLE, "delay": _FROM_0},
-    "cost": {"Q*": {str: _FROM_0}, "R*": {str: POSITIVE}},
+    "observation*": {str: _OBSERVATION_ENTRY},
+    "action*": {str: _ACTION_ENTRY},
+    "timing*": {"dt*": _SAMPLE_TIME, "delay": _NOT_NEGATIVE},
+    "cost": {"Q*": {str: _NOT_NEGATIVE}, "R*": {str: POSITIVE}},
     "filter": {"noise*": {str: POSITIVE}, "turbulence": str},
 }
 #: Tables of a deployment file that are required, and those that are not.
@@ -86,8 +86,8 @@ _OPTIONAL_TABLES = ("cost", "filter")
 _ALL_TABLES = (*_REQUIRED_TABLES, *_OPTIONAL_TABLES)
 _NORMALIZER: dict[Any, Any] = {
     "mean*": [NUMBER],
-    "variance*": [_FROM_0],
-    "epsilon": _FROM_0,
+    "variance*": [_NOT_NEGATIVE],
+    "epsilon": _NOT_NEGATIVE,
     "clip": Number(0.0, above=True, infinite=True),
 }
 
