@@ -34,8 +34,8 @@ ROOT = Path(__file__).parents[1]
 F16 = f"{ROOT}/examples/f16.py:F16"
 HAS_JSBSIM = importlib.util.find_spec("jsbsim") is not None
 CONTROL = "python-control find_operating_point + linearize, same compiled equations"
-#: Imposed in the straight flight of the F-16. Five unknowns remain of the 12 in a turn.
-_AHEAD = ("beta", "roll", "roll_rate", "pitch_rate", "yaw_rate", "aileron", "rudder")
+#: Variables that are 0 in a straight flight of the F-16: of the 12 unknowns in a turn, 5 remain.
+_ZERO_AHEAD = ("beta", "roll", "roll_rate", "pitch_rate", "yaw_rate", "aileron", "rudder")
 
 
 def start(quick: bool) -> list[Comparison]:
@@ -99,14 +99,14 @@ def same_points(
     sizes = model.nominal(model.states)
     input_sizes = model.nominal(model.inputs)
     names = hfa.linearize(model, hfa.trim(model, condition)).states
-    kept = [list(model.states).index(name) for name in names]
-    units = sizes[kept] / sizes[kept][:, None]
-    smooth = [name != "beta" for name in names]
+    places = [list(model.states).index(name) for name in names]
+    units = sizes[places] / sizes[places][:, None]
+    smooth = [name != "beta" for name in names]  # not the column of the sideslip
     close = partial(np.testing.assert_allclose, rtol=1e-6, atol=1e-6)
     for found, peer in zip(ours, theirs, strict=True):
         close(found.states / sizes, peer.states / sizes)
         close(found.inputs / input_sizes, peer.inputs / input_sizes)
-        A, peer_A = found.A * units, peer.A[np.ix_(kept, kept)] * units
+        A, peer_A = found.A * units, peer.A[np.ix_(places, places)] * units
         close(A[:, smooth], peer_A[:, smooth], rtol=0.0, atol=2e-3 * abs(A).max())
 
 
@@ -197,7 +197,7 @@ def _one_trim(
     quick: bool, aircraft: str, condition: hfa.TrimCondition, name: str, goal: float
 ) -> Comparison:
     """Return the comparison of one trim, at its imposed value of the variable `name`."""
-    number = 20
+    number = 20  # trims in a timed call: one is too short to be timed
 
     def ours() -> list[TrimmedPlant]:
         return [TrimmedPlant.of(condition) for _ in range(number)]
@@ -218,12 +218,14 @@ def sweeps(quick: bool) -> list[Comparison]:
         if name in model.variables or name == "gamma"
     }
     steady = dict.fromkeys(("speed", "alpha", "pitch_rate", "power"), 0.0)
-    ahead = hfa.TrimCondition(model, of_straight_flight | dict.fromkeys(_AHEAD, 0.0), steady)
+    straight = hfa.TrimCondition(
+        model, of_straight_flight | dict.fromkeys(_ZERO_AHEAD, 0.0), steady
+    )
     degrees = np.pi / 180.0
-    # What is counted, trim condition, variable with its ends, and required ratio of times.
+    # Name of the points, trim condition, variable, its first and last value, required time ratio.
     cases = [
         ("dihedral angles of the HFA", level_flight(0.0), "dihedral", 0.0, 20.0 * degrees, 20.0),
-        ("points of an F-16 with 5 unknowns", ahead, "speed", 300.0, 700.0, 30.0),
+        ("points of an F-16 with 5 unknowns", straight, "speed", 300.0, 700.0, 30.0),
         ("points of an F-16 with 12 unknowns", turn, "turn_rate", 0.0, 0.2, 12.0),
     ]
     if HAS_JSBSIM:
@@ -285,7 +287,7 @@ def schur_value(game: hfa.Game) -> np.ndarray:
 
 def bisected_delta(game: hfa.Game) -> float:
     """Return the smallest delta with a value P >= 0 by the Schur form, 1e-6 too large at most."""
-    low, high = 1.0, game.delta  # without and with a value
+    low, high = 1.0, game.delta  # a delta without and one with a value
     while high > low * (1.0 + 1e-6):
         middle = (low * high) ** 0.5
         P = schur_value(game.with_delta(middle))
@@ -396,15 +398,17 @@ def _flight(quick: bool, seconds: float) -> Comparison:
     trim, inputs = np.array(point.states), np.array(point.inputs)
     lower = np.array([signal.min for signal in model.inputs.values()])
     upper = np.array([signal.max for signal in model.inputs.values()])
-    seen = [list(model.states).index(name) for name in solution.names.states]
+    linear_states = [list(model.states).index(name) for name in solution.names.states]
     start = trim.copy()
     start[list(model.states).index("pitch")] += 0.005
 
     def theirs() -> np.ndarray:
         def closed(t: float, x: np.ndarray) -> np.ndarray:
-            return rates(t, x, np.clip(inputs - solution.K @ (x - trim)[seen], lower, upper), None)
+            return rates(
+                t, x, np.clip(inputs - solution.K @ (x - trim)[linear_states], lower, upper), None
+            )
 
-        # The tolerance at which the last state agrees with that of `fly` below.
+        # With this tolerance, the last state agrees with that of `hfa.fly` to 1e-5 (`agree`).
         flown = solve_ivp(closed, (0.0, seconds), start, "LSODA", rtol=1e-6, atol=1e-9)
         assert flown.success
         return flown.y[:, -1]

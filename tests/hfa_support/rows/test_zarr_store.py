@@ -334,7 +334,7 @@ class Runs:
 
 
 def assert_not_resumed(path, reason):
-    """Assert that a store is refused, and that no pickle beside it was loaded."""
+    """Assert that a store is not resumed, and that the pickle of `format_2_store` is not loaded."""
     with pytest.raises(BadInputError, match=reason):
         fill_store(row_job(), path, resume=True)
     assert not (path.parent / "code-was-run").exists()
