@@ -197,7 +197,7 @@ def _one_trim(
     quick: bool, aircraft: str, condition: hfa.TrimCondition, name: str, goal: float
 ) -> Comparison:
     """Return the comparison of one trim, at its imposed value of the variable `name`."""
-    number = 20  # trims in a timed call: one is too short to be timed
+    number = 20  # trims in each timed call
 
     def ours() -> list[TrimmedPlant]:
         return [TrimmedPlant.of(condition) for _ in range(number)]
