@@ -174,8 +174,8 @@ class Tracking(Result, Reported):
     @property
     def cost_per_second_without_feedforward(self) -> float:
         """Cost of u = -K z per second after the transients, the mean over `duration`."""
-        nothing = constant(np.zeros(len(self.K)))
-        return self._cost(self.late_error(nothing), nothing)
+        no_feedforward = constant(np.zeros(len(self.K)))
+        return self._cost(self.late_error(no_feedforward), no_feedforward)
 
     @property
     def rms_errors(self) -> Vector:
@@ -193,7 +193,7 @@ class Tracking(Result, Reported):
 
         None if this is unknown: without an aircraft, or for a state that is no variable of a trim.
         """
-        return None if self._decisive is None else self._decisive.is_reachable
+        return None if self._deciding_trim is None else self._deciding_trim.is_reachable
 
     def late_error(self, inputs: Waveform) -> Waveform:
         """Return the error z(t), (n,), of u = -K z + inputs after the transients.
@@ -222,7 +222,7 @@ class Tracking(Result, Reported):
         return np.linspace(0.0, self.duration, _TIME_COUNT)
 
     @property
-    def _decisive(self) -> CommandedTrim | None:
+    def _deciding_trim(self) -> CommandedTrim | None:
         """Trim that decides `reachable`: at the constant commands, at all if none is constant.
 
         None without an aircraft.
@@ -274,30 +274,30 @@ class Tracking(Result, Reported):
 
     def _reachable_text(self) -> str:
         """Return whether the commands are reachable, with the reason: "yes, as a trim of ..."."""
-        decisive = self._decisive
-        if decisive is None:
+        deciding_trim = self._deciding_trim
+        if deciding_trim is None:
             return "unknown, no aircraft was given"
-        if decisive.unheld:
-            return f"unknown, {decisive.unheld} is no variable of a trim"
-        if decisive.is_reachable:
+        if deciding_trim.unheld:
+            return f"unknown, {deciding_trim.unheld} is no variable of a trim"
+        if deciding_trim.is_reachable:
             reference = self.exact.reference
             at = f" at {self.duration:g} s" if reference.slope.any() else ""
             mean = ", for the means of the sines" if reference.harmonics else ""
             return f"yes, as a trim of the aircraft{at}{mean}"
-        return f"no ({self._need(decisive)})"
+        return f"no ({self._need_text(deciding_trim)})"
 
-    def _need(self, decisive: CommandedTrim) -> str:
+    def _need_text(self, deciding_trim: CommandedTrim) -> str:
         """Return the variable farthest beyond its limit, "elevator_center needs -71 deg, limit -30
         deg and 1 more", or why there is no trim.
         """
-        if decisive.reason:
-            return decisive.reason.removeprefix("no trim: ")
-        name = max(decisive.beyond, key=decisive.excess)
-        describe = decisive.model.describe
-        more = f" and {len(decisive.beyond) - 1} more" if len(decisive.beyond) > 1 else ""
+        if deciding_trim.reason:
+            return deciding_trim.reason.removeprefix("no trim: ")
+        name = max(deciding_trim.beyond, key=deciding_trim.excess)
+        describe = deciding_trim.model.describe
+        more = f" and {len(deciding_trim.beyond) - 1} more" if len(deciding_trim.beyond) > 1 else ""
         return (
-            f"{name} needs {describe(name, decisive.needed[name])}, limit"
-            f" {describe(name, decisive.beyond[name])}{more}"
+            f"{name} needs {describe(name, deciding_trim.needed[name])}, limit"
+            f" {describe(name, deciding_trim.beyond[name])}{more}"
         )
 
     def trim_parts(self) -> tuple[Table | str, ...]:

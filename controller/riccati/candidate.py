@@ -52,19 +52,19 @@ if TYPE_CHECKING:
 # These choose candidates only: the proof decides.
 
 #: Exponents of entries of this size are left as they are.
-MODERATE = 12
+MODERATE_EXPONENT = 12
 #: Exponents of units that differ by more from those of a candidate need another one.
-SAME = 10
+LARGEST_UNIT_CHANGE = 10
 #: The states are changed until the least eigenvalue of |P| is at least this fraction of the
 #: largest, at most so often. Each change gains the digits of doubles.
-LEVEL, TURNS = 1e-5, 4
+LEAST_RATIO, MOST_CHANGES = 1e-5, 4
 #: A smaller fraction is not resolved by doubles, and after two changes it is that of P = 0.
-NOISE = 1e-14
+UNRESOLVED = 1e-14
 #: A relative correction of X that is far below its last digit in doubles, with 128 bits: with
 #: twice the bits, its square.
-SMALL = 1e-25
+SMALL_CORRECTION = 1e-25
 #: A relative correction after which the loop is computed anew.
-NEAR = 1e-6
+LARGE_CORRECTION = 1e-6
 #: Largest number of states for which the matrix sign function is computed, which takes a second.
 MOST_STATES_IN_BITS = 40
 
@@ -104,12 +104,12 @@ def value_in_doubles(game: Game) -> np.ndarray:
 
 
 def candidate_in_doubles(
-    game: Game, delta: float, near: Units | None = None, turns: int = TURNS
+    game: Game, delta: float, near: Units | None = None, most_changes: int = MOST_CHANGES
 ) -> Candidate:
     """Return a candidate in doubles, in states in which P is near 1, corrected by residuals.
 
     near: units and states where the search begins; by default those of the Hamiltonian
-    turns: largest number of changes of the states
+    most_changes: largest number of changes of the states
 
     Raises FailedError.
     """
@@ -117,15 +117,16 @@ def candidate_in_doubles(
         units = near or first_units(game, delta)
         X = stabilizing_in_doubles(equation_of(game, units, delta))
         # Powers of two as units, in which the diagonal of |X| is near 1.
-        for _ in range(0 if near else TURNS):
+        for _ in range(0 if near else MOST_CHANGES):
             former = units.states
             units, X = _in_units_of_solution(game, delta, units, X)
-            if np.abs(units.states - former).max() <= SAME:
+            if np.abs(units.states - former).max() <= LARGEST_UNIT_CHANGE:
                 break  # in the former units, X had its digits already
             X = stabilizing_in_doubles(equation_of(game, units, delta))
         # Other states, in which |X| itself is near 1.
-        for turn in range(turns):
-            noise = NOISE if turn > 1 else 0.0  # the first changes make small eigenvalues larger
+        for changes_done in range(most_changes):
+            # The first changes make small eigenvalues larger.
+            noise = UNRESOLVED if changes_done > 1 else 0.0
             root = _root_of(X, game, noise)
             if root is None:
                 break
@@ -161,7 +162,7 @@ def sizes_of(X: np.ndarray) -> np.ndarray:
 
 def _root_of(X: np.ndarray, game: Game, noise: float) -> np.ndarray | None:
     """Return the root T of |X|, (n, n): in the states T z, |X| is 1. None if the eigenvalues of |X|
-    are within `LEVEL` already, or if the least one may be 0.
+    are within `LEAST_RATIO` already, or if the least one may be 0.
 
     Eigenvalues that doubles do not resolve count as the largest one times eps. States without cost
     are left as they are.
@@ -173,7 +174,7 @@ def _root_of(X: np.ndarray, game: Game, noise: float) -> np.ndarray | None:
     values, vectors = np.linalg.eigh(X[places])
     sizes = np.abs(values)
     largest, least = sizes.max(initial=0.0), sizes.min(initial=math.inf)
-    if least >= LEVEL * largest or least <= noise * largest:
+    if least >= LEAST_RATIO * largest or least <= noise * largest:
         return None
     root = np.eye(len(X))
     squares = np.maximum(sizes, np.finfo(float).eps * largest)
@@ -206,12 +207,12 @@ def corrected(equation: Equation, X: arb_mat) -> Candidate:
             correction = lyapunov.solve(-midpoints(residual))
             correction[has_no_cost] = correction[:, has_no_cost] = 0.0
             largest = np.abs(correction).max() / size
-            if not SMALL ** (bits() / BITS) < largest < 0.5 * last:
+            if not SMALL_CORRECTION ** (bits() / BITS) < largest < 0.5 * last:
                 break
             X, last = (X + ball_matrix(correction)).mid(), largest
-            if largest > NEAR:
+            if largest > LARGE_CORRECTION:
                 lyapunov = None
-        if lyapunov is None or not largest < NEAR:
+        if lyapunov is None or not largest < LARGE_CORRECTION:
             raise FailedError("the corrections do not shrink")
         F, is_discrete = equation.loop(X, gains), equation.is_discrete
         Y = solved_in_bits(F, identity(equation.n), lyapunov, is_discrete=is_discrete)
@@ -269,7 +270,7 @@ def first_units(game: Game, delta: float) -> Units:
     matrices = game.A, game.B, game.E, game.Q, game.R
     entries = np.concatenate([matrix.ravel() for matrix in matrices])
     exponents = np.frexp(entries[entries != 0.0])[1]
-    if np.abs(exponents).max(initial=0) <= MODERATE:
+    if np.abs(exponents).max(initial=0) <= MODERATE_EXPONENT:
         return users_units(game)
     weight = _input_weights(game, game.B, game.Q)
     S = (game.B / np.where(weight > 0.0, weight, 1.0)) @ game.B.T + game.E @ game.E.T / delta**2
@@ -311,7 +312,7 @@ def candidate_in_bits(game: Game, delta: float) -> Candidate:
         units = first_units(game, delta)
         equation = equation_of(game, units, delta)
         X = _without_noise(_of_stable_subspace(equation), game)
-        for _ in range(TURNS):
+        for _ in range(MOST_CHANGES):
             root = _root_of(midpoints(X), game, float(half_the_bits()))
             if root is None:
                 break

@@ -58,7 +58,7 @@ if TYPE_CHECKING:
 MOST_STATES = 16
 #: Relative radius of an enclosure whose midpoints are right to the last digit of doubles: an eighth
 #: of their roundoff 2^-53, far below which the rounding of this radius is.
-DIGITS = 2.0**-56
+ALL_DIGITS = 2.0**-56
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,11 +272,11 @@ def _outcome(candidate: Candidate, *, digits: bool, in_bits: bool) -> Enclosure 
         enclosure = enclosure_of(found)
     except NotProvedError:
         return why_no_value(candidate.equation, found, in_bits=in_bits)
-    return "" if digits and not enclosure.relative_radius() < DIGITS else enclosure
+    return "" if digits and not enclosure.relative_radius() < ALL_DIGITS else enclosure
 
 
 #: Largest relative change of P and K that their data determine: two digits are known.
-DETERMINED = 0.01
+TWO_DIGITS = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -371,7 +371,7 @@ def warning_of(change: float) -> str:
 
     change: `data_change` of the solution
     """
-    if change <= DETERMINED:
+    if change <= TWO_DIGITS:
         return ""
     if change < 1.0:
         return f"the last digits of the data change the solution by up to {100.0 * change:.2g} %"

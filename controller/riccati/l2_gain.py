@@ -15,7 +15,7 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balls import ball_matrix, identity, midpoints, norm, scaled_balls
-from controller.riccati.candidate import TURNS, candidate_in_bits, candidate_in_doubles
+from controller.riccati.candidate import MOST_CHANGES, candidate_in_bits, candidate_in_doubles
 from controller.riccati.enclosure import Enclosure, enclosure_of
 from controller.riccati.equation import Entries, users_units
 from controller.riccati.lyapunov import FailedError, NotProvedError, loop_units
@@ -100,9 +100,9 @@ class DisturbedLoop(NamedTuple):
         if not E.any() and not all(entry == 0 for entry in self.E.entries()):
             raise FailedError("the disturbance may be 0")
         units = users_units(game)
-        for turns in (0, TURNS):  # states in which D is nearly 1 are seldom needed
+        for changes in (0, MOST_CHANGES):  # states in which D is nearly 1 are seldom needed
             with suppress(FailedError, NotProvedError):
-                return enclosure_of(stabilizing(candidate_in_doubles(game, delta, units, turns)))
+                return enclosure_of(stabilizing(candidate_in_doubles(game, delta, units, changes)))
         return enclosure_of(stabilizing(candidate_in_bits(game, delta)))
 
 

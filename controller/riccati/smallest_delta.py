@@ -26,15 +26,15 @@ from hfa_support.matrices import LARGEST
 #: Largest relative difference of the bounds of delta_min.
 TOLERANCE = 1e-6
 #: Factor of 1/δ² of the first proofs beside the estimate,
-BESIDE = 1.0 + 0.75 * TOLERANCE
+FIRST_WIDTH = 1.0 + 0.75 * TOLERANCE
 #: and of bounds in doubles that are near enough.
-SAME = 1.0 - 0.1 * TOLERANCE
+NEAR_ENOUGH = 1.0 - 0.1 * TOLERANCE
 #: Smallest delta of a game; the largest is its inverse.
-LEAST = LARGEST**-0.5
+SMALLEST_DELTA = LARGEST**-0.5
 #: Fraction of the delta at which the disturbance has an effect, below which delta_min may be 0.
-NEGLIGIBLE = 1e-12
+NEGLIGIBLE_DELTA = 1e-12
 #: If delta exceeds delta_min by a smaller fraction, a larger one is advised.
-CLOSE = 0.01
+CLOSE_MARGIN = 0.01
 
 # The others guide the search, and decide nothing: the bounds are proved.
 
@@ -45,11 +45,11 @@ SETTLED = 0.05 * TOLERANCE
 #: Largest number of estimates in doubles; six are usual.
 MOST_ESTIMATES = 40
 #: Exponent of the growing factor of 1/δ² of further proofs.
-WIDER = 30
+WIDENING = 30
 #: Largest factor of 1/δ² between two estimates.
 MOST_FACTOR = 1e12
 #: Magnitude of a negative eigenvalue of P, relative to the P without disturbance, in doubles.
-INDEFINITE = 1e-2
+CLEARLY_NEGATIVE = 1e-2
 
 
 class DeltaMin(NamedTuple):
@@ -75,8 +75,8 @@ class DeltaMin(NamedTuple):
     def advice(self, delta: float) -> str:
         """Return a clause for an error message that compares a delta with delta_min.
 
-        The clause recommends a larger delta unless delta exceeds delta_min by at least `CLOSE`
-        (relative).
+        The clause recommends a larger delta unless delta exceeds delta_min by at least the relative
+        `CLOSE_MARGIN`.
         """
         what = "; choose a larger delta"
         distance = self.margin(delta) - 1.0
@@ -84,7 +84,7 @@ class DeltaMin(NamedTuple):
             where = f"at delta_min, which is between {self.refused:.9g} and {self.value:.9g}"
         elif delta < self.value:
             where = f"below delta_min = {self.value:.7g}"
-        elif distance < CLOSE:
+        elif distance < CLOSE_MARGIN:
             where = f"only {100.0 * distance:.2g} % above delta_min = {self.value:.7g}"
         else:
             where = f"well above delta_min = {self.value:.7g}"
@@ -170,7 +170,7 @@ class _Secant:
         """
         low, high = self.low.w, self.high
         if math.isinf(high):
-            return min(low * factor, LEAST**-2)
+            return min(low * factor, SMALLEST_DELTA**-2)
         if low <= 0.0:
             return high / factor
         return 0.5 * (low + high) if high < 4.0 * low else math.sqrt(low) * math.sqrt(high)
@@ -203,13 +203,13 @@ def _estimate(search: _Search) -> _Estimate:
             secant.high = w
         # If not, the next w is near the guess of the secant, or between or beyond the bounds.
         low, high = secant.low.w, secant.high
-        if not low < high * SAME:  # the bounds are near enough
+        if not low < high * NEAR_ENOUGH:  # the bounds are near enough
             break
         if is_value and guess < high:
             w = low + 0.9 * (guess - low)  # at the guess itself, there may be no value
         else:
             w, factor = secant.next_w(factor), min(factor**1.5, MOST_FACTOR)
-        if not LEAST**2 < w < LEAST**-2:  # a game has no such δ
+        if not SMALLEST_DELTA**2 < w < SMALLEST_DELTA**-2:  # a game has no such δ
             break
     if secant.low is first:  # doubles find no value
         return _Estimate(search.first_w(), first.frequency)
@@ -226,7 +226,7 @@ def _bracket(search: _Search, estimate: _Estimate) -> DeltaMin:
     Raises UndecidedError.
     """
     secant = _Secant(_Distances(0.0, np.full(1, np.nan)))
-    width, value, refused = BESIDE, math.inf, 0.0
+    width, value, refused = FIRST_WIDTH, math.inf, 0.0
     guess, frequency = estimate
     w = guess / width
     while True:
@@ -234,7 +234,7 @@ def _bracket(search: _Search, estimate: _Estimate) -> DeltaMin:
         try:
             outcome = search.proved(w, frequency)
         except UndecidedError:
-            if refused > 0.0 or not value < NEGLIGIBLE * search.first_w() ** -0.5:
+            if refused > 0.0 or not value < NEGLIGIBLE_DELTA * search.first_w() ** -0.5:
                 raise
             return DeltaMin(value, 0.0)  # the disturbance has hardly an effect at such deltas
         is_value = not isinstance(outcome, str)
@@ -246,15 +246,15 @@ def _bracket(search: _Search, estimate: _Estimate) -> DeltaMin:
             secant.add(outcome)
         if value <= refused * (1.0 + TOLERANCE):
             return DeltaMin(value, refused)
-        if value <= LEAST * BESIDE:
+        if value <= SMALLEST_DELTA * FIRST_WIDTH:
             return DeltaMin(value, 0.0)  # a game has no smaller delta that could be refused
         if secant.is_open(zero := secant.first_zero()):
             # The error of a secant is about the square of its step.
-            guess, width = zero, max(BESIDE, 1.0 + (zero / secant.low.w - 1.0) ** 2)
+            guess, width = zero, max(FIRST_WIDTH, 1.0 + (zero / secant.low.w - 1.0) ** 2)
         # Next is the other side of the estimate, or what is farther from the known bound.
         w = guess * width if is_value else guess / width
         if not secant.is_open(w):
-            width = min(width, MOST_FACTOR ** (1.0 / WIDER)) ** WIDER
+            width = min(width, MOST_FACTOR ** (1.0 / WIDENING)) ** WIDENING
             w = secant.low.w * width if is_value else secant.high / width
         if not secant.is_open(w):
             w = secant.next_w(width)
@@ -350,7 +350,7 @@ class _Search:
         frequency = abs(float(np.angle(pole) if is_discrete else pole.imag))
         sizes = np.linalg.eigvalsh(X)
         # Beyond the w at which P is infinite, P has large negative eigenvalues: -1 is past 0.
-        inverse_of_P = 1.0 / sizes[-1] if sizes[0] > -INDEFINITE else -1.0
+        inverse_of_P = 1.0 / sizes[-1] if sizes[0] > -CLEARLY_NEGATIVE else -1.0
         # The decay falls to 0 as the root of the change of w: its square is nearly linear.
         numbers = [math.copysign(decay**2, decay), inverse_of_P]
         if is_discrete:  # the least weight, relative to δ²

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
 
 #: Relative width of an enclosure that shows three digits, in all but ties.
-WIDTH = 1e-6
+THREE_DIGITS = 1e-6
 #: A cost that is higher by less than this fraction is the same double.
 SAME_DOUBLE = ROUNDOFF
 #: Steps in which an upper bound is sought above the estimate, as powers of ten.
@@ -98,7 +98,7 @@ class Suboptimality:
         """True if the bounds show three digits, or show that the policy is optimal."""
         if math.isinf(self.low):
             return True
-        return self.is_optimal or self.high <= self.low * (1.0 + WIDTH)
+        return self.is_optimal or self.high <= self.low * (1.0 + THREE_DIGITS)
 
     @property
     def is_optimal(self) -> bool:
