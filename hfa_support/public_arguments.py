@@ -125,8 +125,11 @@ def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Calla
 
 
 def check_methods(kind: type, makers: Callable[[str], str]) -> None:
-    """Let the public methods of a class of the project, and of its bases, check their arguments, as
-    functions of `checked` do. Each class is changed once.
+    """Replace the public methods of a class of the project, and of its bases, by `checked` ones.
+
+    Each class is changed once.
+
+    makers: name of a class -> advice on how an object of this class is made, or ""
     """
     for base in kind.__mro__:
         if base in _checking_classes:

@@ -199,7 +199,8 @@ def _of_other_games(exact: Solution, compared: Compared) -> Iterator[Mistake]:
 def _gain_against_implied(exact: Solution, critic: Critic, P: np.ndarray, limit: float) -> str:
     """Return a sentence on how much K differs from the gain that P implies, or ""."""
     implied = exact.game.gain((P + P.T) / 2.0)
-    difference = relative_error(exact.K + (critic.K - implied), exact.K)  # in units of the exact K
+    # The difference relative to the exact K, as the error of the exact K with this difference.
+    difference = relative_error(exact.K + (critic.K - implied), exact.K)
     if difference <= limit:
         return ""
     return f"K differs by {percent(100.0 * difference)} from the gain that P implies on this plant"

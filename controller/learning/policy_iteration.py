@@ -107,32 +107,32 @@ class Iteration(Samples):
         return is_semidefinite and spectral_abscissa(loop) < problem.discount
 
 
-def reached(
+def continuation(
     iteration: Iteration,
     P: np.ndarray,
     problem_at: Callable[[float], Problem],
     report: Callable[[float], object],
 ) -> tuple[np.ndarray, float]:
-    """Return P (n, n) of the last problem that was solved on a path of problems, and its share.
+    """Return P (n, n) of the last problem that is solved on a path of problems, and its place.
 
-    The path begins at the share 0, and ends at the share 1. P of a problem begins the iterations of
+    The path begins at the place 0, and ends at the place 1. P of a problem begins the iterations of
     the next one. A problem is solved if they converge to the only P >= 0 that stabilizes the
-    discounted plant (`is_solved`). Then the step in the share is doubled, and otherwise halved.
+    discounted plant (`is_solved`). Then the step along the path is doubled, and otherwise halved.
 
-    P: its policies stabilize the plant of the problem at the share 0
-    problem_at: share -> problem
-    report: called with the share after each trial
+    P: its policies stabilize the plant of the problem at the place 0
+    problem_at: place -> problem
+    report: called with the place after each trial
     """
-    share, step = 0.0, 1.0
-    while share < 1.0 and step >= SMALLEST_STEP:
-        tried = min(1.0, share + step)
+    place, step = 0.0, 1.0
+    while place < 1.0 and step >= SMALLEST_STEP:
+        tried = min(1.0, place + step)
         after = iteration.iterated(P, problem_at(tried))
         if after is not None and iteration.is_solved(after, problem_at(tried)):
-            P, share, step = after, tried, 2.0 * step
+            P, place, step = after, tried, 2.0 * step
         else:
             step /= 2.0
-        report(share)
-    return P, share
+        report(place)
+    return P, place
 
 
 def policy_iteration(samples: Samples, progress: Progress | None) -> Learned:
@@ -155,23 +155,23 @@ def policy_iteration(samples: Samples, progress: Progress | None) -> Learned:
 
     # Lower the discount to 0, without disturbance.
     first_discount = max(0.0, spectral_abscissa(A) + FIRST_MARGIN)  # u = 0 is stable with it
-    P, share = reached(
+    P, lowered = continuation(
         iteration,
         np.zeros_like(A),
-        lambda share: Problem(discount=(1.0 - share) * first_discount, share=0.0),
-        lambda share: report(
-            0.5 * share, 1.0, f"discount {(1.0 - share) * first_discount:.3g} 1/s"
+        lambda lowered: Problem(discount=(1.0 - lowered) * first_discount, share=0.0),
+        lambda lowered: report(
+            0.5 * lowered, 1.0, f"discount {(1.0 - lowered) * first_discount:.3g} 1/s"
         ),
     )
-    if share < 1.0:
+    if lowered < 1.0:
         raise NoSolutionError(
-            f"the discount cannot be lowered below {(1.0 - share) * first_discount:.6g} 1/s, "
+            f"the discount cannot be lowered below {(1.0 - lowered) * first_discount:.6g} 1/s, "
             "where the learned policies leave a mode unstable; check that (A, B) is stabilizable "
             "and that Q weights the mode"
         )
 
     # Raise the share of 1/δ² to 1.
-    P, share = reached(
+    P, share = continuation(
         iteration,
         P,
         lambda share: Problem(discount=0.0, share=share),

@@ -501,7 +501,7 @@ class _Source:
             ends=ends * factors[:n],
             follows=follows,
             rounding=_last_digits(begins) * factors,
-            hold=None if end == "x_rate" else self._time_of_hold(starts, end),
+            hold=None if end == "x_rate" else self._time_of_hold(starts, in_time=not end),
             notes=tuple(self.notes),
         )
 
@@ -546,17 +546,18 @@ class _Source:
             starts[1:] |= labels[1:] != labels[:-1]
         return starts
 
-    def _time_of_hold(self, starts: np.ndarray, end: str) -> float | None:
+    def _time_of_hold(self, starts: np.ndarray, *, in_time: bool) -> float | None:
         """Return the time for which inputs are constant, s, or None for a game in discrete time.
 
         starts: whether a row is the first of an episode, (N,)
-        end: "x_next" if each row contains its next state. Rows may then have any order, and the
-            difference of their times is no step. "" if the next state is the next row
+        in_time: whether the next state is that of the next row. Otherwise rows may have any order,
+            and the difference of their times is no step
         """
-        stated = sample_time(self.entries)  # True if it is not known, None without an entry
+        # Only a float is a known sample time: True is an unknown one, None is no entry.
+        stated = sample_time(self.entries)
         dt, accuracy = stated, 0.0
         # The entry time contains the times of the rows, or a word such as "continuous".
-        if "time" in self.entries and not words(self.entries, "time") and not end:
+        if "time" in self.entries and not words(self.entries, "time") and in_time:
             times = np.ravel(numbers_in("time", self.entries["time"]))
             if len(times) != len(starts):
                 raise BadInputError(f"time has {len(times)} entries, x has {len(starts)} rows")

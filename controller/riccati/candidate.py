@@ -183,9 +183,12 @@ def _root_of(X: np.ndarray, game: Game, noise: float) -> np.ndarray | None:
 
 
 def _times_root(units: Units, root: np.ndarray) -> Units:
-    """Return units with the states (root T) y in place of T y, where root is that of |X|."""
-    step = ball_matrix(root)
-    return units._replace(T=step if units.T is None else (step * units.T).mid())
+    """Return units with the states (root T) y in place of T y, in which X is nearly ±1.
+
+    root: root'root is |X| in the states T y; T None is the identity
+    """
+    exact = ball_matrix(root)
+    return units._replace(T=exact if units.T is None else (exact * units.T).mid())
 
 
 def corrected(equation: Equation, X: arb_mat) -> Candidate:

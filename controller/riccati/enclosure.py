@@ -177,15 +177,18 @@ def decided_at(
     near: Units | None = None,
     frequency: float | None = None,
 ) -> Enclosure | str:
-    """Return the enclosure of a game that has a value without disturbance, or why it has none.
+    """Return the enclosure of the solution of a game, or the reason, proved, why it has no value.
 
-    near: units and states in which P is nearly 1, if they are known
+    The solution is the value if the game also has a value without the disturbance.
+
+    digits: whether P and K must be right to the last digit of doubles
+    near: units and states in which P is nearly the identity, if they are known
     frequency: at which the gain from the disturbance may be too large, rad/s or rad/step
 
     Raises ModeError and UndecidedError.
     """
     for outcome in _outcomes(game, delta, near, frequency, digits=digits):
-        if outcome:
+        if outcome:  # "" is undecided with these bits
             return outcome
     why = f"neither a value nor that there is none is proved with {ATTEMPTS[-1]} bits"
     if len(game.A) > MOST_STATES_IN_BITS:

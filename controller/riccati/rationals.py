@@ -452,7 +452,7 @@ def disturbance_costs_nothing(game: Game, K: np.ndarray | None = None) -> bool:
     if K is not None:
         return disturbance_never_costs(game, K)
     E = rational(game.E)
-    # Without N, inputs hold no z with Q z != 0 without cost: the subspace need not be computed.
+    # With N = 0, a state z with Q z != 0 costs under any input: Q E != 0 decides at once.
     if not game.N.any() and any(entry != 0 for entry in (rational(game.Q) * E).entries()):
         return False
     held = _states_held_without_cost(game)

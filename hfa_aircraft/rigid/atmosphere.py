@@ -152,8 +152,8 @@ def pitot_pressure(mach: Any, pressure: Any) -> Any:
     return pressure * ca.if_else(mach < 1.0, (1.0 + 0.2 * mach * mach) ** 3.5, supersonic)
 
 
-def mach_of_pitot(impact_pressure: Any, pressure: Any) -> Any:
-    """Return the Mach number from pitot pressure: the inverse of `pitot_pressure`.
+def mach_of_impact(impact_pressure: Any, pressure: Any) -> Any:
+    """Return the Mach number from the impact pressure: the inverse of `pitot_pressure`.
 
     impact_pressure: total minus static pressure
     pressure: static pressure
@@ -177,7 +177,7 @@ def calibrated_speed(mach: Any, pressure: Any) -> Any:
     pressure: static pressure, lbf/ft²
     """
     impact = pitot_pressure(mach, pressure) - pressure
-    return SEA_LEVEL.sound * mach_of_pitot(impact, SEA_LEVEL_PRESSURE)
+    return SEA_LEVEL.sound * mach_of_impact(impact, SEA_LEVEL_PRESSURE)
 
 
 def calibrated_airspeed(dynamic_pressure: float, mach: float) -> float:
@@ -435,4 +435,4 @@ def _true_airspeed(name: str, value: Any, air: Air) -> Any:
         return value * _KNOT * ca.sqrt(SEA_LEVEL.density / air.density)
     # kcas: the impact pressure is that of the same speed at sea level
     impact = pitot_pressure(value * _KNOT / SEA_LEVEL.sound, SEA_LEVEL_PRESSURE)
-    return mach_of_pitot(impact - SEA_LEVEL_PRESSURE, air.pressure) * air.sound
+    return mach_of_impact(impact - SEA_LEVEL_PRESSURE, air.pressure) * air.sound

@@ -141,10 +141,10 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
         """
         if is_state_space(A):
             return _of_state_space(A, name)
-        states = tuple(states) or _labels(A, 0)
-        inputs = tuple(inputs) or _labels(B, 1)
-        A = _labelled("A", A, states, states)
-        B = _labelled("B", B, states, inputs)
+        states = tuple(states) or _labels_along(A, axis=0)
+        inputs = tuple(inputs) or _labels_along(B, axis=1)
+        A = _checked_in_order("A", A, states, states)
+        B = _checked_in_order("B", B, states, inputs)
         n, m = len(A), B.shape[1]
         for matrix_name, matrix, shape in (("A", A, (n, n)), ("B", B, (n, m))):
             if matrix.shape != shape or not matrix.size:
@@ -428,16 +428,19 @@ class _OutputEquation(NamedTuple):
 def _output_equation(
     C: ArrayLike | None, D: ArrayLike | None, outputs: tuple[str, ...], names: PlantNames
 ) -> _OutputEquation:
-    """Return the output equation of a plant; the arguments are those of `LinearModel.of`."""
+    """Return the output equation of a plant; the arguments are those of `LinearModel.of`.
+
+    C and D may be tables of pandas, of which the labels name and order the signals.
+    """
     n, m = len(names.states), len(names.inputs)
     if C is None:
         C = np.eye(n)
         outputs = outputs or names.states
     else:
-        labels = outputs or _labels(C, 0)
-        C = _labelled("C", C, labels, names.states)
+        labels = outputs or _labels_along(C, axis=0)
+        C = _checked_in_order("C", C, labels, names.states)
         outputs = labels or numbered("y", len(C))
-    D = np.zeros((len(C), m)) if D is None else _labelled("D", D, outputs, names.inputs)
+    D = np.zeros((len(C), m)) if D is None else _checked_in_order("D", D, outputs, names.inputs)
     for matrix_name, matrix, width in (("C", C, n), ("D", D, m)):
         if matrix.shape != (len(C), width):
             needed = shape_text((len(C), width))
@@ -469,13 +472,13 @@ def _of_state_space(system: Any, name: str) -> LinearModel:
     return LinearModel.of(system.A, system.B, system.C, system.D, name=name, **labels)
 
 
-def _labels(matrix: Any, axis: int) -> tuple[str, ...]:
+def _labels_along(matrix: Any, axis: int) -> tuple[str, ...]:
     """Return the labels of a table of pandas along an axis, () for another matrix."""
     labels = labels_of(matrix)
     return labels[axis] if axis < len(labels) else ()
 
 
-def _labelled(name: str, matrix: Any, *orders: tuple[str, ...]) -> np.ndarray:
+def _checked_in_order(name: str, matrix: Any, *orders: tuple[str, ...]) -> np.ndarray:
     """Return a matrix as checked numbers, with labelled rows and columns in the given orders."""
     return checked_matrix(name, in_order(name, matrix, *orders), LARGEST)
 

@@ -125,15 +125,15 @@ class ClosedLoop:
 
     @cached_property
     def modes(self) -> Modes:
-        """Modes of A, which is changed by rounding if its eigenvectors are nearly dependent."""
+        """Modes of A, or of `_perturbed` in its place if eigenvectors of A are nearly dependent."""
         values, vectors = np.linalg.eig(self.A)
         if not np.linalg.cond(vectors) < 1.0 / CHANGE:
-            values, vectors = np.linalg.eig(self._changed)
+            values, vectors = np.linalg.eig(self._perturbed)
         return Modes(values, vectors, np.linalg.inv(vectors))
 
     @property
-    def _changed(self) -> np.ndarray:
-        """A with random changes of the size of rounding, which separate equal eigenvectors."""
+    def _perturbed(self) -> np.ndarray:
+        """A plus random numbers of the size of rounding, which separate equal eigenvectors."""
         return self.A + spread(len(self.A)) * CHANGE * np.linalg.norm(self.A)
 
     def at(self, frequencies: np.ndarray) -> np.ndarray:
@@ -157,7 +157,7 @@ class ClosedLoop:
         try:
             solved = np.linalg.solve(s_one - self.A, of_inputs)
         except np.linalg.LinAlgError:  # a mode is undamped up to rounding
-            solved = np.linalg.solve(s_one - self._changed, of_inputs)
+            solved = np.linalg.solve(s_one - self._perturbed, of_inputs)
         x[:, is_inaccurate] = solved[:, :, 0].T
         outputs = (self.C @ x).reshape(len(self.C), len(frequencies), self.B.shape[1])
         return self.D + np.moveaxis(outputs, 1, 0)

@@ -181,6 +181,7 @@ def _left_vectors(A: np.ndarray, values: np.ndarray, right: np.ndarray) -> np.nd
     U, singular, Vh = np.linalg.svd(right)
     left = (Vh.conj().T / np.maximum(singular, eps)) @ U.conj().T
     if singular[-1] < np.sqrt(eps):
+        # With the transpose (A - λ)ᵀ = Q R, the equation w (A - λ) = v is R wᵀ = Qᴴ vᵀ.
         Q, R = np.linalg.qr((A - values[:, None, None] * np.eye(len(A))).swapaxes(1, 2))
         pivots = np.einsum("kii->ki", R)  # a view of the diagonals
         least = ROUNDING * float(np.linalg.norm(A))

@@ -124,7 +124,7 @@ def all_margins(
     roles = dict.fromkeys(condition.imposed, "held") | dict.fromkeys(condition.free, "free")
     roles |= dict.fromkeys(undetermined, "left")
     if set(condition.free) <= set(model.inputs):
-        # No state is free, so that also the states that outputs replace are held.
+        # No state is free, so the states that outputs replace are held: pitch = gamma + alpha.
         roles |= dict.fromkeys(model.replaced, "held")
     named = {*model.variables, *model.trim, *condition.imposed}
     outputs = [

@@ -64,7 +64,7 @@ def report_of_linear(model: LinearModel, *, responses: bool, beside: Beside | No
     and F.
 
     responses: whether to add the frequency responses at the natural frequencies of the modes
-    beside: what is known from elsewhere, or None
+    beside: accuracy of the entries, and what other models and the paper give for them, or None
     """
     aircraft = model.model
     trimmed = Trimmed(model.point)
@@ -80,7 +80,7 @@ def report_of_linear(model: LinearModel, *, responses: bool, beside: Beside | No
     qualities = tuple(handling_qualities(trimmed))
     if qualities:
         title = "handling qualities"
-        if len(model.states) < len(aircraft.linear):  # they are those of the whole linear model
+        if len(model.states) < len(aircraft.linear):  # they are computed from all linear states
             title += f", all {len(aircraft.linear)} states"
         parts.append(Group(title, qualities))
         data["handling_qualities"] = {row.name: row for row in qualities}

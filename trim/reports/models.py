@@ -381,7 +381,8 @@ class Conditions(StatesAndInputs, Result, Reported):
             head = {"schema": self.schema, "names": [*self.names]} | self._named_signals()
             save_data(path, storable(head) | arrays | origin, records=Table((), ()))
         else:
-            report = self.report() if suffix == ".csv" else self._summary  # only it has records
+            # Records serve .csv files alone, and take time: other files are of the report without.
+            report = self.report() if suffix == ".csv" else self._summary
             report.with_data(origin).save(path)
 
     def _file(self, row: int) -> dict[str, Any]:

@@ -324,12 +324,17 @@ class _Cells(NamedTuple):
 
 
 def _cells_of(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the different cells (cells, v) of places (N, v), and the cell number of each place."""
+    """Return the centers (cells, v) of the cells of points, and the cell of each point, (N,).
+
+    places: values of the variables at the points, in widths of a cell, (N, v)
+    """
     nearest = np.round(places)
-    is_next = np.ones(len(nearest), dtype=bool)  # consecutive points mostly share a cell
-    is_next[1:] = (nearest[1:] != nearest[:-1]).any(axis=1)
-    cells, numbers = np.unique(nearest[is_next], axis=0, return_inverse=True)
-    return cells, numbers.ravel()[np.cumsum(is_next) - 1]
+    # Consecutive points mostly share a cell: only the first point of each such run is looked up.
+    begins_run = np.ones(len(nearest), dtype=bool)
+    begins_run[1:] = (nearest[1:] != nearest[:-1]).any(axis=1)
+    cells, cell_of_run = np.unique(nearest[begins_run], axis=0, return_inverse=True)
+    run_of_point = np.cumsum(begins_run) - 1
+    return cells, cell_of_run.ravel()[run_of_point]
 
 
 def _declared_starts(

@@ -544,6 +544,12 @@ def test_a_loop_behind_a_filter_is_stable_up_to_its_margins_and_not_beyond(angle
     assert "No delay of all inputs up to 30 samples" in without_limit
 
 
+def test_the_text_of_a_filter_has_the_given_drift(linear):
+    """A given drift of alpha, 0.02 rad in a second, is printed beside the default of other states."""
+    text = hfa.filter(linear, NOISE, AIR, drift={"alpha": 0.02}).text()
+    assert text.endswith("drift 0.1 of the noise a second, but 0.02 rad of alpha")
+
+
 def test_a_gain_whose_loop_is_unstable_is_flown_and_reported(point, kalman, gain):
     """Behind a filter, -K leaves the envelope. The report says that the linear loop is unstable, and
     predicts no rms by it.

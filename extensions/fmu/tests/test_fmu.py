@@ -677,7 +677,9 @@ def test_a_sheet_without_limits_is_written():
 
 @pytest.mark.slow
 def test_costs_of_a_gain_are_compared_without_best_flights():
-    """`assess` has the mean costs of flights of K and of the LQR, which need no equations."""
+    """`assess` prints the mean costs of flights with K and with the LQR. Optimal flights need symbolic
+    equations, which an FMU does not have, so that their costs are left out.
+    """
     weights = ("--Q", "1,1", "--R", "1")
     run("solve", "--aircraft", fmu(), *weights, "-o", "K.npz", "-q")
     words = ("--sample-time", "0.05", "--samples", "2")

@@ -282,7 +282,10 @@ def _elements() -> dict[str, Any]:
 
 
 def _omitted(root: Element) -> Iterator[tuple[Element, str]]:
-    """Yield (element, reason) for each element that was not read but may be omitted."""
+    """Yield (element, reason) for each element that was not read but may be omitted.
+
+    Raises BadInputError if an element or attribute that was not read affects the forces.
+    """
     pending = [root]
     while pending:
         element = pending.pop()
@@ -292,7 +295,7 @@ def _omitted(root: Element) -> Iterator[tuple[Element, str]]:
                 pending.append(child)
                 continue
             reason = _reason_to_omit(element, child)
-            if reason:
+            if reason:  # "" is a comment, which needs no note
                 yield child, reason
 
 

@@ -97,14 +97,15 @@ def test_warm_air_is_that_of_jsbsim(name):
     """At a trim in warm air, JSBSim's accelerations are below 1e-9, with its thrust from tables over
     Mach number and density altitude.
 
-    With `atmosphere/delta-T` 27 °R, JSBSim has at 5000 ft the pressure of 4752.54 ft in the standard
-    atmosphere and the temperature 527.843473790188 °R, which is warmer by 14.509964093413366 K. The
-    model has the altitude of the pressure, and the parameter isa for the warmer air.
+    JSBSim is given the true altitude 5000 ft and `atmosphere/delta-T` 27 °R. It then has the pressure
+    of 4752.54 ft in the standard atmosphere and the temperature 527.843473790188 °R, which is warmer
+    than the standard one there by 14.509964093413366 K. The model is given this pressure altitude, and
+    this excess as the parameter isa.
     """
-    true_altitude, altitude, warmer = 5000.0, 4752.541346072101, 14.509964093413366
+    true_altitude, pressure_altitude, warmer = 5000.0, 4752.541346072101, 14.509964093413366
     gravity = GRAVITY * (RADIUS / (RADIUS + true_altitude)) ** 2
     model = load_model(f"jsbsim:{name}").with_parameters(gravity=gravity, isa=warmer)
-    point = trim(model, speed=500.0, altitude=altitude)
+    point = trim(model, speed=500.0, altitude=pressure_altitude)
     there = {
         "state": point.states._asdict() | {"altitude": true_altitude},
         "commands": point.inputs._asdict(),

@@ -38,8 +38,10 @@ def test_a_calibrated_airspeed_has_its_impact_pressure():
 
 @needs_jsbsim
 @pytest.mark.slow
-def test_yaw_in_a_condition_does_not_prevent_a_linear_model():
-    """The F-16 is linearized without yaw, on which only a condition of its equations depends."""
+def test_yaw_in_the_test_of_a_switch_does_not_prevent_a_linear_model():
+    """The F-16 is linearized without yaw. Yaw is only in the test of an if-else of its equations, so
+    that no derivative depends on it.
+    """
     model = load_model("jsbsim:f16")
     linear = linearize(model, trim(model))
     assert "yaw" not in linear.states

@@ -133,12 +133,13 @@ def sections_of(job: MainJob) -> Sections:
 def _book(conditions: Sequence[Condition], *, with_sheets: bool) -> Report:
     """Return the section with the table of conditions and its figure.
 
-    with_sheets: whether to add the sheets, because the slider does not show these conditions
+    with_sheets: whether to add the sheets, each the report of a condition, because the slider does
+        not show these conditions
     """
     points = [condition.point for condition in conditions if condition.point is not None]
     if not points:
         return Report("Book", ("No condition has a trim.",), data={"book": {}})
-    # The page has a title, a cover and data of its own: nothing is added to the book.
+    # The page has a title, a cover and data of its own: the book gets an empty overview and head.
     whole = book_of(Report(""), conditions, points[0].model, head={})
     parts = [part for part in whole.parts if with_sheets or not isinstance(part, Report)]
     sheets = [condition.report.data for condition in conditions]

@@ -500,9 +500,10 @@ def test_distances_of_trims_are_measured_in_nominal_values(off, is_proved, conte
 def test_v_with_a_linear_p_decreases_for_a_slow_pull_only(
     scheduled_rate, factors, breakpoints, refusal, content
 ):
-    """With V = x'P x, and P growing by 30 % between the pulls 1 and 2, a rate of the pull of 0.05 1/s is
-    proved, and one of 50 1/s is refused. An infinite rate requires a constant P, and P must be given
-    on the whole interval.
+    """The scheduling variable is the float's spring stiffness, `pull`, from 1 to 2 N/m. With V = x'P x,
+    and P growing by 30 % over this interval, V is proved to decrease if the pull changes by at most
+    0.05 N/m per s, and not if by 50 N/m per s. An infinite rate requires a constant P, and P must be
+    given on the whole interval.
     """
     P = np.array(content["witness"]["P"][0])
     changes = {_P: [(factor * P).tolist() for factor in factors], _P_AT: breakpoints}

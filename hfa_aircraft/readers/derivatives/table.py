@@ -164,7 +164,7 @@ def _completed_table(
     return replace(
         table,
         notes=tuple(notes),
-        center=(file.reference_point, entries["length"].value),
+        center=(file.reference_point, entries["length"].value),  # point, and unit of length
         mach=file.value("Mach"),
         warnings=tuple(file.warnings()),
     )

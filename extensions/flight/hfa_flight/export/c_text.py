@@ -180,10 +180,10 @@ def c_filter_texts(policy: FilteredPolicy, origin: str) -> dict[str, str]:
         "inputs": enumerators(units_of(model, model.inputs), "FILTER_"),
         "dt": repr(policy.dt),
         "memory": memory_size(policy.filter),
-        "impossible": IMPOSSIBLE,
-        "share": memory_slices(policy.filter).share.start,
-        "fade": policy.fade,
-        "restarts_after": RESTARTS_AFTER,
+        "impossible": IMPOSSIBLE,  # standard deviations
+        "share": memory_slices(policy.filter).share.start,  # place of the acting share
+        "fade": policy.fade,  # s
+        "restarts_after": RESTARTS_AFTER,  # samples
         "sample": c_function(filter_sample(policy), "sample", ("memory", "y"), ("u", "later")),
     }
     return {file: filled(file, **fields) for file in FILTER_FILES}

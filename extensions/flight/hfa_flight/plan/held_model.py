@@ -272,7 +272,7 @@ class Measured:
 
     model: the model, whose first hold is a sample
     delay: time from a sample until its command acts, s
-    wrong: number of wrong samples of the flight
+    wrong_count: number of wrong samples of the flight
     """
 
     def __init__(self, model: HeldModel, delay: float) -> None:
@@ -289,7 +289,7 @@ class Measured:
         self._largest_difference = np.append(
             _SHARE_OF_BOX * box + _SHARE_OF_MOVES * moved, np.ones(n - k)
         )
-        self.wrong = 0
+        self.wrong_count = 0
         #: Commands that may act yet, (m,) each, and number of all commands of the flight.
         self._commands: list[np.ndarray] = []
         self._command_count = 0
@@ -311,7 +311,7 @@ class Measured:
         ]
         used: np.ndarray | None = z
         if not np.isfinite(z).all() or (predictions and not any(agrees)):
-            self.wrong += 1
+            self.wrong_count += 1
             used = predictions[0] if predictions else None
         hypotheses = (used,) if used is z else (used, z)
         self._last_states = [x for x in hypotheses if x is not None and np.isfinite(x).all()]

@@ -152,20 +152,22 @@ class PlanProgram:
         unit = np.sqrt(max(cost.value, np.finfo(float).tiny) / _COST_IN_UNITS)
         curvatures = cost.weights.ravel(), 0.5 * cost.slack_curvatures.ravel(), cost.P.ravel()
         # All values of H and A, in the order of their numbers (`_numbers_of_values`). HPIPM
-        # minimizes x'H x / 2 + g'x, so that H is twice the matrix of the cost.
+        # minimizes x'H x / 2 + g'x, so that H is twice the matrix of the cost; that of a slack s,
+        # which costs curvature s²/2, is half of the curvature. In A, 1 and -1 are the coefficients
+        # of slacks and of the next states.
         H = 2.0 * np.concatenate(curvatures)
         A = np.concatenate([[1.0, -1.0], slopes.ends.ravel(), slopes.middles.ravel()])
         limits = *_limits_of_rows(room, n), *_limits_of_unknowns(room, n)
         in_units = (np.clip(limit / unit, -_NO_BOUND, _NO_BOUND) for limit in limits)
-        changes, change, *_ = self._solve.at(
+        unknowns, cost_change, *_ = self._solve.at(
             H[self._numbers_of_H], A[self._numbers_of_A], _gradient(cost) / unit, *in_units
         )
-        changes *= unit
+        unknowns *= unit
         # Of each hold the states, inputs and slacks, then the states at the end.
-        of_holds = changes[:-n].reshape(count, -1)
-        moved = np.vstack([of_holds[:, :n], changes[-n:]])
-        is_solved = self._status() in (_SOLVED, None)
-        return ProgramSolution(of_holds[:, n : n + m], moved, float(change[0]) * unit**2, is_solved)
+        of_holds = unknowns[:-n].reshape(count, -1)
+        v, z = of_holds[:, n : n + m], np.vstack([of_holds[:, :n], unknowns[-n:]])
+        is_solved = self._status() in (_SOLVED, None)  # None if CasADi does not tell
+        return ProgramSolution(v, z, float(cost_change[0]) * unit**2, is_solved)
 
     def _status(self) -> int | None:
         """Return HPIPM's status of the last program, None if CasADi does not tell."""

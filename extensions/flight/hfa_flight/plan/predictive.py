@@ -125,7 +125,7 @@ class Predictive(SampledPolicy):
             "unsolved": samples.unsolved,
             "late": samples.late,
             "linear": samples.linear,
-            "wrong": self.controller.measured.wrong,
+            "wrong": self.controller.measured.wrong_count,
             "median_seconds": median,
             "seconds_99": high,
             "first_plan": self.first_plan,
@@ -163,7 +163,7 @@ class Predictive(SampledPolicy):
                 f"HPIPM ended {samples.unsolved} programs before its tolerance. Flights judged "
                 "them."
             )
-        return (*lines, *wrong_samples_note(self.controller.measured.wrong))
+        return (*lines, *wrong_samples_note(self.controller.measured.wrong_count))
 
     def _time_text(self) -> str:
         """Return the processor time of the samples, and what the budget did, as a sentence."""
@@ -281,8 +281,9 @@ def _end_of(scaled: ScaledProblem, dt: float, end_game: Game) -> tuple[np.ndarra
 
 def _sampled_game(continuous: Game, dt: float) -> Game:
     """Return the game with a zero-order hold dt, with the exact cost of the inputs."""
-    # `Game.sampled` has the exact cost of a disturbance, but not the cost in a hold of the states
-    # that it moves: the weights of a hold contain only states at its begin and inputs.
+    # `Game.sampled` has the A, B, E and delta of a sample, but its Q, N and R are weights at the
+    # begin of the sample times dt. Those of `hold_of` are the integral of the cost over the sample,
+    # for the states that the inputs move; states that the disturbance moves cost from the next on.
     k = len(continuous.A)
     W = hold_of(continuous.A, continuous.B, continuous.Q, continuous.R, dt).W
     return replace(continuous.sampled(dt), Q=W[:k, :k], N=W[:k, k:], R=W[k:, k:])

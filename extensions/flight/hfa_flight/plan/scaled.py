@@ -86,7 +86,7 @@ def hold_of(A: np.ndarray, B: np.ndarray, Q: np.ndarray, R: np.ndarray, seconds:
     return Hold(transition[:n, :n], transition[:n, n:], 0.5 * (W + W.T))
 
 
-#: Fraction of its range by which the inputs move a state that they reach.
+#: Fraction of half of its range by which half of the inputs' ranges moves a state that they reach.
 _SHARE_OF_RANGE = 0.1
 
 
@@ -193,8 +193,9 @@ class ScaledProblem:
         return lowest / nominal, highest / nominal
 
     def reached(self, dt: float) -> np.ndarray:
-        """Return a mask of the followed states that the inputs can move by a tenth of their range
-        in dt seconds, (n,). States without limits, and carried ones, do not count.
+        """Return a mask of the followed states that half of the inputs' ranges moves in dt seconds
+        by a tenth of half of the states' ranges, (n,). States without limits, and carried ones, do
+        not count.
         """
         k, n, _ = self.counts
         lowest, highest = self.input_limits
@@ -203,8 +204,8 @@ class ScaledProblem:
         steps = np.where(np.isfinite(half_ranges), half_ranges, 1.0)
         moves = np.abs(hold_of(*self.linear_states, dt).B) @ steps
         below, above = (limit[:k] for limit in self.state_limits)
-        room = 0.5 * (above - below)
-        return np.pad(np.isfinite(room) & (moves >= _SHARE_OF_RANGE * room), (0, n - k))
+        rooms = 0.5 * (above - below)
+        return np.pad(np.isfinite(rooms) & (moves >= _SHARE_OF_RANGE * rooms), (0, n - k))
 
 
 #: Number of holds of a plan. With samples of at least _SLOW_SAMPLE seconds, it is twice this

@@ -84,13 +84,13 @@ class StateDependent(SampledPolicy):
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy, with the numbers of samples without a solution, and
-        of samples in whose place a prediction was used (`Measured.wrong`).
+        of samples in whose place a prediction was used (`Measured.wrong_count`).
         """
         return {
             **super().data(model),
             "dt": self.dt,
             "unsolved": self.unsolved,
-            "wrong_samples": self.scaled.measured.wrong,
+            "wrong_samples": self.scaled.measured.wrong_count,
         }
 
     def notes(self) -> tuple[str, ...]:
@@ -104,7 +104,7 @@ class StateDependent(SampledPolicy):
             lines.append(
                 f"At {self.unsolved} samples the game has no solution; P of the trim was used."
             )
-        return (*lines, *wrong_samples_note(self.scaled.measured.wrong))
+        return (*lines, *wrong_samples_note(self.scaled.measured.wrong_count))
 
 
 class RiccatiPolicy:
@@ -391,7 +391,7 @@ class _SamplesInside:
     """Samples of one flight of a `KeptInside`.
 
     A command acts `kept.delay` after its sample. The limits, and a policy that is computed in
-    samples, are evaluated at the states at that time, which `_measured` predicts. `_held` are the
+    samples, are evaluated at the states at that time, which `_predictor` gives. `_held` are the
     held inputs since the last sample, and zeros before the first one.
     """
 
@@ -399,7 +399,7 @@ class _SamplesInside:
         self._kept = kept
         self._sampler = kept.policy.sampler()  # None if the policy is not computed in samples
         self._command = BoundFunction(kept.command())
-        self._measured = Measured(kept.nearest.model, kept.delay)
+        self._predictor = Measured(kept.nearest.model, kept.delay)
         self._held = kept.held[0]  # a single row: zeros
 
     def __call__(self, tick: int, measured: np.ndarray) -> np.ndarray:
@@ -413,7 +413,7 @@ class _SamplesInside:
             return self._held
         # The states when the command of this sample acts.
         time = tick * kept.tick
-        z = self._measured.when_acting(problem.followed_of(problem.point.x + measured))
+        z = self._predictor.when_acting(problem.followed_of(problem.point.x + measured))
         when_acting = measured.copy()
         if kept.delay:
             when_acting[problem.followed_places] = z * problem.nominal.states
@@ -428,8 +428,8 @@ class _SamplesInside:
         v = u[problem.moved] / problem.nominal.inputs
         inside = kept.nearest(z, v)
         is_changed = bool(np.abs(inside - v).max() > _ROUNDING)
-        self._measured.command(inside)
-        kept.changed[0] += is_changed
+        self._predictor.command(inside)
+        kept.changed[0] += is_changed  # number of changed samples
         if is_changed:
             u = problem.inputs_of(inside) - problem.point.u
         self._held = np.concatenate([of_policy, [float(is_changed)], u])

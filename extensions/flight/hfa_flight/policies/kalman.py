@@ -132,15 +132,7 @@ class KalmanFilter(Result):
         if isinstance(turbulence, str):
             turbulence = turbulence_of(turbulence)
         sensors = {name: float(noise[name]) for name in linear.states if name in noise}
-        # Default: DRIFT times the noise of the sensor, or without one of a hundredth of the nominal
-        # value.
-        drifts = {
-            name: drift.get(
-                name,
-                DRIFT * sensors.get(name, _NOISE_WITHOUT_SENSOR * point.model.states[name].nominal),
-            )
-            for name in linear.states
-        }
+        drifts = {**_default_drifts(point, sensors), **drift}
         plant = _plant(linear, sensors, drifts, turbulence, dt)
         return cls._solved(plant, point, dt, sensors, drifts, turbulence)
 
@@ -312,11 +304,28 @@ class KalmanFilter(Result):
         missing = [name for name in self.states if name not in self.noise]
         without = f", without a sensor of {', '.join(missing)}" if missing else ""
         air = "still air" if self.turbulence is None else level_text(self.turbulence)
+        default = _default_drifts(self.point, self.noise)
+        given = [
+            f"{self.drift[name]:g} {self.point.model.states[name].unit} of {name}"
+            for name in self.states
+            if self.drift[name] != default[name]
+        ]
+        exceptions = f", but {', '.join(given)}" if given else ""
         return (
             f"Kalman filter for {air}, one sample every {1e3 * self.dt:g} ms{without}: spectral "
             f"radius {self.radius:.5f}, Riccati residual {self.residual:.1e}, drift {DRIFT:g} of "
-            "the noise a second"
+            f"the noise a second{exceptions}"
         )
+
+
+def _default_drifts(point: OperatingPoint, noise: Mapping[str, float]) -> dict[str, float]:
+    """Return linear state -> standard deviation of its drift in one second, unless it is given."""
+    model = point.model
+    return {
+        # Without a sensor, the noise is taken as a fraction of the nominal value.
+        name: DRIFT * noise.get(name, _NOISE_WITHOUT_SENSOR * model.states[name].nominal)
+        for name in model.linear
+    }
 
 
 class _Loop(NamedTuple):

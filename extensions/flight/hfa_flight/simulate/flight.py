@@ -427,6 +427,7 @@ class Flight(StatesAndInputs, Result, Reported):
     @property
     def warnings(self) -> Sequence[str]:
         """Notes on the operating point, and on moving inputs whose dynamics are not modeled."""
+        # In absolute values, deviations of rounding do not move an input.
         moved = np.ptp(self.deviations.inputs + self.point.u, axis=0) > 0.0
         inputs = zip(self.point.model.inputs.values(), moved, strict=True)
         omitted = (signal.omitted_dynamics for signal, moves in inputs if moves)

@@ -68,8 +68,9 @@ def equilibrium(*act, **settings):
 
 def test_the_equilibrium_balances_the_offset_of_the_policy():
     """With u = c - K x, c = OFFSET, the equilibrium is x = -(A - B K)^-1 B c. `nominal` has A, B and K of
-    deviations that are divided by the nominal values X and U. No input follows itself: `K_inputs`, the
-    gain of the inputs of the last sample, is 0, and the gain of settled inputs is K.
+    deviations that are divided by the nominal values X and U. The policy does not feed back the inputs
+    of the last sample, so that their gain `K_inputs` is 0, and the gain `settled_gain` of the states,
+    once the inputs are constant, is K itself.
     """
     found = equilibrium(lambda o: ca.DM(OFFSET) - ca.DM(K) @ o)
     x = -np.linalg.solve(A - B @ K, B @ OFFSET)
