@@ -12,6 +12,7 @@ import pytest
 from cli import assert_refused, hfa as run
 from innovations import innovations_of
 from kalman_recursion import Recursion
+from known_models import exact_gain, game_at, model_at
 from project import ROOT
 from scipy.linalg import expm, solve_discrete_lyapunov
 from scipy.stats import binom
@@ -34,18 +35,18 @@ AIR = "moderate:40000"
 
 
 @pytest.fixture(scope="module")
-def point():
-    return hfa.trim(hfa.aircraft(), dihedral=10.0 * DEG)
+def linear():
+    return model_at(10.0)  # the paper's aircraft at a dihedral angle of 10 deg
 
 
 @pytest.fixture(scope="module")
-def linear(point):
-    return point.linearize()
+def point(linear):
+    return linear.point
 
 
 @pytest.fixture(scope="module")
-def gain(linear):
-    return np.array(hfa.solve(hfa.paper.published_game(linear)).K)
+def gain():
+    return exact_gain(10.0)
 
 
 @pytest.fixture(scope="module")
@@ -255,7 +256,7 @@ def measured(point, kalman):
 
 
 def test_the_first_command_behind_a_filter_is_that_of_the_corrected_estimate(
-    point, kalman, gain, linear, measured
+    point, kalman, gain, measured
 ):
     """A flight begins at known states, the trim. The first measurement is `small` off the trim: the
     estimate is then L small, and the command is u0 - K S L small, where S (`sight`) makes speed and
@@ -264,7 +265,7 @@ def test_the_first_command_behind_a_filter_is_that_of_the_corrected_estimate(
     small = 1e-4 * innovations_of(kalman)
     expected = point.u - gain @ kalman.sight @ kalman.L @ small
     by_name = dict(zip(kalman.sensors, measured + small, strict=True))
-    critic = hfa.from_gain(hfa.paper.published_game(linear), gain)
+    critic = hfa.from_gain(game_at(10.0), gain)
     for law, y in ((gain, by_name), (critic, measured + small)):
         policy = kalman.policy(law)
         policy.begin(point.x)
@@ -301,7 +302,7 @@ def test_commands_behind_a_filter_are_within_the_limits_of_the_inputs(
 
 
 @pytest.mark.parametrize(("delay", "samples"), [(0.03, 4), (0.025, 3)])
-def test_a_filter_predicts_over_a_known_delay(point, linear, gain, delay, samples):
+def test_a_filter_predicts_over_a_known_delay(point, linear, gain, measured, delay, samples):
     """The first command is that of the state predicted over the delay. The estimate follows the
     linear model, in which this command acts after the delay.
 
@@ -310,9 +311,8 @@ def test_a_filter_predicts_over_a_known_delay(point, linear, gain, delay, sample
     kalman = hfa.filter(linear, NOISE)
     late, _ = kalman.policy(gain).in_scenario(Scenario(1.0, tick=0.005, delay=delay))
     late.begin(point.x)
-    y = np.array([point[name] for name in kalman.sensors])
     small = 1e-4 * innovations_of(kalman)
-    U = late(0.0, y + small)
+    U = late(0.0, measured + small)
     for sample in range(1, samples):
         late(0.01 * sample, np.full(6, np.nan))  # nan: no measurement
     A, B = np.array(linear.A), np.array(linear.B)
@@ -345,11 +345,11 @@ def test_a_law_that_plans_is_filtered_with_the_nonlinear_model(law):
 
 
 @pytest.mark.slow
-def test_plans_stay_inside_in_moving_air(point, kalman, linear):
+def test_plans_stay_inside_in_moving_air(point, kalman):
     """In moderate turbulence with noise, flights of plans stay inside, from the trim, and from 5 ft/s
     and 0.05 rad of alpha above it.
     """
-    game = hfa.paper.published_game(linear)
+    game = game_at(10.0)
     planned = hfa.predictive(point.model, point, game.Q, game.R, budget=np.inf)
     air = Uncertainty(noise=NOISE, turbulence=Turbulence("moderate", 40000.0))
     start = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -361,11 +361,11 @@ def test_plans_stay_inside_in_moving_air(point, kalman, linear):
 
 
 @pytest.mark.slow
-def test_noise_hardly_raises_the_cost_of_plans(point, kalman, linear):
+def test_noise_hardly_raises_the_cost_of_plans(point, kalman):
     """From 5 ft/s and 0.05 rad of alpha above the trim, where plans follow the limit of the pitch rate,
     noise costs less than 1 %.
     """
-    game = hfa.paper.published_game(linear)
+    game = game_at(10.0)
     law = hfa.predictive(point.model, point, game.Q, game.R, margin=0.03, budget=np.inf)
     start = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
     weights = game.Q, game.R
@@ -503,9 +503,7 @@ def test_a_loop_behind_a_filter_is_stable_up_to_its_margins_and_not_beyond(angle
 
     `radius` moves each unit vector of the loop's state by a sample: these are the columns of its map.
     """
-    linear = hfa.trim(hfa.aircraft(), dihedral=angle * DEG).linearize()
-    K = np.array(hfa.solve(hfa.paper.published_game(linear)).K)
-    kalman = hfa.filter(linear, NOISE, AIR)
+    kalman, K = hfa.filter(model_at(angle), NOISE, AIR), exact_gain(angle)
     found = kalman.policy(K).margins
     gain = K @ kalman.sight  # of the estimate: 6 states of the aircraft and 3 of the air
     kept = np.eye(9) - kalman.L @ kalman.C

@@ -5,13 +5,11 @@ import re
 
 import numpy as np
 import pytest
-from policy_cases import GTM, model_of
+from policy_cases import GTM, Q, R, model_of
 
 import hfa
 from hfa.main import main
 
-Q = {"speed": 0.0025, "alpha": 8.16, "pitch_rate": 1.0, "pitch": 8.16}
-R = {"elevator": 1.11, "throttle": 0.00051}
 WEIGHTS = np.diag(list(Q.values())), np.diag(list(R.values()))
 DT = 0.005
 ACTIONS = {

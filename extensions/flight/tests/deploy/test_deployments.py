@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from network_files import torch_file
-from policy_cases import FOLDER, GTM, ROOT, gtm_deployment, model_of, stored_deployment
+from policy_cases import FOLDER, GTM, ZIPS, gtm_deployment, model_of, stored_deployment
 from tolerances import FEW_ROUNDINGS
 
 import hfa
@@ -365,9 +365,6 @@ def test_squashed_actions_need_a_box_and_reach_its_ends():
         share = 0.5 * (np.tanh(raw) + 1.0)
         found = np.array(act([raw, raw, 0.0, 0.0])).ravel()
         np.testing.assert_allclose(found, [-1.0 + 4.0 * share, 5.0 * share], atol=1e-12)
-
-
-ZIPS = ROOT / "tests" / "controller" / "critic" / "network" / "zips"
 
 
 @pytest.mark.parametrize("name", ["ppo", "ppo_squash", "sac", "sac_sde", "td3", "ars", "a2c"])

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from cli import assert_refused, hfa as run
-from policy_cases import GTM, ROOT, stored_deployment, trims
+from policy_cases import GTM, ROOT, SENSORS, stored_deployment, trims
 
 import hfa
 from hfa import BadInputError, Deployment, fly, load_model
@@ -67,9 +67,6 @@ def test_a_command_that_arrives_at_a_sample_is_not_yet_observed():
     np.testing.assert_allclose(flight.inputs[:5, 0], [0.0, 0.1, 0.1, 0.13, 0.13], rtol=1e-9)
 
 
-GTM_NOISE = {"speed": 0.1, "alpha": 0.002, "pitch_rate": 0.002, "pitch": 0.002}
-
-
 @pytest.fixture
 def gtm_point():
     return trims("ppo_gtm")[1]  # the GTM at 45 m/s
@@ -84,7 +81,7 @@ def gtm_deployment(**tables):
 
 
 #: The table [filter] of a deployment file.
-FILTERED = {"noise": GTM_NOISE, "turbulence": "light:1000"}
+FILTERED = {"noise": SENSORS, "turbulence": "light:1000"}
 
 
 def test_a_deployment_file_with_a_filter_flies_as_one_behind_hfa_filter(folder, gtm_point):
@@ -92,9 +89,9 @@ def test_a_deployment_file_with_a_filter_flies_as_one_behind_hfa_filter(folder, 
     behind `hfa.filter` of the same noise and turbulence.
     """
     gtm_deployment(filter=FILTERED).save("filtered.toml")
-    noisy = Scenario(0.2, tick=0.02, uncertainty=Uncertainty(noise=GTM_NOISE))
+    noisy = Scenario(0.2, tick=0.02, uncertainty=Uncertainty(noise=SENSORS))
     scenario = noisy.drawn(1, 0, gtm_point)
-    kalman = hfa.filter(gtm_point.linearize(), GTM_NOISE, "light:1000", 0.02)
+    kalman = hfa.filter(gtm_point.linearize(), SENSORS, "light:1000", 0.02)
     by_file, by_hand = (
         fly(gtm_point.model, gtm_point, policy, scenario=scenario)
         for policy in ("filtered.toml", kalman.policy(gtm_deployment()))
@@ -116,7 +113,7 @@ def test_the_delay_of_a_filtered_deployment_is_added_once(gtm_point):
 def test_a_filter_of_another_sample_time_than_the_deployment_is_refused(gtm_point):
     """The samples of a filter are 10 ms apart by default, and those of the deployment 20 ms."""
     with pytest.raises(BadInputError, match=r"give the filter dt=0\.02"):
-        hfa.filter(gtm_point.linearize(), GTM_NOISE).policy(gtm_deployment())
+        hfa.filter(gtm_point.linearize(), SENSORS).policy(gtm_deployment())
 
 
 def test_the_export_of_a_deployment_with_a_filter_is_refused(folder):

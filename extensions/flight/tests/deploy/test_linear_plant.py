@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import assert_refused, hfa
-from policy_cases import ROOT
+from policy_cases import ZIPS
 from scipy.linalg import solve_continuous_are
 from scipy.signal import cont2discrete
 from tolerances import FEW_ROUNDINGS
@@ -38,7 +38,6 @@ FILES = {
     "Q": {**_PLANT, "Q": np.eye(3)},
     "N": {**_PLANT, "Q": np.eye(2), "N": np.ones((2, 1))},
 }
-ZIPS = ROOT / "tests" / "controller" / "critic" / "network" / "zips"
 
 
 @pytest.fixture

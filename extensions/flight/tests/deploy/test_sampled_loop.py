@@ -7,7 +7,7 @@ import casadi as ca
 import control
 import numpy as np
 import pytest
-from policy_cases import GTM, gtm_deployment, model_of
+from policy_cases import GTM, Q, R, gtm_deployment, model_of
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 from scipy.signal import cont2discrete
 from small_plants import oscillator
@@ -16,8 +16,6 @@ import hfa
 from hfa import assess
 
 DT = 0.02
-Q = {"speed": 0.0025, "alpha": 8.16, "pitch_rate": 1.0, "pitch": 8.16}
-R = {"elevator": 1.11, "throttle": 0.00051}
 
 
 def gain_case(**timing):

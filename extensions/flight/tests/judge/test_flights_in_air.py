@@ -4,15 +4,13 @@ import json
 
 import numpy as np
 import pytest
-from policy_cases import FOLDER, GTM, aircraft, stored_deployment, trims
+from policy_cases import FOLDER, GTM, SENSORS, aircraft, stored_deployment, trims
 
 import hfa
 from hfa.main import main
 from hfa_flight import Uncertainty
 
 NOISE = Uncertainty(noise={"pitch_rate": 0.02})
-#: Standard deviations of the sensors of the GTM's four states: m/s, rad, rad/s.
-SENSORS = {"speed": 0.1, "alpha": 0.002, "pitch": 0.002, "pitch_rate": 0.002}
 
 
 def assert_same(one, other):

@@ -5,20 +5,12 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from carts import cart
+from carts import best_of_cart, cart
 
 import hfa
 
 #: Gain of the LQR of the cart with Q = I and R = 1.
 LQR_GAIN = np.array([[1.0, np.sqrt(3.0)]])
-
-
-def best_of_cart(start, **more):
-    """Return the best flight of the cart with Q = I and R = 1, and a force of at most 1 N."""
-    model = cart()
-    point = hfa.trim(model)
-    weights = np.eye(2)
-    return hfa.optimize(model, point, start, weights, np.eye(1), **more)
 
 
 def test_saturated_double_integrator_cost_equals_closed_form():

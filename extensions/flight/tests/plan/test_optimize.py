@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import assert_refused, hfa as run
+from project import ROOT
 from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
 
 from hfa.main import main
 
-EXAMPLES = Path(__file__).parents[4] / "examples"
-PENDULUM = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
+PENDULUM = f"{ROOT}/examples/pendulum.py:PENDULUM"
 
 
 @pytest.mark.slow

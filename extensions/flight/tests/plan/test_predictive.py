@@ -5,12 +5,13 @@ import math
 import pickle
 from copy import copy, deepcopy
 from functools import partial
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
 from cli import assert_refused, hfa as hfa_command
+from known_models import game_at, model_at
+from project import ROOT
 from scipy.integrate import solve_ivp
 from scipy.linalg import block_diag, expm, solve_continuous_are, solve_discrete_are
 from scipy.optimize import lsq_linear
@@ -20,8 +21,7 @@ from hfa.main import main
 from hfa_flight import Scenario
 from hfa_flight.policies.policy import NextSample
 
-EXAMPLES = Path(__file__).parents[4] / "examples"
-PENDULUM_FILE = f"{EXAMPLES / 'pendulum.py'}:PENDULUM"
+PENDULUM_FILE = f"{ROOT}/examples/pendulum.py:PENDULUM"
 PENDULUM = hfa.load_model(PENDULUM_FILE)
 UPRIGHT = hfa.trim(PENDULUM)  # unstable, with a torque of at most 0.7 N m
 #: Cart of unit mass on a track, with a limited force and a limited speed.
@@ -521,9 +521,8 @@ def test_the_flexible_aircraft_converges_inside_its_envelope_from_the_papers_sta
     """From x(0) at 10 deg, where the exact policy leaves the envelope, the flight stays inside and
     costs at most 2 % more than the best flight that `hfa optimize` finds, 4560.
     """
-    model = hfa.aircraft()
-    point = hfa.trim(model, dihedral=np.radians(10.0))
-    game = hfa.paper.published_game(hfa.linearize(model, point))
+    point, game = model_at(10.0).point, game_at(10.0)
+    model = point.model
     start = {"speed": 5.0, "alpha": 0.05}
     weights = game.Q, game.R
     planned, exact = (

@@ -5,20 +5,15 @@ import json
 import casadi as ca
 import numpy as np
 import pytest
-from carts import cart
+from carts import best_of_cart
 from cli import hfa as command
+from known_models import game_at, model_at
 
 import hfa
 from hfa_flight.plan.collocation import Transcription
 from hfa_flight.plan.flights import Flights
 from hfa_flight.plan.problem import MARGIN
 from hfa_flight.plan.search import BestFlights, refutation
-
-
-def best_of_cart(start):
-    """Return the best flight of the cart with Q = I and R = 1, |force| <= 1 N, |position| <= 20 m."""
-    model = cart()
-    return hfa.optimize(model, hfa.trim(model), start, np.eye(2), np.eye(1))
 
 
 @pytest.fixture(scope="module")
@@ -131,9 +126,7 @@ def test_a_best_flight_is_near_the_cheapest_known_one():
     """From x(0) at 10 deg, direct shooting over inputs held for 2.5 ms found a flight of cost 4549.5. The
     one search of `optimize`, from one guess, finds at most 3.8 % more.
     """
-    model = hfa.aircraft()
-    point = hfa.trim(model, dihedral=np.radians(10.0))
-    game = hfa.paper.published_game(hfa.linearize(model, point))
-    best = hfa.optimize(model, point, {"speed": 5.0, "alpha": 0.05}, game.Q, game.R)
+    point, game = model_at(10.0).point, game_at(10.0)
+    best = hfa.optimize(point.model, point, {"speed": 5.0, "alpha": 0.05}, game.Q, game.R)
     assert best.reason is None
     assert best.cost < 1.038 * 4549.5

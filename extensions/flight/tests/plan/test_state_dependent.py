@@ -1,19 +1,17 @@
 """Policy of the state-dependent game, and the filter that keeps rates inside their limits."""
 
-import json
-from pathlib import Path
-
 import casadi as ca
 import numpy as np
 import pytest
-from cli import hfa as hfa_command
+from cli import answer, hfa as hfa_command
+from known_models import game_at, model_at
+from policy_cases import GTM as GTM_FILE
 from scipy.linalg import solve_continuous_are
 
 import hfa
 from hfa_flight import GainPolicy
 
-EXAMPLES = Path(__file__).parents[4] / "examples"
-GTM = hfa.load_model(f"{EXAMPLES / 'gtm.py'}:GTM")
+GTM = hfa.load_model(GTM_FILE)
 LEVEL = hfa.trim(GTM)
 #: x'' = -x - x³ + u: A(z) = [0 1; -(1 + x²) 0] on the ray, because the mean of 3 s² x² is x².
 DUFFING = hfa.Model(
@@ -96,13 +94,12 @@ def test_the_command_keeps_the_limits_of_envelope_inside():
     """`hfa fly --keep-inside` changes commands for a pitch rate limited by --envelope to 3 deg/s,
     which the exact policy alone exceeds with 3.4. None is changed for the 39 deg/s of the model.
     """
-    words = "fly --dihedral 10 --policy exact --initial alpha=3 --duration 0.3 --json"
+    words = "fly --dihedral 10 --policy exact --initial alpha=3 --duration 0.3"
     limited = f"{words} --envelope pitch_rate=-3:3"
     assert hfa_command(*limited.split()).code == 1
     for command, is_changed in ((words, False), (limited, True)):
-        result = hfa_command(*command.split(), "--keep-inside")
-        assert result.code == 0
-        assert (json.loads(result.out)["policy"]["changed_samples"] > 0) is is_changed
+        policy = answer(*command.split(), "--keep-inside")["policy"]
+        assert (policy["changed_samples"] > 0) is is_changed
 
 
 def test_keep_inside_is_refused_for_a_flight_with_samples_too_short_to_keep_a_limit():
@@ -146,9 +143,8 @@ def test_the_flexible_aircraft_converges_inside_its_envelope(delta):
     """From x(0) at 10 deg, the flight stays inside and costs less than 1.2 times the best flight that
     `hfa optimize` finds, 4560. The game has a solution at every sample.
     """
-    model = hfa.aircraft()
-    point = hfa.trim(model, dihedral=np.radians(10.0))
-    game = hfa.paper.published_game(hfa.linearize(model, point))
+    point, game = model_at(10.0).point, game_at(10.0)
+    model = point.model
     policy = hfa.state_dependent(model, point, game.Q, game.R, delta=delta, E=game.E)
     start = {"speed": 5.0, "alpha": 0.05}
     weights = game.Q, game.R

@@ -1,5 +1,7 @@
 """A cart with limited position, speed without limits, and a limited force; and a damped one."""
 
+import numpy as np
+
 import hfa
 
 
@@ -15,6 +17,12 @@ def cart(force=1.0):
         lambda x, u, p, w: ({"position": x.velocity, "velocity": u.force}, {}),
         trim={"position": 0.0},
     )
+
+
+def best_of_cart(start, **more):
+    """Return the best flight of the cart with Q = I and R = 1, |force| <= 1 N, |position| <= 20 m."""
+    model = cart()
+    return hfa.optimize(model, hfa.trim(model), start, np.eye(2), np.eye(1), **more)
 
 
 #: v' = -v + u, x' = v: the step response of v is 1 - exp(-t).

@@ -13,6 +13,12 @@ import hfa
 FOLDER = Path(__file__).resolve().parent.parent / "policies"
 ROOT = FOLDER.parent.parent.parent.parent
 GTM = f"{ROOT}/examples/gtm.py:GTM"
+#: Zips of Stable-Baselines3 of 3 observations and 2 actions.
+ZIPS = ROOT / "tests/controller/critic/network/zips"
+#: Weights of the GTM's states and inputs, and standard deviations of its sensors: m/s, rad, rad/s.
+Q = {"speed": 0.0025, "alpha": 8.16, "pitch_rate": 1.0, "pitch": 8.16}
+R = {"elevator": 1.11, "throttle": 0.00051}
+SENSORS = {"speed": 0.1, "alpha": 0.002, "pitch_rate": 0.002, "pitch": 0.002}
 #: Policy -> aircraft and trims of its training, or trims nearby.
 AIRCRAFT = {
     "ppo_gtm": (GTM, (38.0, 45.0, 52.0, 60.0)),
