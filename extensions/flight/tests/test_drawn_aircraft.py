@@ -1,14 +1,13 @@
 """`hfa fly --draws N`: flights of aircraft drawn from a covariance of parameters."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from cli import answer
 from project import ROOT
 
 import hfa
-from hfa.main import main
 
 UAV = str(ROOT / "examples" / "uav.toml")
 NAMES = ("CL_alpha", "Cm_alpha", "Cm_q")
@@ -28,14 +27,13 @@ def uncertain_uav_file():
 
 
 @pytest.mark.usefixtures("folder")
-def test_flights_of_drawn_aircraft_have_the_spread_of_their_parameters(capsys):
+def test_flights_of_drawn_aircraft_have_the_spread_of_their_parameters():
     """150 aircraft, whose parameters are drawn from a covariance, fly for .01 s from alpha + 1 deg. The
     range of their pitch rates from the 5 % to the 95 % quantile is, within 15 %, that of the
     covariance, propagated linearly by the sensitivities of the pitch acceleration.
     """
     words = ["fly", "--aircraft", uncertain_uav_file(), "--policy", "none", "--draws", "150"]
-    assert main([*words, "--duration", "0.01", "--initial", "alpha=1", "--json"]) == 0
-    data = json.loads(capsys.readouterr().out)
+    data = answer(*words, "--duration", "0.01", "--initial", "alpha=1")
     assert data["drawn"] == list(NAMES)
     model = hfa.load_model("found.toml")
     point = hfa.trim(model)

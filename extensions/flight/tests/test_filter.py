@@ -9,7 +9,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from cli import assert_refused, hfa as run
+from cli import answer, assert_refused, hfa as run
 from innovations import innovations_of
 from kalman_recursion import Recursion
 from known_models import exact_gain, game_at, model_at
@@ -594,7 +594,7 @@ def test_the_confidence_limits_of_the_departures_are_those_of_the_binomial(lost)
 
 
 #: Flights behind a filter, of noise of all sensors and moderate turbulence.
-IN_AIR = (*f"fly --dihedral 10 --policy exact --filter --json --turbulence {AIR}".split(), *TYPED)
+IN_AIR = (*f"fly --dihedral 10 --policy exact --filter --turbulence {AIR}".split(), *TYPED)
 
 
 def test_the_command_reports_flights_in_air():
@@ -602,9 +602,7 @@ def test_the_command_reports_flights_in_air():
     departure, the linear prediction, and the same flights without control. No departure in two
     flights has a probability of 5 % at the upper limit p: (1 - p)² = .05.
     """
-    flown = run(*IN_AIR, "--samples", "2", "--duration", "0.2")
-    assert flown.code == 0
-    data = json.loads(flown.out)
+    data = answer(*IN_AIR, "--samples", "2", "--duration", "0.2")
     assert (data["within_limits"], data["uncontrolled_left"]) == (2, 0)
     assert data["left_95"] == [0.0, pytest.approx(1.0 - 0.05**0.5)]
     assert data["linear_rms"].keys() == data["rms"].keys() == data["uncontrolled_rms"].keys()
@@ -617,8 +615,7 @@ def test_a_single_flight_of_a_seed_is_the_first_of_many():
     quantiles of one flight are its final values.
     """
     alone, many = (
-        json.loads(run(*IN_AIR, *f"--duration 0.02 --seed 3 {more}".split()).out)
-        for more in ("", "--samples 1")
+        answer(*IN_AIR, *f"--duration 0.02 --seed 3 {more}".split()) for more in ("", "--samples 1")
     )
     assert alone["final"]["speed"] == pytest.approx(many["final"]["speed"][0], rel=1e-9)
 

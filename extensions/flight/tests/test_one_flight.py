@@ -5,10 +5,10 @@ import re
 
 import numpy as np
 import pytest
+from cli import hfa as run
 from policy_cases import GTM, Q, R, model_of
 
 import hfa
-from hfa.main import main
 
 WEIGHTS = np.diag(list(Q.values())), np.diag(list(R.values()))
 DT = 0.005
@@ -64,15 +64,14 @@ def cost_of_rewards(total, start, end):
     return -total - 0.5 * DT * (start @ WEIGHTS[0] @ start - end @ WEIGHTS[0] @ end)
 
 
-def answer(capsys, *words):
-    """Return the JSON of a command on the aircraft."""
-    main([words[0], "--aircraft", GTM, *map(str, words[1:]), "--json"])
-    return json.loads(capsys.readouterr().out)
+def of_gtm(command, *words):
+    """Return the JSON of a command on the aircraft at 45 m/s."""
+    return json.loads(run(command, "--aircraft", GTM, "--at", "45", *words, "--json").out)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("sign", "is_back"), [(1.0, True), (-1.0, False)])
-def test_four_commands_fly_the_same_flight(model, gain, tmp_path, capsys, sign, is_back):
+def test_four_commands_fly_the_same_flight(model, gain, tmp_path, sign, is_back):
     """`optimize`, `assess`, `fly` and the environment agree on cost, end and departure of a flight.
 
     `optimize` and `assess` add the cost-to-go at the end, and agree with `fly` to 1e-6. The rewards of
@@ -80,16 +79,15 @@ def test_four_commands_fly_the_same_flight(model, gain, tmp_path, capsys, sign, 
 
     sign: -1 for the opposite gain, with which the flight leaves its limits (is_back: False)
     """
-    policy = deployment_of(sign * gain, tmp_path)
-    at = ("--at", 45)
+    policy = str(deployment_of(sign * gain, tmp_path))
     weights = [
         f"--{name}=" + ",".join(f"{state}={value}" for state, value in entries.items())
         for name, entries in (("Q", Q), ("R", R))
     ]
-    table = answer(capsys, "optimize", *at, "--policy", policy, "--starts", 1, *weights)
+    table = of_gtm("optimize", "--policy", policy, "--starts", "1", *weights)
     (row,) = table["flights"]
     optimized = row["policies"][-1]
-    assessed = answer(capsys, "assess", policy, *at, "--samples", 1)["points"][0]
+    assessed = of_gtm("assess", policy, "--samples", "1")["points"][0]
     point = hfa.trim(model, speed=45.0)
     seconds = optimized["seconds"] if is_back else 4.0
     flown = hfa.fly(

@@ -20,14 +20,10 @@ START = {"alpha": 0.1, "speed": 100.0, "altitude": 1000.0}
 
 def glide(x, u, p, w):
     """Return the rates z' = A z + B v of deviations z of alpha and speed, and v of the inputs."""
-    z = [x.alpha - 0.1, x.speed - 100.0]
-    v = [u.elevator - 0.05, u.throttle - 0.5]
-    rates = [
-        sum(a * each for a, each in zip(A[row], z, strict=True))
-        + sum(b * each for b, each in zip(B[row], v, strict=True))
-        for row in range(2)
-    ]
-    return {"alpha": rates[0], "speed": rates[1], "altitude": 50.0 * z[0]}, {}
+    z = np.array([x.alpha - 0.1, x.speed - 100.0])
+    v = np.array([u.elevator - 0.05, u.throttle - 0.5])
+    alpha_rate, speed_rate = A @ z + B @ v
+    return {"alpha": alpha_rate, "speed": speed_rate, "altitude": 50.0 * z[0]}, {}
 
 
 GLIDER = hfa.Model(

@@ -6,7 +6,8 @@ import subprocess
 
 import numpy as np
 import pytest
-from policy_cases import AIRCRAFT, FOLDER, stored_deployment, trims
+from cli import assert_refused, hfa as run
+from policy_cases import AIRCRAFT, FOLDER, GTM, stored_deployment, trims
 from scipy.special import ndtr
 
 from hfa.main import main
@@ -69,7 +70,7 @@ def compiled(folder):
 
 @needs_compiler
 @pytest.mark.parametrize("name", ["td3_gtm", pytest.param("ppo_c172", marks=pytest.mark.slow)])
-def test_exported_c_equals_the_deployment_file(name, tmp_path, capsys):
+def test_exported_c_equals_the_deployment_file(name, tmp_path):
     """The exported C code gives the commands of the deployment file, and nan for a measurement of
     nan.
     """
@@ -145,15 +146,10 @@ def test_exported_c_has_the_functions_of_networks(tmp_path):
         (["--delta", "9", "-o", "c"], "--delta cannot be combined with a deployment"),
     ],
 )
-def test_the_export_of_a_deployment_to_an_fmu_is_refused(
-    words, named, tmp_path, monkeypatch, capsys
-):
+def test_the_export_of_a_deployment_to_an_fmu_is_refused(words, named, folder):
     """A deployment is not exported as an FMU, which has neither sample time nor delay, nor with --delta,
     the weight of a game. Each is refused in one line, and nothing is written.
     """
-    monkeypatch.chdir(tmp_path)
-    where = ["--policy", str(FOLDER / "ppo_gtm.toml"), "--aircraft", AIRCRAFT["ppo_gtm"][0]]
-    assert main(["export", *where, "--at", "45", *words]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert named in line
-    assert not [*tmp_path.iterdir()]
+    where = ("--policy", f"{FOLDER}/ppo_gtm.toml", "--aircraft", GTM, "--at", "45")
+    assert_refused(run("export", *where, *words), 2, named)
+    assert not [*folder.iterdir()]

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import assert_refused, hfa
+from cli import answer, assert_refused, hfa
 from policy_cases import ZIPS
 from scipy.linalg import solve_continuous_are
 from scipy.signal import cont2discrete
@@ -96,10 +96,10 @@ def test_a_gain_is_assessed_without_a_deployment_file(folder):
     lbf_ft = 4.4482216152605 * 0.3048  # in N m
     np.savez("units.npz", K=[[np.radians(4.24) / lbf_ft, 2.8 / lbf_ft]], **units)
     Path("deployment.toml").write_text(DEPLOYMENT)
-    words = ("--aircraft", "plant.npz", "--samples", "0", "--json")
+    words = ("--aircraft", "plant.npz", "--samples", "0")
     radii = []
     for named in (("K.npz", *SAMPLED), ("deployment.toml",), ("units.npz", *SAMPLED)):
-        told = json.loads(hfa("assess", *named, *words).out)
+        told = answer("assess", *named, *words)
         radii.append(told["points"][0]["spectral_radius"])
     assert radii[0] == radii[1] == pytest.approx(radii[2], rel=1e-12)
 
@@ -113,9 +113,9 @@ def test_a_network_is_assessed_without_a_deployment_file(folder):
     observed = "x1 = {}\nx2 = {}\nx3 = {}"
     table = DEPLOYMENT.replace("x1 = {}\nx2 = {}", observed).replace("u1 = {}", "u1 = {}\nu2 = {}")
     Path("deployment.toml").write_text(table.replace("K.npz", str(ZIPS / "sac.zip")))
-    words = ("--aircraft", "plant.npz", "--samples", "0", "--json")
+    words = ("--aircraft", "plant.npz", "--samples", "0")
     alone, described = (
-        json.loads(hfa("assess", *named, *words).out)
+        answer("assess", *named, *words)
         for named in ((str(ZIPS / "sac.zip"), *SAMPLED), ("deployment.toml",))
     )
     assert alone["points"] == described["points"]

@@ -7,6 +7,7 @@ import casadi as ca
 import control
 import numpy as np
 import pytest
+from held_inputs import over_hold
 from policy_cases import GTM, Q, R, gtm_deployment, model_of
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 from scipy.signal import cont2discrete
@@ -82,20 +83,6 @@ def test_margins_equal_python_control(gtm_lqr):
     assert found.disk.disk == pytest.approx(disk, rel=1e-3)
 
 
-def integrated_weights(A, B, Q, R, dt):
-    """Return Q, N and R of the integral over a sample, and A and B of a sample, by quadrature."""
-    n = len(A)
-    nodes, weights = np.polynomial.legendre.leggauss(12)
-    total = np.zeros((n + B.shape[1],) * 2)
-    both = np.zeros_like(total)
-    both[:n, :n], both[n:, n:] = Q, R
-    for node, weight in zip(nodes, weights, strict=True):
-        Phi, Gamma = zero_order_hold(A, B, 0.5 * dt * (1.0 + node))
-        along = np.vstack([np.hstack([Phi, Gamma]), np.eye(len(total))[n:]])
-        total += 0.5 * dt * weight * along.T @ both @ along
-    return total[:n, :n], total[:n, n:], total[n:, n:], *zero_order_hold(A, B, dt)
-
-
 def test_the_cost_of_a_policy_that_observes_an_input_is_that_of_scipy(gtm_lqr):
     """The policy u = -K x + S u_before, S = diag(0.4, 0), observes the elevator of the last sample.
     Its cost above the optimum, in %, is that of SciPy: by the Lyapunov equation of the loop with the
@@ -112,7 +99,7 @@ def test_the_cost_of_a_policy_that_observes_an_input_is_that_of_scipy(gtm_lqr):
     )
     (loop,) = hfa.assess(model_of(GTM), deployment, [linear.point], samples=0).points
     game = hfa.game(linear, Q=Q, R=R)
-    Q_DT, N_DT, R_DT, Phi, Gamma = integrated_weights(game.A, game.B, game.Q, game.R, DT)
+    Phi, Gamma, Q_DT, N_DT, R_DT = over_hold(game.A, game.B, game.Q, game.R, DT)
     # With s = (x, u_before): u = command s, s⁺ = closed s, and (x, u) = both s.
     command = np.hstack([-K, np.diag([0.4, 0.0])])
     closed = np.vstack([np.hstack([Phi, np.zeros((4, 2))]) + Gamma @ command, command])

@@ -6,6 +6,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from held_inputs import over_hold
 from policy_cases import (
     FOLDER,
     GTM,
@@ -17,7 +18,7 @@ from policy_cases import (
     trims,
 )
 from scipy.integrate import quad, solve_ivp
-from scipy.linalg import block_diag, eigh, expm, solve_discrete_are
+from scipy.linalg import eigh, solve_discrete_are
 from scipy.optimize import brentq
 from small_plants import deployed, scalar
 
@@ -80,27 +81,19 @@ def test_the_cost_above_the_optimum_is_that_of_gauss_quadrature():
         cost={"Q": {"place": 0.5, "both": 2.0}, "R": {"force": 0.3}},
     )
     Q = np.diag([0.5, 0.0]) + 2.0 * np.outer([2.0, 1.0], [2.0, 1.0])
-    rates = np.block([[A, B], [np.zeros((1, 3))]])  # of the states and of a held input
-
-    def held(seconds):
-        """Return the motion (3, 3) of states and input, and the weight (3, 3) of its cost."""
-        nodes, weights = np.polynomial.legendre.leggauss(8)  # on [-1, 1]
-        along = [expm(rates * seconds * (1.0 + node) / 2.0) for node in nodes]
-        costs = [motion.T @ block_diag(Q, 0.3) @ motion for motion in along]
-        return expm(rates * seconds), seconds / 2.0 * np.tensordot(weights, costs, 1)
-
-    F, W = held(0.1)
-    P = solve_discrete_are(F[:2, :2], F[:2, 2:], W[:2, :2], W[2:, 2:], s=W[:2, 2:])
+    # Motion F x + G u of a sample with a held input, and weights of its cost x'W_x x + 2 x'N u + u'W_u u.
+    F, G, W_x, N, W_u = over_hold(A, B, Q, 0.3, 0.1)
+    P = solve_discrete_are(F, G, W_x, W_u, s=N)
     # x are the states of two flights from unit deviations, and X is the matrix of their cost. The
     # commands of two samples ago and of the last one act for 0.04 s and 0.06 s of each sample.
     X, x, older, newer = np.zeros((2, 2)), np.eye(2), np.zeros((1, 2)), np.zeros((1, 2))
-    pieces = held(0.04), held(0.06)
+    pieces = [over_hold(A, B, Q, 0.3, seconds) for seconds in (0.04, 0.06)]
     for _ in range(400):  # the flights have settled after 40 s
         command = -np.array(K) @ x
-        for (motion, weight), acting in zip(pieces, (older, newer), strict=True):
-            both = np.vstack([x, acting])
-            X += both.T @ weight @ both
-            x = (motion @ both)[:2]
+        for (F, G, W_x, N, W_u), acting in zip(pieces, (older, newer), strict=True):
+            cross = x.T @ N @ acting
+            X += x.T @ W_x @ x + cross + cross.T + acting.T @ W_u @ acting
+            x = F @ x + G @ acting
         older, newer = newer, command
     # Costs above the optimum, in %: the worst deviation and the mean one, relative to x'Px.
     above = 100.0 * eigh(X - P, P, eigvals_only=True)

@@ -1,13 +1,11 @@
 """Flights in noise and moving air: `hfa.fly` with samples, of any policy, also behind a filter."""
 
-import json
-
 import numpy as np
 import pytest
+from cli import answer, assert_refused, hfa as hfa_command
 from policy_cases import FOLDER, GTM, SENSORS, aircraft, stored_deployment, trims
 
 import hfa
-from hfa.main import main
 from hfa_flight import Uncertainty
 
 NOISE = Uncertainty(noise={"pitch_rate": 0.02})
@@ -24,17 +22,15 @@ def assert_same(one, other):
             assert other[name] == one[name]
 
 
-def test_flights_in_python_are_those_of_the_command(capsys):
+def test_flights_in_python_are_those_of_the_command():
     """Two flights of the exact gain in noise, of which one leaves the envelope, have the same report
     by the command and in Python, with other lift and another seed than the default. The share of
     --need decides the exit code.
     """
     words = ["fly", "--policy", "exact", "--dihedral", "10", "--noise=speed=.05"]
     words += ["--error", "lift_slope=0.3", "--duration", "0.5", "--samples", "2", "--seed", "1"]
-    assert main([*words, "--need", "share=0.5"]) == 0
-    capsys.readouterr()
-    assert main([*words, "--json"]) == 1
-    commanded = json.loads(capsys.readouterr().out)
+    assert hfa_command(*words, "--need", "share=0.5").code == 0
+    commanded = answer(*words, code=1)
     model = hfa.aircraft()
     point = hfa.trim(model, dihedral=np.radians(10.0))
     gain = hfa.solve(hfa.paper.published_game(point.linearize())).K
@@ -84,10 +80,11 @@ def test_wrong_arguments_of_many_flights_are_refused(options, said):
         hfa.fly(model, point, scenario=hfa.Scenario(0.1, uncertainty=NOISE), **options)
 
 
-def test_assess_names_the_command_of_flights_in_noise(capsys):
+def test_assess_names_the_command_of_flights_in_noise():
     """`assess --noise` is refused with the advice `fly --policy FILE`, which flies in this noise."""
-    assert main(["assess", f"{FOLDER}/ppo_gtm.toml", "--aircraft", GTM, "--noise", "x"]) == 2
-    assert "hfa fly --policy DEPLOYMENT.toml" in capsys.readouterr().err
-    words = ["fly", "--policy", f"{FOLDER}/ppo_gtm.toml", "--aircraft", GTM, "--at", "45"]
-    assert main([*words, "--samples", "2", "--noise", "pitch_rate=1", "--duration", "1"]) == 0
-    assert capsys.readouterr().out.startswith("PASS: 2 of 2 flights of 1 s")
+    words = f"{FOLDER}/ppo_gtm.toml --aircraft {GTM} --noise".split()
+    refused = hfa_command("assess", *words, "x")
+    assert_refused(refused, 2, "hfa fly --policy DEPLOYMENT.toml")
+    flown = "pitch_rate=1 --at 45 --samples 2 --duration 1"
+    report = hfa_command("fly", "--policy", *words, *flown.split()).out
+    assert report.startswith("PASS: 2 of 2 flights of 1 s")

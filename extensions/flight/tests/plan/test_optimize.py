@@ -5,18 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import assert_refused, hfa as run
+from cli import answer, assert_refused, hfa as run
 from project import ROOT
 from scipy.linalg import solve_continuous_are, solve_continuous_lyapunov
-
-from hfa.main import main
 
 PENDULUM = f"{ROOT}/examples/pendulum.py:PENDULUM"
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("dihedral", ["5", "15"])
-def test_the_hfa_leaves_the_envelope_with_exact_policy(dihedral, capsys):
+def test_the_hfa_leaves_the_envelope_with_exact_policy(dihedral):
     """From the paper's x(0), 5 ft/s and 0.05 rad, the pitch rate leaves the envelope with the exact
     policy.
 
@@ -24,9 +22,8 @@ def test_the_hfa_leaves_the_envelope_with_exact_policy(dihedral, capsys):
     modes become too fast for the integration after it has left. The linear cost is less than half of
     that of the best flight.
     """
-    words = ["optimize", "--dihedral", dihedral, "--initial", "speed=5,alpha=2.8648", "--json"]
-    assert main(words) == 0
-    data = json.loads(capsys.readouterr().out)
+    words = ["optimize", "--dihedral", dihedral, "--initial", "speed=5,alpha=2.8648"]
+    data = answer(*words)
     linear, exact = data["policies"]
     assert exact["policy"] == "exact game policy, saturated"
     assert exact["departure"]["state"] == "pitch_rate"
@@ -36,7 +33,7 @@ def test_the_hfa_leaves_the_envelope_with_exact_policy(dihedral, capsys):
     assert data["start"] == pytest.approx({"speed": 5.0, "alpha": 0.05}, rel=1e-4)
 
 
-def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(folder, capsys):
+def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(folder):
     """The best flight costs z'Pz with P of SciPy's Riccati equation, and that of the gain K costs z'Xz of
     SciPy's Lyapunov equation. `over_best` is the ratio of a policy's cost to that of the best flight.
 
@@ -47,9 +44,8 @@ def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(fold
     P = solve_continuous_are(A, B, np.eye(2), [[0.5]])
     K = B.T @ P
     np.savez("K.npz", K=K)
-    words = ["optimize", "--aircraft", "plant.npz", "--initial", "x1=0.5,x2=0.2"]
-    assert main([*words, "--policy", "K.npz", "--Q", "1,1", "--R", "0.5", "--json"]) == 0
-    data = json.loads(capsys.readouterr().out)
+    words = "optimize --aircraft plant.npz --initial x1=0.5,x2=0.2 --policy K.npz --Q 1,1 --R 0.5"
+    data = answer(*words.split())
     X = solve_continuous_lyapunov((A - B @ K).T, -(np.eye(2) + 0.5 * K.T @ K))
     z = np.array([0.5, 0.2])
     assert data["cost"] == pytest.approx(z @ P @ z, rel=2e-3)
@@ -59,25 +55,24 @@ def test_flights_of_a_linear_plant_have_their_costs_by_riccati_and_lyapunov(fold
     assert other["cost"] == pytest.approx(z @ X @ z, rel=1e-4)
     assert other["over_best"] == pytest.approx(other["cost"] / data["cost"])
     np.savez("K.npz", K=-K)
-    weighted = ["--Q", "1,1", "--R", "0.5", "-o", "flight.json"]
-    assert main([*words, "--policy", "K.npz", *weighted]) == 1
-    assert " inf " not in capsys.readouterr().out
+    failed = run(*words.split(), "-o", "flight.json")
+    assert failed.code == 1
+    assert " inf " not in failed.out
     _, unstable = json.loads(Path("flight.json").read_text())["policies"]
     assert (unstable["converges"], unstable["cost"], unstable["over_best"]) == (False, None, None)
 
 
-def test_a_best_flight_between_trims_begins_at_that_of_hold_and_ends_at_that_of_to(capsys):
+def test_a_best_flight_between_trims_begins_at_that_of_hold_and_ends_at_that_of_to():
     """The best flight of the pendulum begins at the trim of --hold, 5 deg, and ends at that of --to,
     the upright one.
     """
     words = ["optimize", "--aircraft", PENDULUM, "--hold", "angle=5", "--to", "angle=0"]
-    assert main([*words, "--json"]) == 0
-    data = json.loads(capsys.readouterr().out)
+    data = answer(*words)
     assert data["start"] == pytest.approx({"angle": np.radians(5.0)})
     assert data["operating_point"]["states"]["angle"] == 0.0
 
 
-def test_optimize_counts_and_summarizes_initial_conditions(folder, capsys):
+def test_optimize_counts_and_summarizes_initial_conditions(folder):
     """Initial conditions reach up to 0.9 of the nearer limit, 0.3, and not beyond. The median and the
     worst cost ratio of a policy are those of its listed flights, none of which is below 1.
     """
@@ -85,8 +80,7 @@ def test_optimize_counts_and_summarizes_initial_conditions(folder, capsys):
     np.savez("K.npz", K=[[0.2, 0.5]])
     words = ["optimize", "--aircraft", "plant.npz", "--starts", "6", "--policy", "K.npz"]
     limits = ["--limit", "x1=-1:0.3", "--limit", "x2=-9:9"]
-    assert main([*words, *limits, "--seed", "7", "--json"]) == 0
-    data = json.loads(capsys.readouterr().out)
+    data = answer(*words, *limits, "--seed", "7")
     assert data["starts"] == data["found"] + data["refused"] == 6
     assert 0.265 < max(abs(best["start"]["x1"]) for best in data["flights"]) <= 0.27
     for place, policy in enumerate(data["policies"]):

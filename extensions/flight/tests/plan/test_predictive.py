@@ -9,15 +9,15 @@ from functools import partial
 import casadi as ca
 import numpy as np
 import pytest
-from cli import assert_refused, hfa as hfa_command
+from cli import answer, assert_refused, hfa as hfa_command
+from held_inputs import over_hold
 from known_models import game_at, model_at
 from project import ROOT
 from scipy.integrate import solve_ivp
-from scipy.linalg import block_diag, expm, solve_continuous_are, solve_discrete_are
+from scipy.linalg import solve_continuous_are, solve_discrete_are
 from scipy.optimize import lsq_linear
 
 import hfa
-from hfa.main import main
 from hfa_flight import Scenario
 from hfa_flight.policies.policy import NextSample
 
@@ -46,19 +46,6 @@ LAWS = {"predictive": predictive, "state-dependent": hfa.state_dependent}
 def cart_policy(law="predictive", **settings):
     """Return a policy of the cart with the weights `WEIGHTS`."""
     return LAWS[law](CART, AT_REST, *WEIGHTS, **settings)
-
-
-def over_hold(A, B, Q, R, h):
-    """Return A, B of a hold of h seconds, and Q, N, R of its exact cost by Gauss quadrature."""
-    n, m = B.shape
-    rates = np.block([[A, B], [np.zeros((m, n + m))]])
-    weight = block_diag(Q, R)
-    W = np.zeros((n + m, n + m))
-    for node, share in zip(*np.polynomial.legendre.leggauss(20), strict=True):
-        transition = expm(rates * 0.5 * h * (1.0 + node))
-        W += 0.5 * h * share * (transition.T @ weight @ transition)
-    end = expm(rates * h)
-    return end[:n, :n], end[:n, n:], W[:n, :n], W[:n, n:], W[n:, n:]
 
 
 def gradient(policy):
@@ -465,7 +452,7 @@ def test_without_time_for_a_new_plan_the_last_one_is_flown():
     assert policy.samples.late == 1
 
 
-def test_a_flight_of_the_command_does_not_depend_on_the_machine(capsys, monkeypatch):
+def test_a_flight_of_the_command_does_not_depend_on_the_machine(monkeypatch):
     """On a machine that needs a second between two instructions, the flight is the same."""
     words = ["fly", "--aircraft", PENDULUM_FILE, "--policy", "predictive", "--duration", "0.4"]
     words += ["--initial", "angle=40", "--disturbance", "push=2", "--json"]
@@ -473,23 +460,20 @@ def test_a_flight_of_the_command_does_not_depend_on_the_machine(capsys, monkeypa
     for slow in (False, True):
         if slow:  # each reading of the clock is a second after the one before
             monkeypatch.setattr("time.thread_time", map(float, range(10**9)).__next__)
-        assert main(words) == 0
-        finals.append(json.loads(capsys.readouterr().out)["final"])
+        finals.append(json.loads(hfa_command(*words).out)["final"])
     assert finals[0] == finals[1]
 
 
 @pytest.mark.parametrize(
     "law", ["predictive", pytest.param("state-dependent", marks=pytest.mark.slow)]
 )
-def test_laws_fly_and_are_compared_on_the_command_line(law, capsys):
+def test_laws_fly_and_are_compared_on_the_command_line(law):
     """A flight costs the same by `fly --policy` and `optimize --policy`, and at most 2 % more than the
     best flight.
     """
-    words = ["--aircraft", PENDULUM_FILE, "--policy", law, "--json"]
-    assert main(["fly", *words, "--initial", "angle=70", "--duration", "5"]) == 0
-    flown = json.loads(capsys.readouterr().out)
-    assert main(["optimize", *words, "--initial", "angle=70"]) == 0
-    compared = json.loads(capsys.readouterr().out)["policies"]
+    words = ["--aircraft", PENDULUM_FILE, "--policy", law, "--initial", "angle=70"]
+    flown = json.loads(hfa_command("fly", *words, "--duration", "5", "--json").out)
+    compared = answer("optimize", *words)["policies"]
     (of_law,) = [row for row in compared if row["policy"] == law]
     assert 0.999 < of_law["over_best"] < 1.02
     assert of_law["cost"] == pytest.approx(flown["cost"] + flown["cost_to_go"], rel=5e-5)

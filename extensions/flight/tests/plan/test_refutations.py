@@ -1,12 +1,10 @@
 """What refutes a proposed flight: planted errors in the candidate and in the search."""
 
-import json
-
 import casadi as ca
 import numpy as np
 import pytest
 from carts import best_of_cart
-from cli import hfa as command
+from cli import answer, hfa as command
 from known_models import game_at, model_at
 
 import hfa
@@ -79,9 +77,7 @@ def test_initial_conditions_without_a_flight_count_in_the_share(folder, monkeypa
     monkeypatch.setattr(ca, "nlpsol", Failing)
     np.savez("cart.npz", A=[[0.0, 1.0], [0.0, 0.0]], B=[[0.0], [1.0]])
     words = ("optimize", "--aircraft", "cart.npz", "--starts", "5", "--limit", "x2=-0.3:0.3")
-    run = command(*words, "--json")
-    found = json.loads(run.out)["found"]
-    assert run.code == 1
+    found = answer(*words, code=1)["found"]
     assert 0 < found < 5
     for share, code in ((found / 5, 0), (found / 5 + 0.1, 1)):
         assert command(*words, "--need", f"share={share}").code == code
