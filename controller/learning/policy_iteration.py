@@ -103,7 +103,7 @@ class Iteration(Samples):
         """Return whether P >= 0 up to rounding, and A - S_s P - βI is stable."""
         loop = self.game.A - self.S(problem) @ P
         smallest = np.linalg.eigvalsh(P)[0]
-        is_semidefinite = smallest > -NEGATIVE_BY_ROUNDING * float(np.abs(P).max())
+        is_semidefinite = smallest > -NEGATIVE_BY_ROUNDING * np.abs(P).max()
         return is_semidefinite and spectral_abscissa(loop) < problem.discount
 
 
@@ -178,7 +178,7 @@ def policy_iteration(samples: Samples, progress: Progress | None) -> Learned:
         lambda share: report(0.5 + 0.5 * share, 1.0, f"share {share:.3g} of 1/delta²"),
     )
     if share < 1.0:  # solved up to share / δ²
-        end = game.delta / np.sqrt(share) if share > 0.0 else np.inf
+        end = game.delta / np.sqrt(share) if share else np.inf
         raise NoSolutionError(
             f"the law finds no solution for delta = {game.delta:g}, because the solution ceases to "
             f"exist at delta = {end:.6g}; choose a larger delta (`hfa solve` reports the smallest)"

@@ -187,8 +187,8 @@ def _times_root(units: Units, root: np.ndarray) -> Units:
 
     root: root'root is |X| in the states T y; T None is the identity
     """
-    exact = ball_matrix(root)
-    return units._replace(T=exact if units.T is None else (exact * units.T).mid())
+    in_balls = ball_matrix(root)
+    return units._replace(T=in_balls if units.T is None else (in_balls * units.T).mid())
 
 
 def corrected(equation: Equation, X: arb_mat) -> Candidate:

@@ -284,7 +284,7 @@ def _elements() -> dict[str, Any]:
 def _omitted(root: Element) -> Iterator[tuple[Element, str]]:
     """Yield (element, reason) for each element that was not read but may be omitted.
 
-    Raises BadInputError if an element or attribute that was not read affects the forces.
+    Raises BadInputError if an element or attribute that was not read may affect the forces.
     """
     pending = [root]
     while pending:

@@ -410,18 +410,18 @@ class _SamplesInside:
         """
         kept, problem = self._kept, self._kept.problem
         if tick % kept.ticks_per_sample:
-            return self._held
-        # The states when the command of this sample acts.
+            return self._held  # no sample begins
         time = tick * kept.tick
+        # Followed states, z, and all states when the command of this sample acts.
         z = self._predictor.when_acting(problem.followed_of(problem.point.x + measured))
-        when_acting = measured.copy()
+        at_action = measured.copy()
         if kept.delay:
-            when_acting[problem.followed_places] = z * problem.nominal.states
+            at_action[problem.followed_places] = z * problem.nominal.states
 
         if self._sampler is None:
             of_policy = kept.policy.held_inputs(tick, time)
         else:
-            of_policy = self._sampler(tick, when_acting)
+            of_policy = self._sampler(tick, at_action)
         # A policy without samples is evaluated at the states now, as it is without kept limits.
         (u,) = self._command.at(time, measured, of_policy)
 
