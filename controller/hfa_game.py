@@ -13,8 +13,7 @@ from controller.game.linear_game import Defaults, game, names_of_linear, stored_
 from controller.game.zero_sum import Game
 from hfa_aircraft.readers.matrices_file import file_scales
 from hfa_aircraft.signals import UNNAMED, PlantNames
-from hfa_model.parameters import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS
-from hfa_model.published import published_data
+from hfa_model.parameters import INPUT_UNITS, INPUTS, LINEAR_STATES, LINEAR_UNITS, published_data
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 
 if TYPE_CHECKING:

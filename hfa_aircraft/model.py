@@ -21,7 +21,6 @@ from hfa_aircraft.layout import (
     linearized_rows,
     symbolic,
 )
-from hfa_aircraft.recognition import meant_by, recognized, usual_modes
 from hfa_aircraft.signals import (
     AIRSPEEDS,
     ISA,
@@ -29,8 +28,11 @@ from hfa_aircraft.signals import (
     Signal,
     declared_signals,
     factor_to,
+    meant_by,
+    recognized,
     record,
     signals_report,
+    usual_modes,
 )
 from hfa_support.errors import (
     BadInputError,

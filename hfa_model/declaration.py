@@ -26,8 +26,8 @@ from hfa_model.parameters import (
     STATES,
     Parameters,
     State,
+    published_data,
 )
-from hfa_model.published import published_data
 from hfa_model.variants import Variant
 from hfa_support.errors import BadInputError
 

@@ -408,3 +408,18 @@ def sample_parameters(parameters: ParameterSet, count: int, seed: int) -> tuple[
         parameters.values._replace(**dict(zip(parameters.identified, row, strict=True)))
         for row in spread.draws(count, seed).tolist()
     )
+
+
+@cache
+def published_data() -> dict[str, Any]:
+    """Return the numbers printed in the paper, the content of `printed_matrices.json`.
+
+    Raises ValueError if its states or inputs are not in the order of `LINEAR_STATES` and `INPUTS`.
+    """
+    text = Path(__file__).with_name("printed_matrices.json").read_text(encoding="utf-8")
+    data: dict[str, Any] = json.loads(text)
+    if tuple(data["states"]) != LINEAR_STATES or tuple(data["inputs"]) != INPUTS:
+        raise ValueError(
+            "printed_matrices.json: states or inputs are not in the order of hfa_model.parameters"
+        )
+    return data

@@ -2,33 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hfa_model.parameters import INPUTS, LINEAR_STATES
+from hfa_model.parameters import LINEAR_STATES, published_data
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import ByValue
 from hfa_support.reporting.text import in_degrees
-
-
-@cache
-def published_data() -> dict[str, Any]:
-    """Return the numbers printed in the paper, the content of `printed_matrices.json`.
-
-    Raises ValueError if its states or inputs are not in the order of `hfa_model.parameters`.
-    """
-    text = Path(__file__).with_name("printed_matrices.json").read_text(encoding="utf-8")
-    data: dict[str, Any] = json.loads(text)
-    if tuple(data["states"]) != LINEAR_STATES or tuple(data["inputs"]) != INPUTS:
-        raise ValueError(
-            "printed_matrices.json: states or inputs are not in the order of hfa_model.parameters"
-        )
-    return data
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 
 from hfa.options.trims import GivenTrim, at_name
-from hfa_aircraft.recognition import recognized
+from hfa_aircraft.signals import recognized
 from hfa_support.errors import BadInputError, NoSolutionError, warn
 from hfa_support.reporting.text import shown_value
 from hfa_support.units import si_unit

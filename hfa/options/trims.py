@@ -26,8 +26,13 @@ from hfa_aircraft.signals import ISA
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown
 from hfa_support.provenance import Change
 from trim.hfa.level_flight import CONDITIONS, load_condition
-from trim.point.condition import StatedValues, TrimCondition, release, usual_condition
-from trim.point.freed import freed_parameters
+from trim.point.condition import (
+    StatedValues,
+    TrimCondition,
+    freed_parameters,
+    release,
+    usual_condition,
+)
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 

@@ -17,8 +17,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.recognition import recognized
-from hfa_aircraft.signals import AIRSPEEDS, ISA
+from hfa_aircraft.signals import AIRSPEEDS, ISA, recognized
 from hfa_support.errors import BadInputError
 from hfa_support.units import (
     EARTH_RADIUS,

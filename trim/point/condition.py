@@ -482,3 +482,8 @@ def _table(model: Model, file: str, key: str, value: Any, factor: float) -> Line
         breakpoints = np.radians(breakpoints)
     with prefix_errors(f"{file}: {key}"):
         return LinearTable(breakpoints, values * factor)
+
+
+def freed_parameters(condition: TrimCondition) -> tuple[str, ...]:
+    """Return the parameters that a condition sets free."""
+    return tuple(name for name in condition.freed if name in condition.model.parameters)

@@ -11,14 +11,9 @@ from typing import Any
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_support.errors import BadInputError
-from trim.point.condition import TrimCondition
+from trim.point.condition import TrimCondition, freed_parameters
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
-
-
-def freed_parameters(condition: TrimCondition) -> tuple[str, ...]:
-    """Return the parameters that a condition sets free."""
-    return tuple(name for name in condition.freed if name in condition.model.parameters)
 
 
 @lru_cache(maxsize=16)

@@ -12,7 +12,7 @@ import numpy as np
 
 from hfa_aircraft.limits import NEAR
 from hfa_aircraft.model import Model
-from hfa_aircraft.recognition import recognized
+from hfa_aircraft.signals import recognized
 from hfa_support.native.bound import RowFunction
 from hfa_support.reporting.results import Result
 from trim.point.condition import TrimCondition

@@ -12,8 +12,7 @@ import numpy as np
 
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_aircraft.recognition import recognized
-from hfa_aircraft.signals import StatesAndInputs, record
+from hfa_aircraft.signals import StatesAndInputs, recognized, record
 from hfa_support.errors import BadInputError, file_faults, refuse_unknown, shortened
 from hfa_support.files import NUMBER, checked, read_json, write_text
 from hfa_support.reporting.report import Report, Reported

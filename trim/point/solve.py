@@ -17,8 +17,14 @@ from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.reporting.results import Result, without_empty
 from trim.point import searches
-from trim.point.condition import OTHER_UNITS, TrimCondition, release, usual_condition
-from trim.point.freed import freed_parameters, with_found_parameters, with_parameters_as_inputs
+from trim.point.condition import (
+    OTHER_UNITS,
+    TrimCondition,
+    freed_parameters,
+    release,
+    usual_condition,
+)
+from trim.point.freed import with_found_parameters, with_parameters_as_inputs
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import DEPENDENT, TrimProblem, keepable, undetermined
 from trim.point.status import BALANCE, Status

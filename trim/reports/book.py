@@ -10,7 +10,7 @@ from itertools import cycle
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.recognition import recognized
+from hfa_aircraft.signals import recognized
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report

@@ -20,7 +20,7 @@ from hfa_support.reporting.text import (
     without_rounding,
 )
 from trim.linear.modes import Mode
-from trim.point.freed import freed_parameters
+from trim.point.condition import freed_parameters
 from trim.point.margins import Margin
 from trim.point.status import BALANCE
 from trim.reports.figures import stall_lines

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.recognition import recognized
+from hfa_aircraft.signals import recognized
 from hfa_support.errors import BadInputError, NoSolutionError, NotFiniteError
 from hfa_support.matrices import ROUNDING, balanced, spectral_abscissa
 from hfa_support.reporting.rows import ByName, Row

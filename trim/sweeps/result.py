@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.recognition import recognized
-from hfa_aircraft.signals import StatesAndInputs, record
+from hfa_aircraft.signals import StatesAndInputs, recognized, record
 from hfa_support.errors import BadInputError, NoSolutionError, imported, refuse_unknown
 from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.parts import Picture

@@ -15,8 +15,13 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, numbers_in, shown
 from hfa_support.reporting.results import without_empty
-from trim.point.condition import TrimCondition, stated_cells, stated_values, usual_condition
-from trim.point.freed import freed_parameters
+from trim.point.condition import (
+    TrimCondition,
+    freed_parameters,
+    stated_cells,
+    stated_values,
+    usual_condition,
+)
 from trim.point.operating_point import OperatingPoint, beyond_range
 from trim.sweeps.points import condition_at
 

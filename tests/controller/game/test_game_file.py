@@ -15,7 +15,7 @@ from stored_games import stored as stored_game
 from controller import load_game
 from hfa import BadInputError, Game, read_critic, solve
 from hfa_model import LINEAR_STATES, published_models
-from hfa_model.published import published_data
+from hfa_model.parameters import published_data
 
 A2 = [[0.0, 1.0], [-2.0, -3.0]]
 B2 = [[0.0], [1.0]]

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.recognition import recognized
+from hfa_aircraft.signals import recognized
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.units import conversion_factor, si_factor
 from trim.point.operating_point import OperatingPoint
