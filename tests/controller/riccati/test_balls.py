@@ -64,8 +64,8 @@ def test_only_positive_matrices_are_proved_positive():
         for middle, expected in ((2.0, True), (0.5, None), (-2.0, False)):
             last = arb(middle, 1.0)
             assert is_positive_definite(arb_mat([[arb(4), arb(2)], [arb(2), last + 1]])) is expected
-        for diagonal, expected in (([1.0, np.nan], None), ([1.0, 0.0], None)):
-            assert is_positive_definite(ball_matrix(np.diag(diagonal))) is expected
+        for last in (np.nan, 0.0):
+            assert is_positive_definite(ball_matrix(np.diag([1.0, last]))) is None
 
 
 @pytest.mark.parametrize("text", ["0.1 +/- 1e-9", "1/3 +/- 1e-70", "-2", "0", "0 +/- 3e-300"])

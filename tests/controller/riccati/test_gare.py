@@ -58,7 +58,6 @@ def test_policies_eigenvalues_and_costs_follow_from_P(game):
     np.testing.assert_allclose(
         np.sort(solution.worst_case_eigenvalues.real), np.sort(worst.real), rtol=1e-9
     )
-    assert worst.real.max() < 0.0
 
 
 def test_a_P_that_is_not_symmetric_has_the_gain_of_its_symmetric_part(game):
@@ -116,9 +115,8 @@ def test_a_defective_plant_without_cost_has_zero_value():
 def test_a_missing_lqr_solution_names_the_mode(A, B, Q, message):
     """If no LQR solution exists, a one-line message names the responsible mode."""
     game = Game(A, B, E=I2, Q=Q, R=[[1.0]], delta=10.0)
-    pattern = message.replace("+", r"\+")
     for solver in (solve, minimum_delta):
-        with pytest.raises(NoSolutionError, match=pattern) as refusal:
+        with pytest.raises(NoSolutionError, match=message) as refusal:
             solver(game)
         assert "\n" not in str(refusal.value)
 
@@ -221,7 +219,7 @@ def test_an_undamped_costless_mode_is_named(size, seed):
     rows = np.linalg.inv(modes).round()
     A = size * modes @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]) @ rows
     B = rng.standard_normal((3, 1))
-    game = Game(A, B, E=np.zeros((3, 1)), Q=np.outer(rows[2], rows[2]), R=np.eye(1), delta=math.inf)
+    game = Game(A, B, Q=np.outer(rows[2], rows[2]), R=np.eye(1))
     named = re.escape(f"undamped mode with eigenvalue 0 ± {size:.4g}i")
     with pytest.raises(NoSolutionError, match=f"is not detectable: the {named}"):
         solve(game)
@@ -250,9 +248,7 @@ def test_the_printed_gain_stabilizes(slow, is_refined):
     modes = np.array([[0.8, 0.6], [-0.6, 0.8]])
     A = modes @ np.diag([1e3, slow]) @ modes.T
     B = 100.0 * modes @ [[1.0], [1.0]]
-    solution = solve(
-        Game(A, B, E=np.zeros((2, 1)), Q=4e-12 * np.eye(2), R=np.eye(1), delta=math.inf)
-    )
+    solution = solve(Game(A, B, Q=4e-12 * np.eye(2), R=np.eye(1)))
     (table,) = (part for part in solution.report().parts if "K" in getattr(part, "header", ()))
     printed = np.array([row[1:] for row in table.rows], dtype=float)
     assert np.linalg.eigvals(A - B @ printed).real.max() < 0.0

@@ -19,19 +19,6 @@ from hfa import Game, solve
 EXACT = 1e-14
 
 
-def equation(A, B, Q, R):
-    """Return the game with the Riccati equation of these matrices, whose delta is infinite."""
-    A = np.array(A, float)
-    return Game(
-        A=A,
-        B=np.array(B, float),
-        Q=np.array(Q, float),
-        R=np.array(R, float),
-        E=np.eye(len(A)),
-        delta=math.inf,
-    )
-
-
 def known_solutions():
     """Yield (number and parameter of the example, its game, its solution P)."""
     for small in (1.0, 1e-8):  # (A, B) loses stabilizability
@@ -40,12 +27,12 @@ def known_solutions():
         X = np.array(
             [[(1.0 + root) / small**2, corner], [corner, 0.25 * (1.0 - (small * corner) ** 2)]]
         )
-        yield f"7, {small:g}", equation(np.diag([1, -2]), [[small], [0]], np.ones((2, 2)), [[1]]), X
+        yield f"7, {small:g}", Game(np.diag([1, -2]), [[small], [0]], Q=np.ones((2, 2)), R=[1]), X
     for size in (1e-6, 1e6):
         root = math.sqrt(1.0 + 2.0 * size)
         yield (
             f"9, {size:g}",
-            equation([[0, size], [0, 0]], [[0], [1]], np.eye(2), [[1]]),
+            Game([[0, size], [0, 0]], [[0], [1]], Q=np.eye(2), R=[1]),
             np.array([[root / size, 1], [1, root]]),
         )
     for small in (1.0, 1e-5):  # the closed loop approaches the imaginary axis
@@ -54,7 +41,7 @@ def known_solutions():
         X = np.array([[x, x / (x - a)], [x / (x - a), x]])
         yield (
             f"10, {small:g}",
-            equation([[a, 1], [1, a]], np.eye(2), small**2 * np.eye(2), np.eye(2)),
+            Game([[a, 1], [1, a]], np.eye(2), Q=small**2 * np.eye(2), R=np.eye(2)),
             X,
         )
     V = np.eye(3) - 2.0 / 3.0
@@ -62,7 +49,7 @@ def known_solutions():
         cost = np.array([1.0 / size, 1.0, size])
         rates = size * np.array([1.0, 2.0, 3.0])
         X = V @ np.diag(size * (rates + np.sqrt(rates**2 + cost / size))) @ V
-        game = equation(V @ np.diag(rates) @ V, np.eye(3), V @ np.diag(cost) @ V, size * np.eye(3))
+        game = Game(V @ np.diag(rates) @ V, np.eye(3), Q=V @ np.diag(cost) @ V, R=size * np.eye(3))
         yield f"12, {size:g}", game, X
 
 
@@ -75,9 +62,6 @@ def test_known_carex_solutions_are_found(game, X):
 
 
 # Examples without a closed form: checked by their residual.
-
-#: Examples contained as files in SciPy's tests.
-_FILES = (6, 15, 18, 19)
 
 
 def remainder(game, P):
@@ -93,11 +77,11 @@ def filed(number):
     if not file.exists():
         pytest.skip("this SciPy comes without its tests")
     with np.load(file) as data:
-        return equation(*(np.atleast_2d(data[name]) for name in "ABQR"))
+        return Game(**{name: np.atleast_2d(data[name]) for name in "ABQR"})
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", _FILES)
+@pytest.mark.parametrize("number", [6, 15, 18, 19])
 def test_large_games_satisfy_their_riccati_equations(number):
     """P of a game with 30 to 100 states satisfies its Riccati equation to 1e-12 and stabilizes."""
     game = filed(number)

@@ -13,15 +13,11 @@ from controller.riccati.lyapunov import stabilizes
 from hfa import Game, NoSolutionError, solve
 
 
-def loop_margins(game, K):
-    return tuple(hfa.margins(hfa.LinearModel.of(game.A, game.B), K).values())
-
-
 def test_margins_of_an_unstable_loop_are_refused(game):
     """The message names the unstable pole. There is no disk margin."""
     K = solve(game).K
     with pytest.raises(NoSolutionError, match="the loop has a pole at "):
-        loop_margins(game, -K)
+        hfa.margins(game, -K)
     assert solve(game).closed_loops.disk_margin(-K) is None
 
 
@@ -105,9 +101,9 @@ def test_gain_and_phase_of_a_disk_margin_are_the_textbooks():
     Of the loop 3 / (s - 1) it is 2 / max |S - T| with S - T = (s - 4) / (s + 2).
     """
     game = Game([[1.0]], [[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=10.0)
-    found = solve(game).closed_loops.disk_margin(np.array([[3.0]]))
-    assert (found.disk, found.gain, found.phase) == pytest.approx((1.0, 3.0, 53.13010235), rel=1e-6)
     solution = solve(game)
+    found = solution.closed_loops.disk_margin(np.array([[3.0]]))
+    assert (found.disk, found.gain, found.phase) == pytest.approx((1.0, 3.0, 53.13010235), rel=1e-6)
     named, k = solution.loop_margins["u1"], float(solution.K[0, 0])
     alpha = named["disk"]  # of the loop k / (s - 1), at 0 rad/s
     assert alpha == pytest.approx(2.0 * (k - 1.0) / (k + 1.0), rel=1e-3)
@@ -203,7 +199,7 @@ def test_a_stable_loop_that_rounds_to_a_singular_one_has_a_disk_margin():
     assert 0.0 < solve(game).closed_loops.disk_margin(K).disk < 1e-12
 
 
-@pytest.mark.parametrize("rate", [1e-170, 1e-200, 1e-300])
+@pytest.mark.parametrize("rate", [1e-170, 1e-300])
 def test_a_slow_loop_is_proved_stable(rate):
     """x' = -rate x is proved stable, and with u = 2 rate x unstable, although rate² is below the
     smallest double. Beside a state with a cost, x without a cost has P = 0.

@@ -159,14 +159,6 @@ def test_inputs_that_move_no_cost_are_zero():
     np.testing.assert_array_equal(solve(in_other_states).K[1:], 0.0)
 
 
-def test_a_state_whose_effect_a_free_input_cancels_has_no_cost():
-    """x2⁺ = x1 + x2 / 2 + u, with a cost of x2 alone: u = -x1 - x2 / 2 costs nothing."""
-    A = [[0.5, 0.0], [1.0, 0.5]]
-    solution = solve(Game(A, [[0.0], [1.0]], Q=[0.0, 1.0], R=[[0.0]], dt=True))
-    np.testing.assert_array_equal(solution.P, np.diag([0.0, 1.0]))
-    np.testing.assert_array_equal(solution.K, [[1.0, 0.5]])
-
-
 def test_weights_that_are_symmetric_up_to_rounding_do_not_make_P_positive():
     """The symmetric part [[1, e/2], [e/2, 0]] of Q is indefinite, and so is P."""
     Q = [[1.0, 1e-12], [0.0, 0.0]]

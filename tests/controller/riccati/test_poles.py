@@ -12,10 +12,10 @@ T = np.array([[1.0, 2.0, 1.0], [1.0, 3.0, 1.0], [0.0, 1.0, 1.0]])
 T_INVERSE = np.array([[2.0, -1.0, -1.0], [-1.0, 1.0, 0.0], [1.0, -1.0, 1.0]])
 #: Loops with the eigenvalues of their diagonals.
 LOOPS = {
-    "simple": [[-1.0, 0.0, 0.0], [0.0, -2.0, 0.0], [0.0, 0.0, -3.0]],
-    "slow": [[-1e-14, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1e6]],
-    "double": [[-2.0, 0.0, 0.0], [0.0, -2.0, 0.0], [0.0, 0.0, -1.0]],
-    "Jordan block": [[-2.0, 1.0, 0.0], [0.0, -2.0, 1.0], [0.0, 0.0, -2.0]],
+    "simple": np.diag([-1.0, -2.0, -3.0]),
+    "slow": np.diag([-1e-14, -1.0, -1e6]),
+    "double": np.diag([-2.0, -2.0, -1.0]),
+    "Jordan block": np.diag([1.0, 1.0], 1) - 2.0 * np.eye(3),
 }
 
 
@@ -27,7 +27,7 @@ def test_poles_are_right_to_the_last_digit(name, is_discrete):
     The loop is T M T⁻¹ with an integer T and an upper triangular M, whose diagonal has the poles.
     Rounding would move the triple pole of a Jordan block by 1e-5.
     """
-    middle = np.array(LOOPS[name])
+    middle = LOOPS[name]
     exact = np.sort(np.diag(middle))
 
     def loop(bits):

@@ -72,12 +72,13 @@ def test_weights_semidefinite_up_to_rounding_do_not_prove_that_the_loop_is_stabl
         solve(game.with_delta(1.0))
 
 
-STEP = {"A": [[0.5, 0.0], [1.0, 0.5]], "B": [[0.0], [1.0]], "Q": [0.0, 1.0], "R": [0.0]}
-
-
 def test_a_disturbance_that_the_input_cancels_costs_nothing():
-    """x2⁺ = x1 + x2 / 2 + u: the smallest delta and the L2 gain are 0."""
-    solution = solve(Game(**STEP, E=[[1.0], [0.0]], delta=2.0, dt=True))
+    """x1⁺ = x1 / 2 + d and x2⁺ = x1 + x2 / 2 + u, with a cost of x2 alone: u = -x1 - x2 / 2 costs
+    nothing from x1, and the smallest delta and the L2 gain are 0.
+    """
+    A, B, E = [[0.5, 0.0], [1.0, 0.5]], [[0.0], [1.0]], [[1.0], [0.0]]
+    solution = solve(Game(A, B, E=E, Q=[0.0, 1.0], R=[0.0], delta=2.0, dt=True))
+    assert solution.P.tolist() == [[0.0, 0.0], [0.0, 1.0]]
     assert solution.K.tolist() == [[1.0, 0.5]]
     assert (solution.delta_min, solution.l2_gain) == (0.0, 0.0)
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from flint import arb, arb_mat
+from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
 from controller.riccati.balls import ball_matrix, precision
 from controller.riccati.candidate import Candidate
@@ -82,28 +83,18 @@ def solution(roots):
     return back.transpose() * arb_mat([[first, 0], [0, second]]) * back
 
 
-def solved(F, *, is_discrete):
-    """Return Y of F'Y + Y F = -1, in discrete time of F'Y F - Y = -1, as one linear system."""
-    n = F.nrows()
-    rows = []
-    for i, j in product(range(n), repeat=2):
-        row = []
-        for k, m in product(range(n), repeat=2):
-            if is_discrete:
-                row.append(F[k, i] * F[m, j] - (i == k and j == m))
-            else:
-                row.append((j == m) * F[k, i] + (i == k) * F[m, j])
-        rows.append(row)
-    right = arb_mat([[-arb(int(i == j))] for i, j in product(range(n), repeat=2)])
-    entries = arb_mat(rows).solve(right).entries()
-    return arb_mat([entries[n * i : n * i + n] for i in range(n)]).mid()
-
-
 def lyapunov_solution(equation, X):
-    """Return Y of F'Y + Y F = -1, in discrete time of F'Y F - Y = -1, for the loop F at X."""
+    """Return Y of F'Y + Y F = -1, in discrete time of F'Y F - Y = -1, for the loop F at X.
+
+    It is solved in doubles: the proof requires no exact Y.
+    """
     exact = X.mid()
     F = equation.loop(exact, equation.gains_and_residual(exact)[0])
-    return solved(F.mid(), is_discrete=equation.is_discrete)
+    F = np.array(F.mid().tolist(), dtype=float)
+    one = np.eye(len(F))
+    if equation.is_discrete:
+        return ball_matrix(solve_discrete_lyapunov(F.T, one))
+    return ball_matrix(solve_continuous_lyapunov(F.T, -one))
 
 
 def proved_ball(equation, X, Y):

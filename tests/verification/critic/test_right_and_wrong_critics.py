@@ -37,11 +37,7 @@ class Case(NamedTuple):
 
     def with_delta(self, factor):
         """Return the exact P for another delta."""
-        game = self.game
-        if game.is_discrete:
-            step = game.with_delta(factor * game.delta)
-            return solve(in_steps(step, game.discount)).P
-        return hfa.solve(game.with_delta(factor * game.delta)).P
+        return solve(self.game.with_delta(factor * self.game.delta)).P
 
 
 #: Time -> game in the first line.
