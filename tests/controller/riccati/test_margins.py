@@ -100,8 +100,7 @@ def test_gain_and_phase_of_a_disk_margin_are_the_textbooks():
 
     Of the loop 3 / (s - 1) it is 2 / max |S - T| with S - T = (s - 4) / (s + 2).
     """
-    game = Game([[1.0]], [[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=10.0)
-    solution = solve(game)
+    solution = solve(Game([[1.0]], [[1.0]], Q=[[1.0]], R=[[1.0]]))
     found = solution.closed_loops.disk_margin(np.array([[3.0]]))
     assert (found.disk, found.gain, found.phase) == pytest.approx((1.0, 3.0, 53.13010235), rel=1e-6)
     named, k = solution.loop_margins["u1"], float(solution.K[0, 0])

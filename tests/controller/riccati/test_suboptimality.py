@@ -234,11 +234,13 @@ def test_a_gain_beyond_delta_has_infinite_cost():
 def test_the_cost_of_a_gain_of_just_delta_is_not_decided():
     """With K = 0, x' = -x + d has the L2 gain 1 = delta, and costs x² under the worst disturbance.
 
-    The proof of a bound needs a gain below delta, that of an infinite cost one above it.
+    The proof of a bound needs a gain below delta, that of an infinite cost one above it. With K = -1,
+    x' = d has the pole 0, of which no proof says whether it is stable.
     """
     game = Game([[-1.0]], [[1.0]], E=[[1.0]], Q=[1.0], R=[1.0], delta=1.0)
     found = judged(game, [[0.0]])
     assert (found.is_stable, found.low, found.high) == (True, 0.0, math.inf)
+    assert judged(game, [[-1.0]]).low == 0.0
     report = verify(game, from_gain(game, [[0.0]]))
     assert not report.ok
     assert "cost not decided" in str(report)
