@@ -143,6 +143,18 @@ def _rows(text: str) -> np.ndarray:
     return np.array(rows)
 
 
+def _diagonal_option(name: str, signals: str) -> Any:
+    """Return the option of Q or R, whose diagonal has an entry for each of these signals."""
+    return option(
+        f"diagonal of {name} in the order of the {signals}, or NAME=a,...; default: of the paper "
+        f"for the HFA, of the file of a plant, else {USUAL_WEIGHTS[name]}",
+        "a,b,...",
+        diagonal,
+        names=f"--{name}",
+        rare=True,
+    )
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WeightOptions:
     """The weights Q, R, delta and N of a game."""
@@ -152,22 +164,8 @@ class WeightOptions:
         "NUMBER",
         _delta,
     )
-    Q: np.ndarray | Mapping[str, float] | None = option(
-        "diagonal of Q in the order of the states, or NAME=a,...; default: of the paper for the "
-        f"HFA, of the file of a plant, else {USUAL_WEIGHTS['Q']}",
-        "a,b,...",
-        diagonal,
-        names="--Q",
-        rare=True,
-    )
-    R: np.ndarray | Mapping[str, float] | None = option(
-        "diagonal of R in the order of the inputs, or NAME=a,...; default: of the paper for the "
-        f"HFA, of the file of a plant, else {USUAL_WEIGHTS['R']}",
-        "a,b,...",
-        diagonal,
-        names="--R",
-        rare=True,
-    )
+    Q: np.ndarray | Mapping[str, float] | None = _diagonal_option("Q", "states")
+    R: np.ndarray | Mapping[str, float] | None = _diagonal_option("R", "inputs")
     sizes: Mapping[str, str] = option(
         "in place of Q and R: deviations of states and inputs that are as bad as one another, with "
         "the weights 1/size^2 (Bryson's rule); degrees for angles",
