@@ -7,6 +7,7 @@ altitude Figures 10 and 11). MIL-STD-1797A defines the same spectra with L_v and
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -537,13 +538,10 @@ class AirFilter:
 
         time: s
         """
-        from scipy.linalg import expm
-
-        Phi = expm(self.A * time)
-        # From rest, the covariance at the time is P - Φ P Φ'.
-        stationary = np.diag(self.C @ self.covariance @ self.C.T)[:3]
-        missing = np.diag(self.C @ Phi @ self.covariance @ Phi.T @ self.C.T)[:3]
-        return float(np.sqrt((1.0 - missing / stationary).min()))
+        _, of_time = noise_of_sample(self.A, self.noise, time)
+        linear = self.C[:3]
+        shares = np.diag(linear @ of_time @ linear.T) / np.diag(linear @ self.covariance @ linear.T)
+        return float(np.sqrt(shares.min()))
 
     def drawn(self, count: int, seed: int) -> np.ndarray:
         """Return random gust components at `count` samples, (count, 6).
@@ -564,14 +562,20 @@ class AirFilter:
 def noise_of_sample(A: np.ndarray, noise: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """Return e^(A dt) and the covariance ∫ e^(A t) noise e^(A' t) dt that white noise adds in dt.
 
-    Source: C. Van Loan, IEEE Transactions on Automatic Control 23 (1978) 395.
+    Van Loan's exponential contains e^(-A dt), which overflows: it is taken of a part of dt, and
+    doubled. Source: C. Van Loan, IEEE Transactions on Automatic Control 23 (1978) 395.
     """
     from scipy.linalg import expm
 
     n = len(A)
-    grown = expm(np.block([[-A, noise], [np.zeros((n, n)), A.T]]) * dt)
-    Phi = grown[n:, n:].T
-    return Phi, Phi @ grown[:n, n:]
+    doublings = max(0, math.ceil(math.log2(max(float(np.linalg.norm(A, 1)) * dt, 1.0))))
+    part = expm(np.block([[-A, noise], [np.zeros((n, n)), A.T]]) * (dt / 2**doublings))
+    Phi = part[n:, n:].T
+    covariance = Phi @ part[:n, n:]
+    for _ in range(doublings):
+        covariance = covariance + Phi @ covariance @ Phi.T
+        Phi = Phi @ Phi
+    return Phi, covariance
 
 
 class _Filter(NamedTuple):
