@@ -170,7 +170,7 @@ def split_unit(text: str) -> tuple[str, str]:
         geometric = radius * pressure_altitude / (radius - pressure_altitude)
         return repr(geometric), "ft"
     digits = r"[-+]?[\d.]+(?:[eE][-+]?\d+)?"
-    unit = r"(?![eE][-+]?\d)[a-zA-Z°µμ].*"  # a text that begins with a letter, but is no exponent
+    unit = r"(?![eE][-+]?\d)[a-zA-Z°µμ%].*"  # a text that begins with a letter, but is no exponent
     gap = rf"(?:\s*(?={unit})|\s+)"  # before another unit, at least one blank
     parts = re.fullmatch(rf"({digits}){gap}(\S.*)", text.strip())
     return (parts[1], parts[2]) if parts else (text, "")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import pickle
 import re
@@ -15,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hfa_support.arrays.text import rows_of_text
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, shortened
 from hfa_support.files import LARGEST, read_json, regular_file, unpacked
 
@@ -43,20 +43,6 @@ def matrices_and_names(files: Mapping[str, Path]) -> dict[str, Any]:
     return _names_and_units(tables) | {name: table.matrix for name, table in tables.items()}
 
 
-def columns_of(path: Path) -> dict[str, np.ndarray]:
-    """Return the columns of a .csv file by the labels in its first row, (N,) each.
-
-    Raises ValueError for a faulty file.
-    """
-    table = _table("the file", path)
-    if table.rows or not table.columns:
-        raise ValueError("the file has no first row of names above columns of numbers; add one")
-    labels = [label.strip() for label in table.columns]
-    if len(set(labels)) < len(labels):
-        raise ValueError("two columns have the same name; rename one of them")
-    return dict(zip(labels, table.matrix.T, strict=True))
-
-
 class _Entry(NamedTuple):
     """Row of a .csv table of P and K, which `hfa solve` and `hfa learn` write: one matrix entry."""
 
@@ -79,8 +65,7 @@ def matrices_of_entries(path: Path) -> dict[str, Any] | None:
 
     Raises ValueError for a faulty file.
     """
-    with regular_file(path).open(encoding="utf-8-sig", newline="") as stream:
-        header, *lines = [*csv.reader(stream)] or [[]]
+    header, *lines = [row for _, row in rows_of_text(str(path), regular_file(path).read_bytes())]
     width = len(_Entry._fields)  # a column with the provenance follows
     if header[:width] != [*_Entry._fields]:
         return None
@@ -136,9 +121,8 @@ def _table(name: str, path: Path) -> _Table:
     Raises ValueError for rows of different lengths, a file without rows of numbers, and a cell that
     is not a number.
     """
-    with regular_file(path).open(encoding="utf-8-sig", newline="") as stream:
-        rows = [row for row in csv.reader(stream) if any(cell.strip() for cell in row)]
-    _refuse_separators(name, rows)
+    rows = [row for _, row in rows_of_text(str(path), regular_file(path).read_bytes())]
+    _refuse_blanks(name, rows)
     column_names: list[str] = []
     if rows and not any(map(_is_number, rows[0])):
         column_names = rows.pop(0)
@@ -160,13 +144,11 @@ def _table(name: str, path: Path) -> _Table:
     return _Table(np.array(rows, dtype=float), row_names, column_names)
 
 
-def _refuse_separators(name: str, rows: list[list[str]]) -> None:
-    """Raise ValueError if the numbers in a .csv file are not separated by commas."""
+def _refuse_blanks(name: str, rows: list[list[str]]) -> None:
+    """Raise ValueError if the numbers in a .csv file are separated by blanks or other marks."""
     for cell in (cell for row in rows for cell in row):
-        parts, words = re.split(r"[;\t]", cell), cell.split()
-        has_separator = len(parts) > 1 and any(map(_is_number, parts))
-        has_blanks = len(words) > 1 and all(map(_is_number, words))
-        if has_separator or has_blanks:
+        words = re.split(r"[;\s]+", cell)
+        if len(words) > 1 and all(map(_is_number, words)):
             raise ValueError(
                 f"{name} has the cell {shortened(cell)!r}; separate numbers by commas, and write "
                 "decimals with a point"
@@ -181,9 +163,15 @@ class Label(NamedTuple):
 
     @classmethod
     def of(cls, text: str) -> Label:
-        """Return the label of a text such as "speed [ft/s]"."""
-        ((name, unit),) = re.findall(r"^(.*?)\s*(?:\[(.*)\])?$", text.strip(), re.DOTALL)
-        return cls(name, unit)
+        """Return the label of a text such as "speed [ft/s]", "speed (ft/s)" or "cg [%MAC]".
+
+        A number in round brackets, without a blank before it, is an index: "x(1)".
+        """
+        bracket = r"\s*\[(.*)\]|(?:\s+|(?!\(\d+\)))\(([^()]*)\)"
+        parts = re.fullmatch(rf"(.*?)(?:{bracket})?", text.strip(), re.DOTALL)
+        assert parts is not None  # any text matches
+        unit = (parts[2] or parts[3] or "").strip()
+        return cls(parts[1], "%" if re.fullmatch(r"%\s*(MAC|mac|c|chord)", unit) else unit)
 
 
 class _Sides(NamedTuple):

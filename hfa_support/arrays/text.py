@@ -1,0 +1,75 @@
+"""Rows of cells of a text file, as spreadsheets and programs write it."""
+
+from __future__ import annotations
+
+import csv
+import re
+
+from hfa_support.errors import BadInputError
+
+#: Byte order mark -> encoding. Without one, a text is in UTF-8, or else as Windows writes it.
+_MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"": "utf-8-sig"}
+#: Number with a decimal comma, or a point, and a unit or none.
+DECIMAL_COMMA = re.compile(r"([-+]?\d*),(\d+(?:[eE][-+]?\d+)?\s*[^\d,.]*)")
+_DECIMAL_POINT = re.compile(r"[-+]?\d*\.\d+(?:[eE][-+]?\d+)?\s*[^\d,.]*")
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+\D*")
+
+
+def rows_of_text(where: str, content: bytes) -> list[tuple[int, list[str]]]:
+    """Return the rows of a text, each with its number and its cells without outer blanks.
+
+    Cells are separated by commas, tabs or semicolons, as in the first row. Decimal commas become
+    points. Empty rows, and comments, which begin with #, are left out.
+
+    where: the file, for messages
+
+    Raises BadInputError for a text that has no rows or is no such table.
+    """
+    encoding = next(of for mark, of in _MARKS.items() if content.startswith(mark))
+    try:
+        text = content.decode(encoding)
+    except UnicodeDecodeError:
+        text = content.decode("cp1252", "replace")
+    lines = ["" if line.lstrip().startswith("#") else line for line in text.splitlines()]
+    first = next(filter(str.strip, lines), "")
+    separator = next((mark for mark in "\t;" if mark in first), ",")
+    try:
+        rows = [
+            (number, [cell.strip() for cell in row])
+            for number, row in enumerate(csv.reader(lines, delimiter=separator), start=1)
+            if any(cell.strip() for cell in row)
+        ]
+    except csv.Error as error:
+        raise BadInputError(f"{where} cannot be read as CSV ({error}); correct the file") from error
+    if not rows:
+        raise BadInputError(f"{where} is empty; give a row of names, then rows of values")
+    return _with_decimal_points(where, rows, separator)
+
+
+def _with_decimal_points(
+    where: str, rows: list[tuple[int, list[str]]], separator: str
+) -> list[tuple[int, list[str]]]:
+    """Return rows with points in place of decimal commas.
+
+    Between semicolons, commas are decimal. Otherwise that of 20,000 may separate thousands.
+    """
+    cells = [cell for _, row in rows for cell in row]
+    with_comma = [*filter(DECIMAL_COMMA.fullmatch, cells)]
+    in_thousands = [] if separator == ";" else [*filter(_THOUSANDS.fullmatch, with_comma)]
+    if not with_comma or (separator == "," and len(in_thousands) == len(with_comma)):
+        return rows
+    if in_thousands or any(map(_DECIMAL_POINT.fullmatch, cells)):
+        raise BadInputError(
+            f"{where} contains decimal commas and points, or {with_comma[0]}, whose comma may "
+            "separate thousands; give decimal points alone"
+        )
+    return [
+        (
+            number,
+            [
+                DECIMAL_COMMA.sub(r"\1.\2", cell) if DECIMAL_COMMA.fullmatch(cell) else cell
+                for cell in row
+            ],
+        )
+        for number, row in rows
+    ]
