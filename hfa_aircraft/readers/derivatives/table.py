@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping
@@ -46,6 +44,7 @@ from hfa_aircraft.readers.derivatives.names import (
 )
 from hfa_aircraft.rigid.aircraft import FORCE, GRAVITY
 from hfa_aircraft.rigid.atmosphere import ALTITUDES, air_at
+from hfa_support.arrays.text import rows_of_text
 from hfa_support.errors import BadInputError, advice, file_faults, shown
 from hfa_support.files import read_toml, regular_file, resolved
 from hfa_support.units import FOOT, SYSTEMS
@@ -199,17 +198,9 @@ def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:
 def _csv_entries(path: str, content: bytes) -> dict[str, Entry]:
     """Return name -> entry of a CSV file with the columns name, value and unit."""
     # The limits of an input are written low:high.
-    try:
-        rows = list(csv.reader(io.StringIO(content.decode("utf-8-sig"))))
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise BadInputError(
-            f"{path} is not a CSV file in UTF-8 ({error}); save the file as CSV in UTF-8"
-        ) from error
     entries: dict[str, Entry] = {}
-    for place, row in enumerate(rows, start=1):
-        cells = [cell.strip() for cell in row]
-        is_header = cells[:2] == ["name", "value"]
-        if not any(cells) or cells[0].startswith("#") or is_header:
+    for place, cells in rows_of_text(path, content):
+        if cells[:2] == ["name", "value"]:
             continue
         where = f"{path}, row {place}"
         if len(cells) < 2 or not cells[1]:

@@ -396,7 +396,7 @@ def test_faulty_entries_are_refused(change, message):
         (b"wing_area\n", "row 2: 'wing_area' has no value"),
         (b"wing_area,,m^2\n", "row 2: 'wing_area' has no value"),
         (b"# a note\n\nspan,1\nspan,2\n", "row 5: 'span' is given twice"),
-        (b"span,\xff\n", "is not a CSV file in UTF-8"),
+        (b"span,\xff\n", "row 2: span is 'ÿ'; give a finite number"),
     ],
 )
 def test_faulty_rows_are_refused(folder, rows, message):
