@@ -3,18 +3,19 @@ limits."""
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from hfa.options.argument_types import option_errors, quantity, span
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, choice_of, prefix_errors, shown
-from hfa_support.files import regular_file
 from hfa_support.units import split_unit
 from trim.point.status import FREE, HELD, LIMIT, NAME, RESULTS
+
+if TYPE_CHECKING:
+    from hfa_support.arrays.tables import Column
 
 #: What separates names in a cell.
 _SEPARATORS = re.compile(r"[;\s]+")
@@ -38,7 +39,7 @@ class ListedCondition(NamedTuple):
 
 
 def listed_conditions(path: str | Path, model: Model) -> list[ListedCondition]:
-    """Return the rows of a CSV file of conditions.
+    """Return the rows of a table of conditions, in a CSV file or any that `read_columns` reads.
 
     The first row has names of variables, rates and parameters, each with a unit if it is not that
     of the model or deg: "gamma", "altitude [FL]", "kcas [KT]". A cell may have a unit of its own. A
@@ -51,29 +52,34 @@ def listed_conditions(path: str | Path, model: Model) -> list[ListedCondition]:
 
     Raises BadInputError with the row, the column and the name of the condition for a wrong cell.
     """
-    path = Path(path)
-    header_row, titles, rows = _table_of(path)
-    columns = [_Column.of(title, model) for title in titles]
-    names = [column.name for column in columns]
-    if repeated := [name for name in names if names.count(name) > 1]:
-        raise BadInputError(f"{path}: row {header_row} has {repeated[0]} twice; remove one column")
+    from hfa_support.arrays.tables import matched, read_columns  # not for every trim
+
+    columns = [_named(column, model) for column in read_columns(path, until=RESULTS)]
+    names = dict.fromkeys((NAME, FREE, LIMIT), "") | {
+        name: model.signals[name].unit if name in model.signals else ""
+        for name in _imposable(model)
+    }
+    by_name, others = matched(columns, names)
+    _refuse_others(others, model)
+    numbers = columns[0].rows if columns else ()
+    if not numbers:
+        raise BadInputError(
+            f"{path} has no conditions; give a row of names, then a row of values for each one"
+        )
     listed: list[ListedCondition] = []
     number_of: dict[str, int] = {}  # name of a condition -> number of its row
-    for number, cells in rows:
-        row = dict(zip(names, cells, strict=True))
+    for place, number in enumerate(numbers):
+        row = {name: _text(column, place) for name, column in by_name.items()}
         name = row.get(NAME, "")
         if name in number_of:
             raise BadInputError(
                 f"{path}: row {number} has the name of row {number_of[name]}, {shown(name)}; "
                 "rename one"
             )
-        if not listed:  # the cells of the first row tell whether an unknown column has labels
-            for column in columns:
-                column.refuse_unknown(f"{path}: row {header_row}", model, row[column.name])
         if name:
             number_of[name] = number
         in_brackets = f" ({name})" if name else ""
-        listed.append(_condition(f"{path}: row {number}{in_brackets}", model, columns, row))
+        listed.append(_condition(f"{path}: row {number}{in_brackets}", model, by_name, row))
     return listed
 
 
@@ -90,124 +96,56 @@ def chosen_row(rows: Sequence[ListedCondition], name: str, path: Path) -> Listed
     raise BadInputError(f"{path} has no condition {shown(name)}; {choice}")
 
 
-class _Table(NamedTuple):
-    """Table in a file of conditions, without the columns from `results` on, and without those that
-    have neither a name nor a cell.
+def _named(column: Column, model: Model) -> Column:
+    """Return a column under the name that the model has for it, such as kcas for "speed [KCAS]"."""
+    if column.unit.lower() in model.airspeeds:
+        return column._replace(name=column.unit.lower(), unit="")
+    typed = column.name.removeprefix(f"{HELD} ")  # of a file that `hfa trim` has written
+    return column._replace(name=_name_of(model, typed))
 
-    header_row: number of the row of headings in the file
-    titles: the headings
-    rows: number of a row in the file, and its cells, without outer blanks
+
+def _refuse_others(others: Sequence[Column], model: Model) -> None:
+    """Raise BadInputError if a column is of no variable of the model.
+
+    The message says whether the unit lacks its brackets, or the column contains labels.
     """
-
-    header_row: int
-    titles: list[str]
-    rows: list[tuple[int, list[str]]]
-
-
-def _table_of(path: Path) -> _Table:
-    """Return the table in a file of conditions."""
-    try:
-        lines = regular_file(path).read_text("utf-8-sig").splitlines()
-        numbered = [
-            (number, row)
-            for number, row in enumerate(csv.reader(lines), start=1)
-            if any(cell.strip() for cell in row) and not row[0].strip().startswith("#")
-        ]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise BadInputError(
-            f"{path} cannot be read ({reason}); give a readable CSV file of conditions"
-        ) from error
-    if len(numbered) < 2:
-        raise BadInputError(
-            f"{path} has no conditions; give a row of names, then a row of values for each one"
-        )
-    (header_row, titles), *rows = numbered
-    for separator, word in ((";", "semicolon"), ("\t", "tab")):
-        if any(separator in title for title in titles):
+    for column in others:
+        words = re.fullmatch(r"(\w+)\s+(\S+)", column.name)  # "speed kt"
+        if words and model.about.name_of(words[1]) in _imposable(model):
             raise BadInputError(
-                f"{path}: row {header_row} contains a {word}; separate the columns by commas, and "
-                "write numbers with a decimal point"
+                f"{column.heading}: {shown(column.name)} has no brackets; write {words[1]} "
+                f"[{words[2]}]"
             )
-    headings = [title.strip() for title in titles]
-    # The columns from `results` on are not read.
-    end = headings.index(RESULTS) if RESULTS in headings else len(headings)
-    named = [place for place in range(end) if headings[place]]
-    for number, row in rows:
-        if len(row) < end:
+        cell = _text(column, 0) if len(column.cells) else ""
+        if cell and not re.match(r"[-+=.\d]|FL\s*\d", cell):  # or a formula, or a flight level
             raise BadInputError(
-                f"{path}: row {number} has {len(row)} cells, but row {header_row} has "
-                f"{len(headings)}; correct the row"
+                f"{column.heading}: the column {shown(column.name)} has labels ({shown(cell)}), "
+                f"which are not read; remove it, or call it {NAME}"
             )
-        for place, cell in enumerate(row):
-            if cell.strip() and not (headings[place] if place < len(headings) else ""):
-                raise BadInputError(
-                    f"{path}: row {number}, column {place + 1} has {shown(cell.strip())}, but row "
-                    f"{header_row} has no name there; name the column, or clear the cell"
-                )
-    kept = [(number, [row[place].strip() for place in named]) for number, row in rows]
-    return _Table(header_row, [headings[place] for place in named], kept)
+        with prefix_errors(column.heading):
+            model.refuse_unheld("the column is unknown:", column.name, tuple(model.parameters))
 
 
-class _Column(NamedTuple):
-    """Column of a file of conditions.
+def _text(column: Column, place: int) -> str:
+    """Return a cell of a column as text, "" for an empty one or for nan."""
+    cell = column.cells[place]
+    return "" if cell != cell else str(cell)
 
-    title: its heading
-    name: name of a variable, rate or parameter of the model, or `NAME`, `FREE`, `LIMIT`
-    unit: unit in the heading, or ""
+
+def _with_unit(cell: str, unit: str) -> str:
+    """Return the text of a cell with its unit, or that of the column: "250 kt", "FL100".
+
+    Commas may separate thousands: "20,000 ft".
+
+    Raises BadInputError for a formula, whose value only a spreadsheet knows.
     """
-
-    title: str
-    name: str
-    unit: str
-
-    @classmethod
-    def of(cls, title: str, model: Model) -> _Column:
-        """Return the column with a heading such as "gamma", "KCAS [kt]" or "c.g. [%]"."""
-        typed, _, unit = (part.strip() for part in title.removesuffix("]").partition("["))
-        typed = typed.removeprefix(f"{HELD} ")  # of a file that `hfa trim` has written
-        if unit.lower() in model.airspeeds:  # "speed [KCAS]"
-            return cls(title, unit.lower(), "")
-        return cls(title, _name_of(model, typed), unit)
-
-    def refuse_unknown(self, where: str, model: Model, cell: str) -> None:
-        """Raise BadInputError if the model has no variable of this name.
-
-        The message says whether the unit lacks its brackets, or the column contains labels.
-
-        where: file and row of the headings, for the message
-        cell: first cell of the column
-        """
-        if self.name in (NAME, FREE, LIMIT):
-            return
-        known = _imposable(model)
-        parts = re.fullmatch(r"(\w+)[\s(]+([^()]+)\)?", self.title)  # "speed kt", "speed (kt)"
-        if parts and not self.unit and model.about.name_of(parts[1]) in known:
-            title = shown(self.title)
-            raise BadInputError(f"{where}: {title} has no brackets; write {parts[1]} [{parts[2]}]")
-        is_number = re.match(r"[-+=.\d]|FL\s*\d", cell)  # or a formula, or a flight level
-        if cell and self.name not in known and not is_number:
-            raise BadInputError(
-                f"{where}: the column {shown(self.title)} has labels ({shown(cell)}), which are "
-                f"not read; remove it, or call it {NAME}"
-            )
-        with prefix_errors(where):
-            model.refuse_unheld("the column is unknown:", self.name, tuple(model.parameters))
-
-    def text(self, cell: str) -> str:
-        """Return the text of a cell with its unit, or that of the column: "250 kt", "FL100".
-
-        Commas may separate thousands: "20,000 ft".
-
-        Raises BadInputError for a formula, whose value only a spreadsheet knows.
-        """
-        if cell.startswith("="):
-            raise BadInputError(f"is the formula {shown(cell)}; write its value")
-        if re.match(r"[-+]?\d{1,3}(,\d{3})+(?!\d)", cell):
-            cell = cell.replace(",", "")
-        if split_unit(cell)[1]:
-            return cell
-        return f"FL{cell}" if self.unit.upper() == "FL" else f"{cell} {self.unit}".strip()
+    if cell.startswith("="):
+        raise BadInputError(f"is the formula {shown(cell)}; write its value")
+    if re.match(r"[-+]?\d{1,3}(,\d{3})+(?!\d)", cell):
+        cell = cell.replace(",", "")
+    if split_unit(cell)[1]:
+        return cell
+    return f"FL{cell}" if unit.upper() == "FL" else f"{cell} {unit}".strip()
 
 
 def _imposable(model: Model) -> set[str]:
@@ -228,7 +166,7 @@ def _name_of(model: Model, typed: str) -> str:
 
 
 def _condition(
-    where: str, model: Model, columns: Sequence[_Column], row: Mapping[str, str]
+    where: str, model: Model, columns: Mapping[str, Column], row: Mapping[str, str]
 ) -> ListedCondition:
     """Return the condition of a row.
 
@@ -236,12 +174,11 @@ def _condition(
     row: name of the column -> cell
     """
     values = {}
-    for column in columns:
-        cell = row[column.name]
-        if not cell or column.name in (NAME, FREE, LIMIT):
+    for name, cell in row.items():
+        if not cell or name in (NAME, FREE, LIMIT):
             continue
-        with option_errors(f"{where}, column {column.name}"):
-            values[column.name] = quantity(model, column.name, column.text(cell))
+        with option_errors(f"{where}, column {name}"):
+            values[name] = quantity(model, name, _with_unit(cell, columns[name].unit))
     free = tuple(_name_of(model, name) for name in _words(row.get(FREE, "")))
     for name in free:
         if name in values:
