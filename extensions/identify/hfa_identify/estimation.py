@@ -14,7 +14,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_identify.fit import Fit, OutputError
 from hfa_identify.identified import Estimate, FittedQuantity, Identified
-from hfa_identify.records import Record, columns_of_table, read_record, record_of
+from hfa_identify.records import Record, read_record
 from hfa_identify.residuals import (
     BAND,
     contradicts_records,
@@ -145,22 +145,11 @@ def _as_record(model: Model, given: Any, held: Mapping[str, float], name: str) -
 
     if isinstance(given, Record):
         return given
-    if isinstance(given, str | Path):
-        return read_record(given, model, held)
-    columns = given
     if isinstance(given, Flight):
         states = zip(given.model.states, given.states.T, strict=True)
         inputs = zip(given.model.inputs, given.inputs.T, strict=True)
-        columns = {"time": given.time, **dict(states), **dict(inputs)}
-    elif hasattr(given, "reset_index"):  # a pandas table
-        is_index = given.index.name == "time" and "time" not in given.columns
-        columns = columns_of_table(given.reset_index() if is_index else given, model, name)
-    if not isinstance(columns, Mapping):
-        raise BadInputError(
-            f"{name} is of type {type(given).__name__}; give a path, a flight, a pandas table or a "
-            "dictionary"
-        )
-    return record_of(model, columns, held, name)
+        given = {"time": given.time, **dict(states), **dict(inputs)}
+    return read_record(given, model, held, "" if isinstance(given, str | Path) else name)
 
 
 def _free_names(

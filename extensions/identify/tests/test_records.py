@@ -172,8 +172,8 @@ def test_the_command_writes_an_aircraft(words):
     [
         ("time_ms,alpha\n0,0.1", (), "'time_ms'"),
         ("time,speed_kt\n0,30", (), "'speed_kt'"),
-        ("time\talpha\n0,02\t0,1", (), "decimal point"),
-        ("time,alpha\n0,02,0,1", (), "4 cells"),
+        ("time\talpha\n1,020\t2,125", (), "may separate thousands"),
+        ("time,alpha\n0,02,0,1", (), "separate the cells by ;"),
         ("time;alpha\n0,02;0.1", (), "decimal commas and points"),
         ("time,alpha\ns,deg", (), "time is 's'"),
         ("time,alpha [m]\n0,1", (), "alpha is in m"),
