@@ -11,7 +11,7 @@ from pathlib import Path
 from controller.learning.law_names import DEFAULT_LAW, LAW_NAMES
 from hfa.options.argument_types import input_file, one_of, whole
 from hfa.options.parser import option
-from hfa_support.files import MATRIX_FILES
+from hfa_support.files import TABLE_FILES
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -20,9 +20,9 @@ class LearningOptions:
 
     data: tuple[Path, ...] = option(
         "recorded transitions x, u and x_next or x_rate, or columns by name "
-        f"({' '.join(MATRIX_FILES)}), one file for each episode; default: simulated ones",
+        f"({' '.join(TABLE_FILES)}), one file for each episode; default: simulated ones",
         "FILE",
-        input_file(*MATRIX_FILES),
+        input_file(*TABLE_FILES),
         default=(),
         count="+",
     )

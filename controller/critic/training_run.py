@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -68,6 +69,7 @@ class DataSummary(Result):
             parts[0] += f" of {self.episodes} episode{'s' if self.episodes > 1 else ''}"
         if self.hold is not None:
             parts.append(f"inputs held for {self.hold:.4g} s")
+            parts.append(f"no mode faster than {math.pi / self.hold:.3g} rad/s (assumed)")
         found = self.excitation
         parts.append(f"states and inputs of rank {found.rank} of {found.size}")
         parts.append(f"condition {found.condition:.3g}")

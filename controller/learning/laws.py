@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from controller.critic.training_run import TrainingRun
 from controller.game.basis import basis
 from controller.game.zero_sum import Game
@@ -16,7 +18,6 @@ from controller.learning.q_learning import learn_steps
 from controller.learning.recording import (
     Samples,
     excitation,
-    refuse_low_rank,
     root_mean_square,
     simulated,
     transitions_in,
@@ -80,28 +81,34 @@ def learn(
             "weight"
         )
     if data is None:
-        return _learned(PlantFit(game, simulated(game, seed)), law, seed, progress)
+        data_of_law = simulated(game, seed)
+        return _learned(PlantFit(game, data_of_law).game, data_of_law.begins, law, seed, progress)
     fit = PlantFit(game, transitions_in(data, game))
     fit.refuse_without_effect()
     summary = fit.summary()
     try:
-        run = _learned(fit, law, seed, progress)
+        # The data determine the fit. The laws learn from states that are drawn for it.
+        run = _learned(fit.game, simulated(fit.game, seed).begins, law, seed, progress)
     except NoSolutionError as error:
         raise NoSolutionError(f"{error} (learned from {summary.text()})") from error
     bands = fit.bands(run.P)
     return replace(run, data=summary, P_band=bands.P, K_band=bands.K)
 
 
-def _learned(fit: PlantFit, law: str, seed: int, progress: Progress | None) -> TrainingRun:
-    """Return the training run of a law on the fit of transitions."""
-    game = fit.game
+def _learned(
+    game: Game, begins: np.ndarray, law: str, seed: int, progress: Progress | None
+) -> TrainingRun:
+    """Return the training run of a law on the fit of transitions.
+
+    game: the game with A, B and E of the fit
+    begins: [x u d] from which the law learns, (N, s)
+    """
     if game.is_discrete:
-        return learn_steps(game, fit.begins_of_laws(seed), seed, progress)
+        return learn_steps(game, begins, seed, progress)
     n = len(game.A)
-    states = fit.transitions.begins[:, :n]
+    states = begins[:, :n]
     psi = basis("paper" if law == "published" and n == 6 else "quadratic", n)  # "paper": 6 states
     of_samples = excitation(psi.psi(states / root_mean_square(states)))
-    refuse_low_rank(of_samples)
     # In the input u + F z, the game has the same value, and no cross weights.
     samples = Samples(game.without_cross_weights, psi, states)
     weights, diagnostics = LAWS[law](samples, progress)

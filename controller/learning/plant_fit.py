@@ -1,6 +1,6 @@
 """Least-squares fit of [A B E] to transitions: what the data can tell, before anything is learned.
 
-The laws learn from the recorded states and inputs with the ends of the fit. The 95 % bands of P and
+The laws learn from states that are drawn for the fit. The 95 % bands of P and
 K follow from the covariance of the fit, to first order.
 """
 
@@ -23,10 +23,10 @@ from controller.learning.recording import (
     excitation,
     plant_of,
     root_mean_square,
-    widths_of,
 )
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, shortened
 from hfa_support.reporting.text import numbered
+from hfa_support.units import conversion_factor
 
 #: Probability that a band holds the exact value.
 _CONFIDENCE = 0.95
@@ -45,6 +45,7 @@ class PlantFit:
     The ends are rates, or the states after a step, in which u and d are constant.
 
     user_game: the game of the user, with any A and B; `game` has those of the fit
+    is_centered: whether a constant is fitted, too: the data are about another point than 0
     scales: root mean squares of the columns of [x u d], (s,)
     scaled_begins: [x u d] / scales, (N, s)
     matrix: M
@@ -66,17 +67,33 @@ class PlantFit:
                 f"the data have {count} transitions; record at least {columns + 1}, one more than "
                 "there are states, inputs and disturbances, to see the noise"
             )
-        self.scales = root_mean_square(begins)
-        self.excitation = _checked_excitation(game, transitions, self.scales)
-        self.scaled_begins = begins / self.scales
+        self.is_centered = False
+        self._fit(begins, ends)
+        if count > columns + 1 and self._has_constant():
+            self.is_centered = True
+            begins = begins - begins.mean(axis=0)
+            self._fit(begins, ends - ends.mean(axis=0))
+        self.excitation = _checked_excitation(game, begins, transitions.rounding)
+
+    def _fit(self, begins: np.ndarray, ends: np.ndarray) -> None:
+        """Fit ends (N, n) to begins (N, s)."""
+        self.ends, self.scales = ends, root_mean_square(begins)
+        self.scaled_begins = begins / np.where(self.scales > 0.0, self.scales, 1.0)
         fit, *_ = np.linalg.lstsq(self.scaled_begins, ends, rcond=None)
-        self.matrix = fit.T / self.scales
+        self.matrix = fit.T / np.where(self.scales > 0.0, self.scales, 1.0)
         self.residuals = ends - self.scaled_begins @ fit
-        self.degrees_of_freedom = count - columns
+        self.degrees_of_freedom = len(begins) - begins.shape[1] - self.is_centered
         self.covariance = self.residuals.T @ self.residuals / self.degrees_of_freedom
         self.noise = np.sqrt(np.diag(self.covariance))
-        errors, sizes = root_mean_square(self.residuals), root_mean_square(ends)
-        self.misfit = float(np.max(errors / np.where(sizes > 0.0, sizes, 1.0)))
+        self.misfit = _misfit(self.residuals, ends)
+
+    def _has_constant(self) -> bool:
+        """Return whether the ends have a part that M cannot fit, and a constant can."""
+        # The component of independent residuals along it has the standard deviation of the noise.
+        # It exceeds 4 deviations in one of 16,000 cases.
+        constant = _beyond(self.scaled_begins, np.ones(len(self.scaled_begins)))
+        components = np.abs(constant @ self.residuals) / (np.linalg.norm(constant) or 1.0)
+        return self.misfit > RANK_TOLERANCE and bool(np.any(components > 4.0 * self.noise))
 
     @cached_property
     def game(self) -> Game:
@@ -91,27 +108,10 @@ class PlantFit:
                     "continuous time with held inputs does; record more often, or check dt and "
                     "that inputs are constant between samples"
                 )
+            self._refuse_fast_modes(rates)
             fit = rates
         A, B, E = np.split(fit, [n, n + m], axis=1)
         return replace(self.user_game, A=A, B=B, E=E if E.size else self.user_game.E)
-
-    def begins_of_laws(self, seed: int) -> np.ndarray:
-        """Return [x u d] for a finite delta, else [x u], from which the laws learn by the fit.
-
-        x is recorded. From the recorded u and d, the part that is a linear function of x is
-        removed, so that a policy in the data does not hide their effects. The rest is enlarged to
-        their recorded size. A d that the game needs and the data lack is random.
-
-        seed: seed of the random d
-        """
-        n = len(self.matrix)
-        widths = widths_of(self.game)  # half-widths of all columns that the laws need
-        x, recorded = np.split(self.transitions.begins[:, : len(widths)], [n], axis=1)
-        beyond_x = _beyond(x, recorded)
-        shares = root_mean_square(beyond_x) / self.scales[n : len(widths)]  # of recorded sizes
-        missing = len(widths) - n - len(shares)
-        d = np.random.default_rng(seed).uniform(-1.0, 1.0, (len(x), missing))
-        return np.hstack([x, beyond_x / shares, d * widths[len(widths) - missing :]])
 
     def summary(self) -> DataSummary:
         """Return what the data can tell."""
@@ -129,14 +129,19 @@ class PlantFit:
 
     def _warnings(self) -> Iterator[str]:
         """Yield sentences on what contradicts a linear plant with independent noise."""
+        if self.transitions.hold is not None:
+            fastest = self.transitions.hold * np.abs(np.linalg.eigvals(self.game.A).imag).max()
+            if fastest > 0.5 * math.pi:
+                yield (
+                    f"a mode has {2.0 * math.pi / fastest:.2g} samples in a period: a faster one "
+                    "gives the same samples, and another P and K; record at least 4"
+                )
+        if self.is_centered:
+            yield "the data have a constant part, which is fitted: K is of deviations from a trim"
         if self.misfit <= RANK_TOLERANCE:
             return
-        # The part of a constant that M cannot fit. The component of independent residuals along it
-        # has the standard deviation of the noise. It exceeds 4 deviations in one of 16,000 cases.
-        constant = _beyond(self.scaled_begins, np.ones(len(self.scaled_begins)))
-        components = np.abs(constant @ self.residuals) / np.linalg.norm(constant)
-        if np.any(components > 4.0 * self.noise):
-            yield "the data have a constant part: give deviations from the trim"
+        if self._outliers:
+            yield self._outliers
         followers = np.flatnonzero(self.transitions.follows)
         if len(followers):
             # For independent residuals, an entry has the variance 1, and exceeds 5 in one of 1.7e6
@@ -147,6 +152,56 @@ class PlantFit:
                 yield (
                     "residuals of successive samples are correlated, as noise of sensors makes "
                     "them: the bands do not contain its bias"
+                )
+
+    @cached_property
+    def _outliers(self) -> str:
+        """Sentence on rows that do not fit the others and cause most of the misfit, or "".
+
+        The fit is that of the 80 % of the rows with the smallest residuals (least trimmed squares).
+        A row is outside if a residual exceeds 6 standard deviations, by the median of all rows.
+        """
+        begins, ends = self.scaled_begins, self.ends
+        kept = inside = np.arange(len(ends))
+        for _ in range(20):
+            fit, *_ = np.linalg.lstsq(begins[kept], ends[kept], rcond=None)
+            errors = np.abs(ends - begins @ fit)
+            deviations = 1.4826 * np.median(errors, axis=0) + 1e-14 * root_mean_square(ends)
+            sizes = (errors / np.where(deviations > 0.0, deviations, 1.0)).max(axis=1)
+            kept = np.argsort(sizes)[: max(int(0.8 * len(ends)), begins.shape[1] + 1)]
+            inside = np.flatnonzero(sizes <= 6.0)
+        fit, *_ = np.linalg.lstsq(begins[inside], ends[inside], rcond=None)
+        without = _misfit(ends[inside] - begins[inside] @ fit, ends[inside])
+        if len(inside) == len(ends) or without > 0.5 * self.misfit:
+            return ""
+        rows = map(str, np.delete(self.transitions.rows, inside))
+        return (
+            f"{len(ends) - len(inside)} of {len(ends)} rows do not fit the others "
+            f"({shortened(', '.join(rows), 80)}): without them, the misfit is "
+            f"{100.0 * without:.2g} %; mark the ends of episodes, or remove wrong rows"
+        )
+
+    def _refuse_fast_modes(self, rates: np.ndarray) -> None:
+        """Raise BadInputError if the rate of X is not X_rate, of states with such names.
+
+        Samples that are slower than a mode give wrong rates, and so does a wrong sample time.
+
+        rates: [A B E] by the logarithm of the step, (n, s)
+        """
+        names, hold = self.user_game.names, self.transitions.hold
+        units = dict(zip(names.states, names.state_units, strict=False))
+        for row, state in enumerate(names.states):
+            rate = f"{state}_rate"
+            if rate not in names.states or self.misfit > 0.1:
+                continue
+            factor = conversion_factor(units.get(rate, ""), f"{units.get(state, '')}/s") or 1.0
+            place = names.states.index(rate)
+            known = factor * np.eye(rates.shape[1])[place]
+            off = np.abs((rates[row] - known) * self.scales).max() / (factor * self.scales[place])
+            if off > 0.5:
+                raise BadInputError(
+                    f"the rate of {state} in the data is not {rate}: the samples, every {hold:g} "
+                    "s, are slower than a mode, or their time is wrong; record more often"
                 )
 
     @cached_property
@@ -180,6 +235,7 @@ class PlantFit:
                 f"the data show no effect of {name} in 95 % bands: {100.0 * share:.2g} % of it is "
                 f"not a policy u = -K x, and the misfit is {100.0 * self.misfit:.2g} %; record "
                 "longer, with less noise, or with larger independent excitation"
+                + (f". {self._outliers}" if self._outliers else "")
             )
 
     def bands(self, P: np.ndarray) -> Bands:
@@ -250,13 +306,14 @@ class PlantFit:
         )
 
 
-def _checked_excitation(game: Game, transitions: Transitions, scales: np.ndarray) -> Excitation:
+def _checked_excitation(game: Game, begins: np.ndarray, rounding: np.ndarray) -> Excitation:
     """Return the excitation of [x u d]. Raises BadInputError, with the reason, if it is poor."""
     n, m = game.B.shape
+    scales = root_mean_square(begins)
     names = (*game.names.states, *game.names.inputs, *numbered("d", len(scales) - n - m))
     for place in np.flatnonzero(scales == 0.0):
         raise BadInputError(f"{names[place]} is 0 in every row of the data; excite it")
-    scaled, rounding = transitions.begins / scales, transitions.rounding / scales
+    scaled, rounding = begins / scales, rounding / scales
     gains = np.linalg.lstsq(scaled[:, :n], scaled[:, n:], rcond=None)[0]  # (u, d) from x
     beyond_policy = np.abs(scaled[:, n:] - scaled[:, :n] @ gains).max(axis=0)
     # Rounding changes u and x by up to 0.5 of their last digits, and their fit by half of that.
@@ -277,6 +334,12 @@ def _checked_excitation(game: Game, transitions: Transitions, scales: np.ndarray
             "input independently"
         )
     return found
+
+
+def _misfit(errors: np.ndarray, ends: np.ndarray) -> float:
+    """Return the largest ratio of the errors of a state to its ends, as root mean squares."""
+    sizes = root_mean_square(ends)
+    return float(np.max(root_mean_square(errors) / np.where(sizes > 0.0, sizes, 1.0)))
 
 
 def _beyond(columns: np.ndarray, others: np.ndarray) -> np.ndarray:

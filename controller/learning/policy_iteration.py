@@ -76,6 +76,7 @@ class Iteration(Samples):
         regressors = np.einsum("jmi,ji->jm", self.gradient, rates)  # ∂ψ_j times rates_j, (N_h, M)
         costs = self.costs + quadratic_forms(self.states, P @ S @ P)
         row_lengths = np.linalg.norm(regressors, axis=1)
+        row_lengths[row_lengths == 0.0] = 1.0  # of the state 0
         equations = regressors / row_lengths[:, None]
         column_lengths = np.linalg.norm(equations, axis=0)
         scaled, *_ = np.linalg.lstsq(equations / column_lengths, -costs / row_lengths, rcond=None)

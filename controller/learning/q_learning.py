@@ -19,7 +19,6 @@ from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, is_definite
 from controller.learning.recording import (
     excitation,
     plant_of,
-    refuse_low_rank,
     relative_residual,
     root_mean_square,
 )
@@ -47,7 +46,7 @@ def learn_steps(
     seed: seed of the data, which is reported
     progress: called before each block of value iterations, or None
 
-    Raises BadInputError if R is singular, or if the steps do not determine H.
+    Raises BadInputError if R is singular.
     Raises NoSolutionError if the disturbance gains more than it costs, or if the iteration diverges
     or does not converge.
     """
@@ -58,7 +57,6 @@ def learn_steps(
         )
     learner = QLearner(game, begins)
     of_samples = excitation(learner.features)
-    refuse_low_rank(of_samples)
     P = np.zeros_like(game.A)
     for pause in range(PAUSES):
         if progress is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -25,10 +25,17 @@ from hfa_aircraft.readers.matrices_file import (
     words,
 )
 from hfa_aircraft.signals import UNNAMED, PlantNames
-from hfa_support.arrays.read import Label, columns_of, read_arrays
+from hfa_support.arrays.tables import (
+    Column,
+    are_true,
+    columns_of_entries,
+    entries_of,
+    is_text,
+    matched,
+    read_columns,
+)
 from hfa_support.errors import (
     BadInputError,
-    file_faults,
     numbers_in,
     prefix_errors,
     refuse_unless_whole,
@@ -64,6 +71,7 @@ class Transitions(NamedTuple):
     """N recorded transitions of a plant.
 
     begins: [x u d] of each transition, (N, s). There is no column of d if none was recorded
+    rows: its row in the data, for messages, (N,)
     ends: of x' for a game in continuous time without `hold`, else x after the transition, (N, n)
     follows: whether a transition begins where the one before it ends, (N,)
     rounding: last digit of the recorded x, u and d, (s,)
@@ -77,6 +85,7 @@ class Transitions(NamedTuple):
     rounding: np.ndarray
     hold: float | None = None
     notes: tuple[str, ...] = ()
+    rows: np.ndarray = np.empty(0, dtype=object)
 
 
 def simulated(game: Game, seed: int) -> Transitions:
@@ -264,25 +273,26 @@ class Samples:
             return relative_residual(errors, self.costs, terms)
 
 
-def refuse_low_rank(recorded: Excitation) -> None:
-    """Raise BadInputError if the rank of recorded samples is below the number of weights.
-
-    With a lower rank, a small residual does not determine the weights.
-    """
-    if recorded.rank < recorded.size:
-        raise BadInputError(
-            f"the rank of the recorded samples is {recorded.rank} of {recorded.size} (singular "
-            f"values below {RANK_TOLERANCE:g} of the largest do not count); record more different "
-            "states"
-        )
-
-
-#: Matrix of the ends of transitions -> suffix of their columns.
-_SUFFIX_OF_ENDS = {"x_next": "_next", "x_rate": "_rate"}
-#: Columns that are no signals.
-_NO_SIGNALS = ("time", "dt", "episode")
+#: Matrix of the ends of transitions -> suffixes of their columns.
+_SUFFIXES_OF_ENDS = {"x_next": ("_next",), "x_rate": ("_dot", "_rate")}
+#: Flags of the last row of an episode, in libraries of reinforcement learning.
+_LAST = (
+    *("terminals", "terminal", "terminated", "terminations", "timeouts", "truncated"),
+    *("truncations", "dones", "done"),
+)
+#: Columns that are no signals -> unit.
+_NO_SIGNALS = {"time": "s", "dt": "s", **dict.fromkeys(("episode", *_LAST), "")}
+#: Columns of such libraries that are not used.
+_NO_INPUTS = ("reward", "rewards", "return", "infos", "index", "step")
+#: Other names of matrices.
+_ALIASES = {
+    **dict.fromkeys(("observations", "observation", "obs", "X"), "x"),
+    **dict.fromkeys(("actions", "action", "U"), "u"),
+    **dict.fromkeys(("next_observations", "next_observation", "next_obs"), "x_next"),
+    **dict.fromkeys(("x_dot", "xdot"), "x_rate"),
+}
 #: Entries of the matrices of transitions, all else is not used.
-_READ_ENTRIES = ("x", "u", "d", *_SUFFIX_OF_ENDS, *_NO_SIGNALS, "Ts", *NAME_KEYS)
+_READ_ENTRIES = ("x", "u", "d", *_SUFFIXES_OF_ENDS, *_NO_SIGNALS, "Ts", "rows", *NAME_KEYS)
 
 
 def matrices_in(data: Any, names: PlantNames) -> dict[str, dict[str, Any]]:
@@ -290,100 +300,157 @@ def matrices_in(data: Any, names: PlantNames) -> dict[str, dict[str, Any]]:
 
     Columns by name become matrices, with names and units.
 
-    data: file, mapping or table, or a list of them
+    data: file, mapping or table (`read_columns`), or a list of them
     names: names of the states and inputs, which are columns. Without names, a state is a column
         beside one of its next value or rate, such as alpha beside alpha_next
 
     Raises BadInputError, which names the source, if it cannot be read.
     """
     sources = data if isinstance(data, (list, tuple)) else [data]
-    found = {}
+    found: dict[str, dict[str, Any]] = {}
     for place, source in enumerate(sources, start=1):
         name = str(source) if isinstance(source, (str, Path)) else f"data {place}"
         with prefix_errors(name):
-            entries = _entries(source)
-            found[name] = entries if "x" in entries else _of_columns(entries, names)
+            found |= _matrices(source, name, names)
     if not found:
         raise BadInputError("data is an empty list; give at least one episode")
     return found
 
 
-def _entries(source: Any) -> dict[str, Any]:
-    """Return the entries of a file, a mapping or a table."""
-    if isinstance(source, Mapping):
-        return {str(name): values for name, values in source.items()}
-    if hasattr(source, "columns"):
-        return {str(name): np.asarray(source[name]) for name in source.columns}
-    if not isinstance(source, (str, Path)):
-        raise BadInputError("the data are neither a file nor a mapping of arrays; give one of them")
-    if Path(source).suffix.lower() == ".csv":
-        with file_faults(source):
-            return dict(columns_of(Path(source)))
-    return read_arrays(source)
+def _matrices(source: Any, name: str, names: PlantNames) -> dict[str, dict[str, Any]]:
+    """Return the matrices of a source, or of each of its groups (episodes of Minari), by name."""
+    if is_text(source):
+        return {name: _of_columns(read_columns(source, name), names)}
+    entries = entries_of(source, name)
+    groups = {key: group for key, group in entries.items() if isinstance(group, Mapping)}
+    if groups and len(groups) == len(entries):
+        parts = (_matrices(group, f"{name}, {key}", names) for key, group in groups.items())
+        return {key: part for each in parts for key, part in each.items()}
+    of_matrices = {_ALIASES.get(key, key): values for key, values in entries.items()}
+    if "x" in of_matrices:
+        return {name: _flat(of_matrices)}
+    return {name: _of_columns(columns_of_entries(entries, name), names)}
 
 
-def _of_columns(entries: Mapping[str, Any], names: PlantNames) -> dict[str, Any]:
+def _flat(entries: dict[str, Any]) -> dict[str, Any]:
+    """Return entries of episodes of equal length, (E, T, n), as rows with their episode.
+
+    A matrix that has a row less in each episode is completed by zeros, which are not used.
+    """
+    if np.ndim(entries["x"]) != 3:
+        return entries
+    count, length = np.shape(entries["x"])[:2]
+    flat: dict[str, Any] = {"episode": np.repeat(np.arange(count), length)}
+    for key, values in entries.items():
+        shape = np.shape(values)
+        if len(shape) > 1 and shape[:2] == (count, length - 1):
+            values = np.concatenate([values, np.zeros((count, 1, *shape[2:]))], axis=1)
+            shape = (count, length, *shape[2:])
+        if len(shape) > 1 and shape[:2] == (count, length):
+            values = np.reshape(values, (count * length, *shape[2:]))
+        elif key == "time" and shape == (length,):
+            values = np.tile(values, count)
+        flat[key] = values
+    return flat
+
+
+def _of_columns(columns: Sequence[Column], names: PlantNames) -> dict[str, Any]:
     """Return the matrices of a table, by the names of its columns, such as alpha and alpha_next.
 
-    The units of the states and inputs are entries; an end must have the unit of its state.
+    The units of the states and inputs are entries; an end has the unit of its state.
     """
-    columns: dict[str, np.ndarray] = {}
-    units: dict[str, str] = {}
-    for text, values in entries.items():
-        if not words(entries, text):  # is a column of numbers
-            name, unit = Label.of(text)
-            columns[name], units[name] = np.ravel(numbers_in(name, values)), unit
-    if len(set(map(len, columns.values()))) > 1:
+    if len({len(column.cells) for column in columns}) > 1:
         raise BadInputError("the columns differ in length; give x and u, or columns of one length")
-
-    states, inputs, disturbances = _signals_among(columns, names)
+    of_plant = dict.fromkeys((*names.states, *names.inputs), "")  # before words such as time
+    found, others = matched(columns, _NO_SIGNALS | of_plant)
+    named = found | {column.name: column for column in others if column.name not in found}
+    if len(named) < len(columns):
+        raise BadInputError("two columns have the same name; rename one of them")
+    states, inputs, disturbances = _signals_among(named, names)
     if not states or not inputs:
         expected = ", ".join((*names.states, *names.inputs)) or "alpha, alpha_next, elevator"
         raise BadInputError(
             f"the data have neither x and u nor columns of all states and inputs ({expected})"
-            f"{entries_found(entries)}; name the columns so, with units as in alpha [deg], or "
+            f"{entries_found(named)}; name the columns so, with units as in alpha [deg], or "
             "give a plant that names them"
         )
-
     blocks = {"x": states, "u": inputs, "d": disturbances}  # matrix -> names of its columns
-    for key, suffix in _SUFFIX_OF_ENDS.items():
-        ends = {f"{state}{suffix}": units[state] for state in states}  # with the unit of the state
-        if ends.keys().isdisjoint(columns):
-            continue
-        blocks[key] = [*ends]
-        for end, unit in ends.items():
-            end_unit = f"{unit}/s" if unit and key == "x_rate" else unit
-            if end not in columns or conversion_factor(units[end], end_unit) != 1.0:
-                label = f"{end} [{end_unit}]" if end_unit else end
-                raise BadInputError(f"there is no column {label}; add it, or remove the others")
-
     matrices: dict[str, Any] = {
-        key: np.column_stack([columns[name] for name in block])
+        key: np.column_stack([_finite(named[name], named[name].unit) for name in block])
         for key, block in blocks.items()
         if block
     }
+    used = {"", *states, *inputs, *disturbances}
+    for key, suffixes in _SUFFIXES_OF_ENDS.items():
+        ends = [_end_of(named, state, states, suffixes) for state in states]
+        if used.issuperset(ends):
+            continue  # no column but states and ""
+        of_time = "/s" if key == "x_rate" else ""
+        block = []
+        for state, end in zip(states, ends, strict=True):
+            unit = f"{named[state].unit}{of_time}" if named[state].unit else ""
+            stated = named[end].unit if end else None
+            if stated is None or (stated != unit and not conversion_factor(stated, unit)):
+                name = end or f"{state}{suffixes[-1]}"
+                label = f"{name} [{unit}]" if unit else name
+                raise BadInputError(f"there is no column {label}; add it, or remove the others")
+            block.append(_finite(named[end], unit))
+        matrices[key] = np.column_stack(block)
+        used.update(ends)
     for kind, signals in (("state", states), ("input", inputs)):
         matrices[f"{kind}s"] = signals
-        matrices[f"{kind}_units"] = [units[name] for name in signals]
-    used = {name for block in blocks.values() for name in block}
-    return matrices | {name: columns[name] for name in columns if name not in used}
+        matrices[f"{kind}_units"] = [named[name].unit for name in signals]
+    for name, column in named.items():
+        if name in used:
+            continue
+        matrices[name] = column.cells
+        if name in ("time", "dt"):
+            matrices[name] = _finite(column, "s")
+    if "dt" in matrices:
+        matrices["dt"] = np.unique(matrices["dt"])  # one number
+    return matrices | {"rows": columns[0].rows}
 
 
-def _signals_among(columns: Collection[str], names: PlantNames) -> tuple[list[str], ...]:
+def _finite(column: Column, unit: str) -> np.ndarray:
+    """Return the numbers of a column. Raises BadInputError, with the row, if a cell is empty."""
+    values = column.numbers(unit)
+    for place in np.flatnonzero(np.isnan(values)).tolist():
+        raise BadInputError(
+            f"{column.where}, row {column.rows[place]}: {column.name} has no number; remove the "
+            "row, and begin another episode there"
+        )
+    return values
+
+
+def _end_of(
+    columns: Collection[str], state: str, states: Sequence[str], suffixes: Sequence[str]
+) -> str:
+    """Return the column of the end of a state, or "". It may be a state: pitch_rate of pitch."""
+    ends = [f"{state}{suffix}" for suffix in suffixes if f"{state}{suffix}" in columns]
+    return min(ends, key=lambda end: end in states, default="")
+
+
+def _signals_among(columns: Mapping[str, Column], names: PlantNames) -> tuple[list[str], ...]:
     """Return the names of the states, inputs and disturbances among the columns of a table.
 
     The states are those of the plant, if the table has all of them, and otherwise the columns
     beside one of their next value or rate, such as alpha beside alpha_next. The inputs are those of
-    the plant, if the table has all of them, and otherwise all other columns.
+    the plant, if the table has all of them, and otherwise all other columns of numbers.
     """
-    suffixes = tuple(_SUFFIX_OF_ENDS.values())  # _next, _rate
-    states = [name for name in columns if any(f"{name}{end}" in columns for end in suffixes)]
-    if names.states and set(names.states) <= set(columns):
+    states: list[str] = []
+    suffixes: tuple[str, ...] = ()
+    for suffixes in _SUFFIXES_OF_ENDS.values():
+        states = [name for name in columns if _end_of(columns, name, (), suffixes)]
+        if states:
+            break
+    if names.states and columns.keys() >= {*names.states}:
         states = list(names.states)
     disturbances = [name for name in columns if re.fullmatch(r"d\d*", name)]
-    no_inputs = (*states, *disturbances, *_NO_SIGNALS)
-    inputs = [name for name in columns if name not in no_inputs and not name.endswith(suffixes)]
-    if names.inputs and set(names.inputs) <= set(columns):
+    every = (suffix for each in _SUFFIXES_OF_ENDS.values() for suffix in each)
+    ends = {f"{state}{suffix}" for suffix in every for state in states}
+    no_inputs = {*states, *disturbances, *_NO_SIGNALS, *_NO_INPUTS, *ends}
+    inputs = [name for name in columns if name not in no_inputs and columns[name].is_numeric]
+    if names.inputs and columns.keys() >= {*names.inputs}:
         inputs = list(names.inputs)
     return states, inputs, disturbances
 
@@ -403,7 +470,7 @@ def transitions_in(data: Any, game: Game) -> Transitions:
         )
     rows = {
         name: np.concatenate([getattr(part, name) for part in parts])
-        for name in ("begins", "ends", "follows")
+        for name in ("begins", "ends", "follows", "rows")
     }
     return Transitions(
         **rows,
@@ -460,7 +527,7 @@ class _Source:
 
     def transitions(self) -> Transitions:
         """Return the transitions in the units of the game."""
-        end, *others = [key for key in _SUFFIX_OF_ENDS if key in self.entries] or [""]
+        end, *others = [key for key in _SUFFIXES_OF_ENDS if key in self.entries] or [""]
         if others:
             raise BadInputError("the data have x_next and x_rate; remove one of them")
         if end == "x_rate" and self.game.is_discrete:
@@ -501,8 +568,9 @@ class _Source:
             ends=ends * factors[:n],
             follows=follows,
             rounding=_last_digits(begins) * factors,
-            hold=None if end == "x_rate" else self._time_of_hold(starts, in_time=not end),
+            hold=None if end == "x_rate" else self._time_of_hold(~follows if end else starts),
             notes=tuple(self.notes),
+            rows=np.asarray(self.entries.get("rows", np.arange(count) + 1))[rows],
         )
 
     def _matrix(self, key: str, columns: int) -> np.ndarray:
@@ -537,27 +605,30 @@ class _Source:
     def _starts(self, count: int) -> np.ndarray:
         """Return whether a row is the first of an episode, (N,)."""
         starts = np.arange(count) == 0
-        if "episode" in self.entries:
-            labels = np.ravel(numbers_in("episode", self.entries["episode"]))
-            if len(labels) != count:
+        for name in ("episode", *_LAST):
+            if name not in self.entries:
+                continue
+            labels = np.ravel(self.entries[name])
+            if len(labels) not in (count, count - 1) or (name == "episode" and len(labels) < count):
                 raise BadInputError(
-                    f"episode has {len(labels)} entries, x has {count} rows; give one for each"
+                    f"{name} has {len(labels)} entries, x has {count} rows; give one for each"
                 )
-            starts[1:] |= labels[1:] != labels[:-1]
+            if name == "episode":
+                starts[1:] |= labels[1:] != labels[:-1]
+            else:
+                starts[1:] |= are_true(labels)[: count - 1]
         return starts
 
-    def _time_of_hold(self, starts: np.ndarray, *, in_time: bool) -> float | None:
+    def _time_of_hold(self, starts: np.ndarray) -> float | None:
         """Return the time for which inputs are constant, s, or None for a game in discrete time.
 
-        starts: whether a row is the first of an episode, (N,)
-        in_time: whether the next state is that of the next row. Otherwise rows may have any order,
-            and the difference of their times is no step
+        starts: whether a row does not follow the one before it, (N,)
         """
         # Only a float is a known sample time: True is an unknown one, None is no entry.
         stated = sample_time(self.entries)
         dt, accuracy = stated, 0.0
         # The entry time contains the times of the rows, or a word such as "continuous".
-        if "time" in self.entries and not words(self.entries, "time") and in_time:
+        if "time" in self.entries and not words(self.entries, "time"):
             times = np.ravel(numbers_in("time", self.entries["time"]))
             if len(times) != len(starts):
                 raise BadInputError(f"time has {len(times)} entries, x has {len(starts)} rows")

@@ -45,7 +45,7 @@ class Column(NamedTuple):
     where: str
     name: str
     unit: str
-    cells: Sequence[Any]
+    cells: Sequence[Any] | np.ndarray
     rows: Sequence[int]
     head: int = 0
 

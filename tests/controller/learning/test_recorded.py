@@ -282,6 +282,47 @@ def test_unusable_data_are_refused_with_the_cause(said):
     assert "\n" not in str(refused.value)
 
 
+def test_layouts_of_reinforcement_learning_are_read():
+    """Episodes (E, T, n), flags of their last rows, and the names of D4RL and Minari give the exact
+    solution, and a column of rewards is no input.
+    """
+    parts = [trajectory(STEPS, 30, seed) for seed in range(3)]
+    x, u = (np.array(each) for each in zip(*parts, strict=True))  # (3, 31, 3) and (3, 30, 2)
+    last = np.tile(np.arange(30) == 29, (3, 1))
+    rows = {"observations": x[:, :-1].reshape(-1, 3), "actions": u.reshape(-1, 2)}
+    rows |= {"rewards": np.zeros(90), "timeouts": last.ravel(), "terminals": np.zeros(90, bool)}
+    after = {"next_observations": x[:, 1:].reshape(-1, 3)}
+    episodes = {f"episode_{k}": {"observations": x[k], "actions": u[k]} for k in range(3)}
+    for data in ({"x": x, "u": u}, rows, rows | after, episodes):
+        assert_exact(STEPS, learn(blind(STEPS), data=data))
+
+
+def test_a_record_about_its_trim_that_begins_at_rest():
+    """A flight of a plant with pitch and pitch_rate begins at rest, about a trim, with time in ms."""
+    names = PlantNames(("pitch", "pitch_rate"), ("elevator",), ("rad", "rad/s"), ("rad",))
+    plant = hfa.Game([[0, 1], [-4, -1]], [[0], [2]], Q=np.eye(2), R=np.eye(1), names=names)
+    step = plant.sampled(0.05)
+    x, u = [np.zeros(2)], RNG.normal(size=(80, 1))
+    for each in u[:-1]:
+        x.append(step.A @ x[-1] + step.B @ each)
+    pitch, rate = np.transpose(x)
+    columns = {"Time [ms]": 50.0 * np.arange(80), "pitch [deg]": np.degrees(pitch) + 5.0}
+    columns |= {"pitch_rate": rate, "elevator": u[:, 0] - 0.1}
+    run = learn(blind(plant), data=columns)
+    assert_exact(plant, run)
+    assert "constant part" in " ".join(run.data.notes)
+    with pytest.raises(BadInputError, match="the rate of pitch in the data is not pitch_rate"):
+        learn(plant, data=columns | {"Time [ms]": 1e3 * np.arange(80)})
+
+
+def test_rows_that_do_not_fit_are_named():
+    """Three rows that end an episode without a mark are named."""
+    data = recorded(STEPS, noise=1e-3)
+    data["x_next"][[4, 30, 66]] += 1.0
+    (note,) = [each for each in learn(STEPS, data=data).data.notes if "do not fit" in each]
+    assert "3 of 80 rows do not fit the others (5, 31, 67)" in note
+
+
 @pytest.mark.parametrize("amplitude", [0.01, 0.1, 1.0])
 def test_an_excitation_of_one_unit_of_a_decimal_place_is_accepted(amplitude):
     """Inputs that are -1, 0 or 1 unit of a decimal place, at random, give the exact solution.
