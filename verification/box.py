@@ -13,6 +13,7 @@ from controller.expansion.expansion import Expansion, rates_about_trim
 from controller.expansion.radius import STEPS_PER_TEST, flown_until_decayed, scales_of_time
 from controller.game.zero_sum import Game
 from controller.riccati.balls import ROUNDOFF
+from controller.riccati.suboptimality import reference_cost
 from hfa_aircraft.batch_simulation import (
     FAR_OF_EXPANSION,
     Cost,
@@ -154,7 +155,8 @@ def nonlinear_plant(linear: LinearModel) -> NonlinearPlant:
     return NonlinearPlant(rates_about_trim(linear), lowest, highest)
 
 
-#: Largest cost of a critic's flight above that of the exact policy, relative to the latter.
+#: Largest cost of a critic's flight above that of the exact policy, relative to the largest
+#: optimum of the box.
 SHARE = 0.05
 #: Relative excess of a cost that may be rounding: half an ulp in each of a million steps.
 _ROUNDING_OF_COST = 1e6 * ROUNDOFF
@@ -179,7 +181,7 @@ class BoxFlights(Result):
     undecided: number of its flights that are not decided at the end of the clock
     clock: largest duration of a flight, s
     suboptimality: largest cost above that of the exact policy from the same state, relative to the
-        latter; inf if a flight diverges, nan if one is not decided
+        `reference_cost` of the linear game; inf if a flight diverges, nan if one is not decided
     worst: initial state with it, (n,)
     integration: integration error of the costs
     resolved: whether the costs hardly change with half the step
@@ -222,7 +224,10 @@ class BoxFlights(Result):
             return f"{self.undecided} of {self.flights} flights are not decided within {clock}"
         above = 0.0 if self.suboptimality < _ROUNDING_OF_COST else self.suboptimality
         more = percent(100.0 * above, up=True)
-        text = f"{self.flights} flights cost at most {more} more than by the exact policy"
+        text = (
+            f"{self.flights} flights cost at most {more} of the largest optimum more than by the"
+            " exact policy"
+        )
         return text if self.resolved else f"{text}, but are not resolved"
 
 
@@ -266,7 +271,8 @@ def box_flights(
         return _Costs(judged=flown.costs(begins, shorter), exact=exact.costs(begins, shorter))
 
     costs, error = resolved(simulate, _converged_costs, step)
-    suboptimality = costs.judged / costs.exact - 1.0
+    optima = quadratic_forms(part * starts, reference_cost(expansion.solution.P, b))
+    suboptimality = (costs.judged - costs.exact) / optima
     # A flight that is not decided (nan) counts as the worst, as one that diverges does.
     worst = int(np.argmax(np.where(np.isnan(suboptimality), math.inf, suboptimality)))
     return BoxFlights(

@@ -146,16 +146,21 @@ class Measure(NamedTuple):
     exact: the exact matrix
     root, scales: root M * scales is M in balanced units
     entry_scales: M * entry_scales has entries that do not depend on units
+    largest: in place of that of an exact matrix of zeros in balanced units
     """
 
     exact: np.ndarray
     root: np.ndarray
     scales: np.ndarray
     entry_scales: np.ndarray
+    largest: float
 
     def errors(self, matrix: np.ndarray) -> tuple[float, float, float]:
         """Return the errors of a matrix in norm, in balanced units and of an entry."""
-        exact, root, scales, entry_scales = self
+        exact, root, scales, entry_scales, largest = self
+        if largest and not exact.any():
+            error = float(np.abs(root @ matrix * scales).max()) / largest
+            return error, error, error
         return (
             relative_error(matrix, exact),
             relative_error(root @ matrix * scales, root @ exact * scales),
@@ -171,12 +176,14 @@ def measure_of(name: str, solution: Solution) -> Measure:
     units = balanced_units(solution.game)
     if name == "P":
         scales = np.outer(units, units)
-        return Measure(solution.P, root=np.eye(len(units)), scales=scales, entry_scales=scales)
+        return Measure(solution.P, np.eye(len(units)), scales, entry_scales=scales, largest=0.0)
     weight = solution.suboptimality_weight  # R, in discrete time R + α B'P B
     eigenvalues, vectors = np.linalg.eigh(weight)
     root = np.sqrt(np.abs(eigenvalues))[:, None] * vectors.T  # root' root is the weight
     entry_scales = np.sqrt(np.diag(weight))[:, None] * units
-    return Measure(solution.K, root=root, scales=units, entry_scales=entry_scales)
+    # A K with this size costs as much in one second, or step, as the state.
+    largest = float((np.sqrt(np.abs(np.diag(solution.P))) * units).max())
+    return Measure(solution.K, root, units, entry_scales, largest)
 
 
 def box_errors(critic: Critic, exact: Solution, limit: float, box: np.ndarray) -> list[Check]:
@@ -195,7 +202,10 @@ def box_errors(critic: Critic, exact: Solution, limit: float, box: np.ndarray) -
             # Divided by b_i, the bounds of b_i ∂V/∂z_i are those of the slopes.
             u_errors += 0.5 * np.abs(critic.slope_gain) @ (higher.slopes / box)
     u_scale = np.sqrt(np.diag(exact.suboptimality_weight))  # makes inputs comparable
-    policy = entry_error(u_scale * u_errors, u_scale * (np.abs(exact.K) @ box))
+    u_sizes = u_scale * (np.abs(exact.K) @ box)
+    if not u_sizes.any():  # the exact policy is 0: errors are relative to the cost of the state
+        u_sizes += math.sqrt(np.abs(np.diag(exact.P)) @ box**2)
+    policy = entry_error(u_scale * u_errors, u_sizes)
     checks = [error_check("policy_rel_error", policy, limit, "the policy in the box")]
     if critic.P is None:
         return checks

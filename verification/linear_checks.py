@@ -122,10 +122,10 @@ class LinearLoop:
         suboptimality, loops = self.suboptimality, self.robustness.values()
         zeros = ["0"] * (len(loops) - 1)  # of the exact solution, where it has a column
         rows: list[tuple[str, ...]] = []
-        for which, ratio in (
-            ("worst case", suboptimality.high),
-            ("mean over cases", suboptimality.mean),
-        ):
+        ratios = {"worst case": suboptimality.high, "mean over cases": suboptimality.mean}
+        if suboptimality.of_each is not None:
+            ratios["of one state"] = suboptimality.of_each
+        for which, ratio in ratios.items():
             # The ratio of an optimal policy is rounding.
             above = 0.0 if suboptimality.is_optimal else 100.0 * ratio
             rows.append(
@@ -143,13 +143,6 @@ class LinearLoop:
         if _has_worst(suboptimality):
             worst = state_text(self.exact, suboptimality.worst)
             lines.append(f"Worst initial state, in the box: {worst}")
-        if not suboptimality.is_relative:
-            lines.append("Weights indefinite: % of the largest optimal cost of the box")
-        if suboptimality.free_state is not None:
-            lines.append(
-                f"From {state_text(self.exact, suboptimality.free_state)}, the policy costs "
-                f"{suboptimality.from_free:.3g}, and the optimum 0"
-            )
         return (table, *lines)
 
     @property

@@ -338,7 +338,12 @@ def _multiples(game: Game, gains: Compared) -> Iterator[Mistake]:
         with np.errstate(all="ignore"):  # factors of least squares
             factors = np.sum(in_sizes * exact_in_sizes, axis) / np.sum(exact_in_sizes**2, axis)
             undone = K / np.expand_dims(factors, axis)
-        if not (np.isfinite(undone).all() and factors.all()):
+        # A single number is a multiple of any other: its row or column shows nothing.
+        if not (
+            np.isfinite(undone).all()
+            and factors.all()
+            and np.all(np.count_nonzero(exact, axis) > 1)
+        ):
             continue
         listed = ", ".join(
             f"{name} {factor:.4g}" for name, factor in zip(names, factors, strict=True)

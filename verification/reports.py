@@ -198,8 +198,6 @@ def _cost_text(verdict: Verdict) -> str:
         return f"{least} above the optimum"
     if enclosed.matrix is None:  # no quadratic form bounds the cost
         return "cost without bound" if math.isinf(enclosed.low) else "cost not decided"
-    if math.isinf(enclosed.low):  # the ratio to an optimum of 0
-        return f"costs {enclosed.from_free:.3g} where the optimum is 0"
     if math.isinf(enclosed.high):
         return f"cost not decided, at least {least} above the optimum"
     return f"{least} to {percent(100.0 * enclosed.high, up=True)} above the optimum"

@@ -75,11 +75,13 @@ class Candidate(NamedTuple):
     X: (n, n), its solution
     Y: (n, n), solution of F'Y + Y F = -1 with the loop F of both players at X, in discrete time of
         F'Y F - Y = -1
+    at_X: gains, residual and F, if they are known
     """
 
     equation: Equation
     X: arb_mat
     Y: arb_mat
+    at_X: tuple[arb_mat, arb_mat, arb_mat] | None = None
 
 
 @contextmanager
@@ -199,7 +201,7 @@ def corrected(equation: Equation, X: arb_mat) -> Candidate:
 
     Raises FailedError.
     """
-    has_no_cost = states_without_cost(equation.game)
+    has_no_cost, X = states_without_cost(equation.game), symmetric(X)
     size, last, lyapunov = np.abs(midpoints(X)).max() or 1.0, math.inf, None
     with failures():
         for _ in range(NEWTON_STEPS):
@@ -219,7 +221,7 @@ def corrected(equation: Equation, X: arb_mat) -> Candidate:
             raise FailedError("the corrections do not shrink")
         F, is_discrete = equation.loop(X, gains), equation.is_discrete
         Y = solved_in_bits(F, identity(equation.n), lyapunov, is_discrete=is_discrete)
-        return Candidate(equation, X, Y)
+        return Candidate(equation, X, Y, (gains, residual, F))
 
 
 def stabilizing_in_doubles(equation: Equation) -> np.ndarray:
@@ -230,7 +232,18 @@ def stabilizing_in_doubles(equation: Equation) -> np.ndarray:
 
     Raises FailedError, LinAlgError or ValueError.
     """
-    n, found = equation.n, SignFunction(half_plane_in_doubles(equation))
+    X = stable_subspace_in_doubles(half_plane_in_doubles(equation), equation.n)
+    has_no_cost = states_without_cost(equation.game)
+    X[has_no_cost] = X[:, has_no_cost] = 0.0
+    return X
+
+
+def stable_subspace_in_doubles(half_plane: np.ndarray, n: int) -> np.ndarray:
+    """Return X, (n, n), symmetric, of the stable subspace [1; X] or [1; X; -gains] of a matrix.
+
+    Raises FailedError, LinAlgError or ValueError.
+    """
+    found = SignFunction(half_plane)
     if found.stable != n:
         raise FailedError(f"there are {found.stable} stable eigenvalues instead of {n}")
     to_zero = found.sign + np.eye(len(found.sign))  # times [1; X; -gains], by least squares
@@ -239,8 +252,6 @@ def stabilizing_in_doubles(equation: Equation) -> np.ndarray:
     X = (X + X.T) / 2.0
     if not np.isfinite(X).all():
         raise FailedError("the candidate is not finite")
-    has_no_cost = states_without_cost(equation.game)
-    X[has_no_cost] = X[:, has_no_cost] = 0.0
     return X
 
 
@@ -252,17 +263,18 @@ def half_plane_in_doubles(equation: Equation) -> np.ndarray:
     if isinstance(equation, ContinuousEquation):
         return midpoints(equation.hamiltonian())
     assert isinstance(equation, StepEquation)
-    A, G, Q, W, C = map(midpoints, (equation.A, equation.G, equation.Q, equation.W, equation.C))
-    L, M = map(np.block, pencil_blocks(A, G, Q, W, C, np.eye(equation.n)))
+    return half_plane_of_steps(
+        *map(midpoints, (equation.A, equation.G, equation.Q, equation.W, equation.C))
+    )
+
+
+def half_plane_of_steps(
+    A: np.ndarray, G: np.ndarray, Q: np.ndarray, W: np.ndarray, C: np.ndarray
+) -> np.ndarray:
+    """Return (L + M)⁻¹ (L - M) of the pencil L - z M of the matrices of `StepEquation`."""
+    L, M = map(np.block, pencil_blocks(A, G, Q, W, C, np.eye(len(A))))
     # λ = (z - 1) / (z + 1) where L - z M is singular: the unit disk becomes the left half-plane.
     return np.linalg.solve(L + M, L - M)
-
-
-def loop_in_doubles(equation: Equation, X: np.ndarray) -> np.ndarray:
-    """Return the loop of both players at X, (n, n)."""
-    exact = ball_matrix(X)
-    gains, _ = equation.gains_and_residual(exact)
-    return midpoints(equation.loop(exact, gains))
 
 
 def first_units(game: Game, delta: float) -> Units:

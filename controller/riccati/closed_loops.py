@@ -206,25 +206,20 @@ class ClosedLoops:
             return GainBounds(0.0, 0.0)
         Q, N, R = map(ball_matrix, (game.Q, game.N, game.R))
         best = GainBounds(0.0, math.inf)
-        for bits in ATTEMPTS[:2]:  # the bounds of either are proved; the second ones are closer
+        # The bounds of each attempt are proved; the next ones are closer.
+        for bits in [bits for bits in ATTEMPTS if bits >= self.enclosure.bits][:3]:
             with precision(bits), suppress(FailedError, NotProvedError):
                 gain = enclosed_in_bits(self.enclosure, bits).K if K is None else ball_matrix(K)
                 crossed = N * gain
                 cost = Q + gain.transpose() * R * gain - crossed - crossed.transpose()
                 F = discounted(loop_with(game, gain), game)
                 E = discounted(ball_matrix(game.E), game)
-                bounds = gain_of(self.in_new_states(F, E, cost))
-                best = min(best, bounds, key=lambda found: (found.high, -found.low))
+                loop = DisturbedLoop(F, E, symmetric_part(cost), game.is_discrete)
+                best = min(best, gain_of(loop), key=lambda found: (found.high, -found.low))
             if best.is_narrow:
                 break
         # The value at delta proves that the gain is below it.
         return best if K is not None else best._replace(high=min(best.high, game.delta))
-
-    def in_new_states(self, F: arb_mat, E: arb_mat, cost: arb_mat) -> DisturbedLoop:
-        """Return a loop of the user's states, its disturbances and its cost in the new states."""
-        into, back = self.changes
-        C = symmetric_part(back.transpose() * cost * back)
-        return DisturbedLoop(into * F * back, into * E, C, self.enclosure.game.is_discrete)
 
     def distance(self, K: np.ndarray) -> float:
         """Return the smallest change of A - B K that gives an undamped mode, relative to its norm.

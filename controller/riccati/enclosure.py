@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -59,6 +59,8 @@ MOST_STATES = 16
 #: Relative radius of an enclosure whose midpoints are right to the last digit of doubles: an eighth
 #: of their roundoff 2^-53, far below which the rounding of this radius is.
 ALL_DIGITS = 2.0**-56
+#: Largest size of a number that is shown as 0, relative to its row.
+OF_ZEROS = 1e-24
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,11 +108,10 @@ class Enclosure:
                 L = of_disturbances.solve(EP * equation.control_loop(P, gains))
             return self.units.gain_of_user(L, self.units.disturbances)
 
-    def relative_radius(self) -> float:
-        """Return the largest relative radius of P and K; inf if a number is not known.
+    @cached_property
+    def digits(self) -> Digits:
+        """What is known of the digits of P and K.
 
-        The radius of P_ij is relative to √(P_ii P_jj), and that of K_ij to √P_jj times the largest
-        K_ik / √P_kk of its row, with |P| in place of an indefinite P, or to K_ij where P_jj is 0.
         Row i of P where P_ii may be 0, and K_ij where its scale may be 0, are known only if zeros
         of the game prove that they are 0 or, with many bits, if their nearest doubles are 0.
         """
@@ -122,23 +123,51 @@ class Enclosure:
         states, inputs = self.units.states, self.units.inputs
         with precision(self.bits):
             P, K = scaled_balls(self.P, states, states), scaled_balls(self.K, -inputs, states)
-        P_radius = radii(P)
+        P_radius, P_middle = radii(P), midpoints(P)
         with np.errstate(all="ignore"):
-            sizes = sizes_of(midpoints(P))
+            sizes = sizes_of(P_middle)
             has_value = sizes > np.diag(P_radius)
             if not (has_value | zero_states).all():
-                return math.inf
+                return Digits(math.inf, math.inf)
             roots = np.sqrt(sizes[has_value])
-            # The radii of P are relative to √(P_ii P_jj).
-            of_P = P_radius[np.ix_(has_value, has_value)] / np.outer(roots, roots)
-            # Those of K are relative to √P_jj times the largest K_ik / √P_kk of the row.
+            kept = np.ix_(has_value, has_value)
+            of_P = _digits(P_middle[kept], P_radius[kept], np.outer(roots, roots))
             K_radius = np.where(zero_gains, 0.0, radii(K))
-            scales = np.where(zero_gains, 0.0, np.abs(midpoints(K)))
+            K_middle = np.where(zero_gains, 0.0, midpoints(K))
+            # K_ij is relative to √P_jj times the largest K_ik / √P_kk of the row.
+            scales = np.abs(K_middle)
             rows = scales[:, has_value] / roots
             scales[:, has_value] = rows.max(1, keepdims=True, initial=0.0) * roots
-            of_K = np.where(K_radius > 0.0, K_radius / scales, 0.0)
-        worst = float(max(of_P.max(initial=0.0), of_K.max(initial=0.0)))
-        return worst if math.isfinite(worst) else math.inf
+            of_K = _digits(K_middle, K_radius, scales)
+        return Digits(*map(max, of_P, of_K))
+
+
+class Digits(NamedTuple):
+    """What is known of the digits of numbers, none of which is nan.
+
+    radius: largest relative radius of a number that is not 0
+    of_zeros: bound of the numbers that may be 0, relative to √(P_ii P_jj) in P, and to √P_jj times
+        the largest K_ik / √P_kk of the row in K, with |P| in place of an indefinite P
+    """
+
+    radius: float
+    of_zeros: float
+
+    @property
+    def are_known(self) -> bool:
+        """True if the midpoints, with 0 for what may be 0, are right to the last digit."""
+        return self.radius < ALL_DIGITS and self.of_zeros < OF_ZEROS
+
+
+def _digits(middle: np.ndarray, radius: np.ndarray, scales: np.ndarray) -> Digits:
+    """Return the digits of balls; those that may be 0 are relative to scales."""
+    sizes = np.abs(middle)
+    may_be_0 = sizes <= radius
+    numbers = np.where(may_be_0, 0.0, radius / sizes)
+    zeros = np.where(may_be_0 & (radius > 0.0), (sizes + radius) / scales, 0.0)
+    return Digits(
+        *(float(np.nan_to_num(each, nan=math.inf).max(initial=0.0)) for each in (numbers, zeros))
+    )
 
 
 def _rounds_to_zero(matrix: arb_mat) -> np.ndarray:
@@ -218,7 +247,8 @@ def _outcomes(
             with precision(2 * BITS), suppress(FailedError):
                 equation = equation_of(game, candidate.equation.units, delta)
                 yield _outcome(corrected(equation, candidate.X), digits=digits, in_bits=False)
-    refuse_modes(game)  # a mode because of which no delta has a value
+    with precision(2 * BITS):
+        refuse_modes(game)  # a mode because of which no delta has a value
     # Candidates in bits.
     for n_bits in ATTEMPTS:
         with precision(n_bits), np.errstate(all="ignore"):
@@ -275,7 +305,7 @@ def _outcome(candidate: Candidate, *, digits: bool, in_bits: bool) -> Enclosure 
         enclosure = enclosure_of(found)
     except NotProvedError:
         return why_no_value(candidate.equation, found, in_bits=in_bits)
-    return "" if digits and not enclosure.relative_radius() < ALL_DIGITS else enclosure
+    return "" if digits and not enclosure.digits.are_known else enclosure
 
 
 #: Largest relative change of P and K that their data determine: two digits are known.
@@ -299,10 +329,10 @@ class Certificate(Result):
         """Number of bits of the proof."""
         return self.enclosure.bits
 
-    @cached_property
+    @property
     def radius(self) -> float:
-        """Largest radius of the balls of P and K, relative to the sizes of their rows."""
-        return self.enclosure.relative_radius()
+        """Largest relative radius of the balls of P and K that do not contain 0."""
+        return self.enclosure.digits.radius
 
     @cached_property
     def proved(self) -> tuple[str, ...]:
@@ -327,7 +357,7 @@ def has_indefinite_weights(game: Game) -> bool:
 
 def _sentences(certificate: Certificate) -> Iterator[str]:
     """Yield sentences on what is proved: digits, stable loops, the sign of P, indefinite weights,
-    last digits that decide, and the weight and gain of the disturbance.
+    last digits that decide, and the weight of the disturbance.
     """
     enclosure = certificate.enclosure
     equation, game = enclosure.proved.equation, enclosure.game
@@ -335,9 +365,11 @@ def _sentences(certificate: Certificate) -> Iterator[str]:
     loops: tuple[str, ...] = ("A - B K + E L", "A - B K") if equation.is_disturbed else ("A - B K",)
     if game.discount != 1.0:
         loops = tuple(f"sqrt(discount) ({loop})" for loop in loops)
+    radius, of_zeros = enclosure.digits
+    zeros = f"; what is 0 is below {of_zeros:.1g} of its row" if of_zeros else ""
     yield (
-        "P and K are right to the last digit (enclosed with the radius"
-        f" {certificate.radius:.1g}, {enclosure.bits} bits)"
+        f"P and K are right to the last digit (enclosed with the radius {radius:.1g},"
+        f" {enclosure.bits} bits{zeros})"
     )
     has_no_negative_cost = has_semidefinite_weights(game)
     with precision(enclosure.bits):
@@ -351,7 +383,8 @@ def _sentences(certificate: Certificate) -> Iterator[str]:
     if equation.is_disturbed:
         if game.is_discrete:
             yield "the disturbance pays: delta^2 - E'P E > 0"
-        yield f"L is enclosed with the radius {_radius_of_L(enclosure):.1g}"
+        if math.isfinite(of_L := _radius_of_L(enclosure)):
+            yield f"L is enclosed with the radius {of_L:.1g}"
 
 
 def _radius_of_L(enclosure: Enclosure) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -85,7 +86,7 @@ class Entries(NamedTuple):
         Raises ZeroDivisionError if T may be singular with the bits of `precision`.
         """
         doubles = (game.A, game.B, game.E, game.Q, game.R, game.N)
-        of_loop_game = getattr(game, "balls", None)  # a `LoopGame` has its exact entries in balls
+        of_loop_game = game.balls if isinstance(game, LoopGame) else None
         A, B, E, Q, R, N = of_loop_game or map(ball_matrix, doubles)
         states, inputs, disturbances, T = units
         A, B = scaled_balls(A, -states, states), scaled_balls(B, -states, inputs)
@@ -97,6 +98,16 @@ class Entries(NamedTuple):
         to_y = T.inv()
         Q = symmetric_part(to_y.transpose() * Q * to_y)
         return cls(T * A * to_y, T * B, T * E, Q, R, to_y.transpose() * N)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LoopGame(Game):
+    """Game whose exact matrices are in balls. Its fields A, B, ... are rounded to doubles.
+
+    balls: the exact matrices, from which `Entries.of` makes the Riccati equation
+    """
+
+    balls: Entries | None = None
 
 
 class Sensitivity(NamedTuple):

@@ -14,7 +14,13 @@ from controller.game.linear_game import game
 from controller.game.zero_sum import Game
 from controller.riccati.balls import BITS, ball_matrix, midpoints, precision
 from controller.riccati.closed_loops import ClosedLoops, Poles, poles_of, rounded_loop
-from controller.riccati.enclosure import Certificate, Enclosure, data_change, decided
+from controller.riccati.enclosure import (
+    Certificate,
+    Enclosure,
+    UndecidedError,
+    data_change,
+    decided,
+)
 from controller.riccati.l2_gain import GainBounds
 from controller.riccati.lyapunov import loop_with, stabilizes
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
@@ -282,7 +288,13 @@ def solve(game: Game) -> Solution:
     >>> solution.K.round(4).tolist(), round(solution.delta_min, 4)
     ([[3.0972]], 1.0)
     """
-    enclosure = decided(game, game.delta)
+    try:
+        enclosure = decided(game, game.delta)
+    except UndecidedError as undecided:
+        if math.isinf(game.delta):
+            raise
+        advice = minimum_delta(game).advice(game.delta)
+        raise UndecidedError(f"{undecided}; {advice}") from None
     if isinstance(enclosure, str):
         if math.isinf(game.delta):
             raise NoSolutionError(enclosure)

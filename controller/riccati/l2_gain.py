@@ -1,45 +1,41 @@
 """L2 gain of a stable loop z' = F z + E d to a cost z'C z, proved from both sides.
 
-The gain is below γ if the loop has a value at δ = γ (`DisturbedLoop.value`), and at least the gain
-of any one disturbance at any one frequency.
+The loop is a game whose input moves nothing (B = 0): its L2 gain is the smallest δ with a value. It
+is at least the gain of any one disturbance at any one frequency.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from controller.game.zero_sum import Game
 from controller.riccati.balls import ball_matrix, identity, midpoints, norm, scaled_balls
-from controller.riccati.candidate import MOST_CHANGES, candidate_in_bits, candidate_in_doubles
-from controller.riccati.enclosure import Enclosure, enclosure_of
-from controller.riccati.equation import Entries, users_units
-from controller.riccati.lyapunov import FailedError, NotProvedError, loop_units
-from controller.riccati.refusal import stabilizing
-from hfa_support.errors import BadInputError
-from trim.linear.frequency_response import (
-    System,
-    peak_frequency,
-    peak_frequency_of_steps,
-    scaled_root,
+from controller.riccati.candidate import (
+    MOST_CHANGES,
+    MOST_STATES_IN_BITS,
+    candidate_in_bits,
+    candidate_in_doubles,
+    disturbance_units,
 )
+from controller.riccati.enclosure import Enclosure, enclosure_of
+from controller.riccati.equation import Entries, LoopGame, Units, equation_of
+from controller.riccati.lyapunov import FailedError, Lyapunov, NotProvedError, loop_units
+from controller.riccati.refusal import between_eigenvalues, half_plane_eigenvalues, stabilizing
+from controller.riccati.smallest_delta import TOLERANCE, Search, estimate
+from hfa_support.errors import BadInputError
 
 if TYPE_CHECKING:
     from flint import arb_mat
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class LoopGame(Game):
-    """Game whose exact matrices are in balls. Its fields A, B, ... are rounded to doubles.
-
-    balls: the exact matrices, from which `Entries.of` makes the Riccati equation
-    """
-
-    balls: Entries | None = None
+#: Largest number of steps to the largest gain, each of which doubles its digits.
+MOST_STEPS = 8
+#: Relative distances from the lower bound at which the upper one is tried.
+ABOVE = 0.9 * TOLERANCE * np.array([1.0, 1e2, 1e4])
 
 
 class LoopValue(NamedTuple):
@@ -63,53 +59,75 @@ class DisturbedLoop(NamedTuple):
     def value(self, delta: float) -> LoopValue:
         """Return the enclosure of D, which proves that F is stable and that the gain is below δ.
 
-        D is sought in units in which F is balanced, and the cost is divided by its size.
+        Raises FailedError or NotProvedError.
+        """
+        game = self.game()
+        found = self._enclosed(game, delta)
+        return LoopValue(found.P, found.L)
+
+    def _enclosed(self, game: LoopGame, delta: float) -> Enclosure:
+        """Return the enclosure of D as the value of the game.
 
         Raises FailedError or NotProvedError.
         """
-        units = loop_units(midpoints(self.F))
-        size = float(norm(scaled_balls(self.C, units, units)))
-        # With the cost divided by 4^power and d in units of 2^power, δ remains.
-        power = int(np.round(0.5 * np.log2(size))) if size > 0.0 else 0
-        states, disturbances = units - power, np.full(self.E.ncols(), power)
-        scaled = self._replace(
-            F=scaled_balls(self.F, -units, units),
-            E=scaled_balls(self.E, -units, disturbances),
-            C=scaled_balls(self.C, states, states),
-        )
-        found = scaled._enclosed(delta)
-        D = scaled_balls(found.P, -states, -states)
-        return LoopValue(D, scaled_balls(found.L, disturbances, -units))
-
-    def _enclosed(self, delta: float) -> Enclosure:
-        """Return the enclosure of D as the value of a game whose input moves nothing (B = 0).
-
-        Raises FailedError or NotProvedError.
-        """
-        F, E, C = map(midpoints, (self.F, self.E, self.C))
-        zero = np.zeros((len(F), 1))
-        none = ball_matrix(zero)
-        balls = Entries(self.F, none, self.E, self.C, identity(1), none)
-        dt = True if self.is_discrete else None
-        try:
-            game = LoopGame(
-                F, zero, E=E, Q=(C + C.T) / 2.0, R=np.eye(1), delta=delta, dt=dt, balls=balls
-            )
-        except BadInputError as error:
-            raise FailedError(str(error)) from None
-        if not E.any() and not all(entry == 0 for entry in self.E.entries()):
-            raise FailedError("the disturbance may be 0")
-        units = users_units(game)
+        units = self.units(game, delta)
         for changes in (0, MOST_CHANGES):  # states in which D is nearly 1 are seldom needed
             with suppress(FailedError, NotProvedError):
                 return enclosure_of(stabilizing(candidate_in_doubles(game, delta, units, changes)))
         return enclosure_of(stabilizing(candidate_in_bits(game, delta)))
 
+    def game(self) -> LoopGame:
+        """Return the loop as a game whose input moves nothing (B = 0).
 
-#: Largest relative difference of the bounds of a gain, if nothing prevents it.
-TOLERANCE = 1e-6
-#: Relative distances from the lower bound at which the upper one is tried.
-ABOVE = 0.9 * TOLERANCE * np.array([1.0, 1e2, 1e4])
+        Raises FailedError.
+        """
+        F, E, C = map(midpoints, (self.F, self.E, self.C))
+        if not E.any() and not all(entry == 0 for entry in self.E.entries()):
+            raise FailedError("the disturbance may be 0")
+        zero, one = np.zeros((len(F), 1)), np.eye(1)
+        none = ball_matrix(zero)
+        balls = Entries(self.F, none, self.E, self.C, identity(1), none)
+        dt = True if self.is_discrete else None
+        try:
+            return LoopGame(F, zero, E=E, Q=(C + C.T) / 2.0, R=one, dt=dt, balls=balls)
+        except BadInputError as error:
+            raise FailedError(str(error)) from None
+
+    def units(self, game: LoopGame, delta: float) -> Units:
+        """Return units in which F is balanced, and the cost has the size of F."""
+        states = loop_units(midpoints(self.F))
+        size = float(norm(scaled_balls(self.C, states, states)))
+        power = int(np.round(0.5 * np.log2(size))) if size > 0.0 else 0
+        return Units(states - power, np.zeros(1, dtype=int), disturbance_units(game, delta))
+
+    def gain_at(self, frequencies: Iterable[float]) -> float:
+        """Return the gain of one disturbance at one of these frequencies, rounded down; 0 without
+        proof.
+
+        Doubles propose the frequency and the disturbance.
+
+        frequencies: rad/s, in discrete time rad/step
+        """
+        from flint import acb, acb_mat
+
+        F, E, C = map(midpoints, (self.F, self.E, self.C))
+        best, of_best, worst = -math.inf, 0.0, np.zeros(0)
+        for frequency in frequencies:
+            s = np.exp(1j * frequency) if self.is_discrete else 1j * frequency
+            with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
+                response = np.linalg.solve(s * np.eye(len(F)) - F, E)
+                costs, disturbances = np.linalg.eigh(response.conj().T @ C @ response)
+                if costs[-1] > best:
+                    best, of_best, worst = costs[-1], frequency, disturbances[:, -1]
+        d = acb_mat([[complex(entry)] for entry in worst])
+        z_rate = acb(0, of_best).exp() if self.is_discrete else acb(0, of_best)
+        try:
+            z = (acb_mat(identity(len(F))) * z_rate - acb_mat(self.F)).solve(acb_mat(self.E) * d)
+        except (ZeroDivisionError, ValueError):
+            return 0.0
+        z_adjoint, d_adjoint = z.conjugate().transpose(), d.conjugate().transpose()
+        square = (z_adjoint * acb_mat(self.C) * z)[0, 0].real / (d_adjoint * d)[0, 0].real
+        return math.nextafter(float(square.sqrt().lower()), 0.0) if square > 0 else 0.0
 
 
 class GainBounds(NamedTuple):
@@ -126,40 +144,51 @@ class GainBounds(NamedTuple):
 
 def gain_of(loop: DisturbedLoop) -> GainBounds:
     """Return the bounds of the gain, with the bits of `precision`; high is inf without proof."""
-    low = _lower_bound(loop)
-    for above in ABOVE:
-        high = low * (1.0 + float(above))
-        if high > 0.0 and is_below(loop, high):
-            return GainBounds(low, high)
-    return GainBounds(low, math.inf)
+    try:
+        game = loop.game()
+        equation = equation_of(game, loop.units(game, math.inf), math.inf)
+        F, C = midpoints(equation.A), midpoints(equation.Q)
+        search = Search(equation, Lyapunov(F, is_discrete=loop.is_discrete).solve(-C), F)
+    except FailedError:
+        return GainBounds(0.0, math.inf)
+    guess = estimate(search)
+    proposed = guess.w**-0.5
+    low, high = 0.0 if guess.frequency is None else loop.gain_at([guess.frequency]), math.inf
+    for in_bits in (False, True)[: 2 if len(F) <= MOST_STATES_IN_BITS else 1]:
+        if in_bits or not low * (1.0 + TOLERANCE) >= proposed:
+            low = max(low, _climbed(loop, search, low or proposed, in_bits=in_bits))
+        for bound in (*(low * (1.0 + ABOVE)).tolist(), 2.0 * proposed):
+            if low < bound < high and is_below(loop, bound):
+                high = bound
+                break
+        if GainBounds(low, high).is_narrow:
+            break
+    return GainBounds(low, high)
 
 
-def _lower_bound(loop: DisturbedLoop) -> float:
-    """Return the gain of one disturbance at one frequency, rounded down; 0 without proof.
+def _climbed(loop: DisturbedLoop, search: Search, level: float, *, in_bits: bool) -> float:
+    """Return the largest gain found at frequencies between those at which a gain is `level`.
 
-    Doubles propose the frequency of the largest gain, and the disturbance.
+    in_bits: whether these are computed with the bits of `precision`
+
+    Source: Bruinsma and Steinbuch, Systems & Control Letters 14 (1990), 287-293.
     """
-    from flint import acb, acb_mat
-
-    F, E, C = map(midpoints, (loop.F, loop.E, loop.C))
-    # The largest gain is that to the output z'C z = |root' z|².
-    system = System(F, E, scaled_root(C).T, np.zeros((len(C), E.shape[1])))
-    try:
-        frequency = (peak_frequency_of_steps if loop.is_discrete else peak_frequency)(system)
-        s = acb(0, frequency).exp() if loop.is_discrete else acb(0, frequency)
-        response = np.linalg.solve(complex(s) * np.eye(len(F)) - F, E)
-    except np.linalg.LinAlgError:
-        return 0.0
-    _, disturbances = np.linalg.eigh(response.conj().T @ C @ response)
-    worst = disturbances[:, -1]  # with the largest cost
-    d = acb_mat([[complex(entry)] for entry in worst])
-    try:
-        z = (acb_mat(identity(len(F))) * s - acb_mat(loop.F)).solve(acb_mat(loop.E) * d)
-    except ZeroDivisionError:
-        return 0.0
-    z_adjoint, d_adjoint = z.conjugate().transpose(), d.conjugate().transpose()
-    square = (z_adjoint * acb_mat(loop.C) * z)[0, 0].real / (d_adjoint * d)[0, 0].real
-    return math.nextafter(float(square.sqrt().lower()), 0.0) if square > 0 else 0.0
+    best = 0.0
+    for _ in range(MOST_STEPS):
+        with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
+            if in_bits:
+                units = loop.units(search.game, level)
+                values = half_plane_eigenvalues(
+                    equation_of(search.game, units, level), in_bits=True
+                )
+            else:
+                values = np.linalg.eigvals(search.half_plane(level**-2.0))
+            found = loop.gain_at(between_eigenvalues(values, is_discrete=loop.is_discrete))
+            best, before = max(best, found), best
+            if best <= before * (1.0 + 0.01 * TOLERANCE):
+                break
+            level = best
+    return best
 
 
 def is_below(loop: DisturbedLoop, bound: float) -> bool:

@@ -14,6 +14,7 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.balls import (
     ATTEMPTS,
+    ROUNDOFF,
     ball_matrix,
     bits,
     identity,
@@ -191,8 +192,17 @@ def solved_in_bits(
     """
     F, C = F.mid(), C.mid()
     D, residual = 0 * C, C
-    with suppress(FailedError):
-        solver = solver or Lyapunov(midpoints(F), is_discrete=is_discrete)
+    with suppress(FailedError), np.errstate(all="ignore"):
+        F_rounded, C_rounded = midpoints(F), midpoints(C)
+        solver = solver or Lyapunov(F_rounded, is_discrete=is_discrete)
+        # Usually, doubles suffice.
+        rounded = solver.solve(-C_rounded)
+        moved = F_rounded.T @ rounded
+        change = moved @ F_rounded - rounded if is_discrete else moved + moved.T
+        size = np.linalg.norm(F_rounded) + 1.0
+        rounding = len(C_rounded) * ROUNDOFF * 4.0 * size**2 * np.linalg.norm(rounded)
+        if np.linalg.norm(change + C_rounded) + rounding < 1e-6 * np.linalg.norm(C_rounded):
+            return ball_matrix(rounded)
         for _ in range(NEWTON_STEPS):
             D = (D + ball_matrix(solver.solve(-midpoints(residual)))).mid()
             before, residual = residual, change_along(F, D, is_discrete=is_discrete) + C

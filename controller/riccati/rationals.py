@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
 from functools import lru_cache
 from itertools import chain, pairwise
@@ -18,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balls import ball_matrix, block_entries, identity, midpoints
+from controller.riccati.balls import ball_matrix, block_entries
 from controller.riccati.equation import pencil_blocks
 from controller.riccati.lyapunov import discounted, stability_of
 
@@ -342,44 +341,6 @@ def disturbance_never_costs(game: Game, K: np.ndarray) -> bool:
     return True
 
 
-class ErrorOnFree(NamedTuple):
-    """Error of a gain K on states without optimal cost.
-
-    is_wrong: whether K is proved to differ there from the optimal gain
-    without_error: K with the columns of the pivots changed so that K does not differ there, balls
-    """
-
-    is_wrong: bool
-    without_error: arb_mat
-
-
-@dataclass(frozen=True, eq=False)
-class FreeStates:
-    """Subspace of the states from which the optimal cost is 0, in balls.
-
-    basis: (n, d), with the identity in the rows `pivots`
-    gains: optimal gain K times the basis, (m, d)
-    pivots: numbers of states, (d,)
-    """
-
-    basis: arb_mat
-    gains: arb_mat
-    pivots: list[int]
-
-    def error_of(self, K: arb_mat) -> ErrorOnFree:
-        """Return the error of a gain on the states without optimal cost.
-
-        K: (m, n)
-        """
-        error = K * self.basis - self.gains
-        corrected = K.tolist()  # in the columns of the pivots, where the basis is the identity
-        for row, errors in zip(corrected, error.tolist(), strict=True):
-            for pivot, change in zip(self.pivots, errors, strict=True):
-                row[pivot] = row[pivot] - change
-        is_wrong = not all(entry.contains(0) for entry in error.entries())
-        return ErrorOnFree(is_wrong, ball_matrix(corrected))
-
-
 @lru_cache(maxsize=4)
 def states_without_cost(game: Game) -> np.ndarray:
     """Return which states, (n,), lead to no state with a cost and to no unstable block of A.
@@ -525,72 +486,6 @@ def _states_held_without_cost(game: Game) -> _StatesHeldWithoutCost | None:
     to_coordinates = _rows(solutions, pivots).inv()
     inputs = _rows(solutions, range(n, n + m)) * to_coordinates
     return _StatesHeldWithoutCost(states, pivots, inputs, _rows(A * states + B * inputs, pivots))
-
-
-def free_states(game: Game) -> FreeStates | None:
-    """Return the states without optimal cost, or None if there are none or they are not known.
-
-    The states are not known for more than `MOST_STATES` states, or if an eigenvalue of the loop on
-    the largest output-nulling subspace may be on the boundary of stability, or if its eigenvectors
-    may be dependent.
-    """
-    found = _states_held_without_cost(game)
-    try:
-        stable = None if found is None else _stable_subspace(_balls(found.loop), game)
-        if found is None or stable is None:
-            return None
-        # The inputs that hold a state are -K z.
-        free, gains = _balls(found.states) * stable, -_balls(found.inputs) * stable
-        pivots = _far_from_dependent(midpoints(free))
-        to_identity = ball_matrix([free.tolist()[row] for row in pivots]).inv()
-    except ZeroDivisionError:
-        return None
-    return FreeStates(free * to_identity, gains * to_identity, pivots)
-
-
-def _stable_subspace(loop: arb_mat, game: Game) -> arb_mat | None:
-    """Return a basis of the states on which √α times a loop is stable, (d, s).
-
-    None if there are none, or if the stability of an eigenvalue is not proved.
-    """
-    from flint import acb_mat, arb
-
-    one = identity(loop.nrows())
-    root = arb(game.discount).sqrt()
-    if stability_of(loop * root, is_discrete=game.is_discrete):
-        return one
-    try:
-        values, vectors = acb_mat(loop).eig(right=True)
-    except ValueError:  # a multiple eigenvalue
-        return None
-    margins = [1 - abs(value) * root if game.is_discrete else -value.real for value in values]
-    if any(margin.contains(0) for margin in margins):
-        return None
-    stable = [place for place, margin in enumerate(margins) if margin > 0]
-    if not stable:
-        return None
-    complex_basis = acb_mat([[row[place] for place in stable] for row in vectors.tolist()])
-    middle = np.array([[complex(entry) for entry in row] for row in complex_basis.tolist()])
-    rows = _far_from_dependent(middle)
-    inverse = acb_mat([complex_basis.tolist()[row] for row in rows]).inv()
-    # The basis is closed under conjugation; the one with the identity in `rows` is unique: real.
-    real = complex_basis * inverse
-    return ball_matrix([[entry.real for entry in row] for row in real.tolist()])
-
-
-def _far_from_dependent(basis: np.ndarray) -> list[int]:
-    """Return the numbers of d rows of a basis (n, d) that are far from dependent, (d,).
-
-    The next row is always the one farthest from the span of those chosen.
-    """
-    chosen: list[int] = []
-    rest = basis.copy()
-    for _ in range(basis.shape[1]):
-        farthest = int(np.linalg.norm(rest, axis=1).argmax())
-        direction = rest[farthest] / np.linalg.norm(rest[farthest])
-        chosen.append(farthest)
-        rest = rest - np.outer(rest @ direction.conj(), direction)
-    return sorted(chosen)
 
 
 def _balls(matrix: fmpq_mat) -> arb_mat:

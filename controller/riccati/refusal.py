@@ -68,8 +68,11 @@ def stabilizing(candidate: Candidate) -> Stabilizing:
 
     equation, X, Y = candidate.equation, symmetric(candidate.X), symmetric(candidate.Y)
     try:
-        gains, residual = equation.gains_and_residual(X)
-        loop = equation.loop(X, gains)
+        if candidate.at_X is None:
+            gains, residual = equation.gains_and_residual(X)
+            loop = equation.loop(X, gains)
+        else:
+            gains, residual, loop = candidate.at_X
         sensitivity = equation.sensitivity(X, loop)
     except ZeroDivisionError:
         raise NotProvedError("the weight at X may be singular") from None
@@ -149,7 +152,8 @@ def why_no_value(
         return reason
     if frequency is not None and (reason := too_large_at(equation, frequency)):
         return reason
-    between = _between_eigenvalues(equation, in_bits=in_bits)
+    values = half_plane_eigenvalues(equation, in_bits=in_bits)
+    between = between_eigenvalues(values, is_discrete=equation.is_discrete)
     return next(filter(None, (too_large_at(equation, middle) for middle in between)), "")
 
 
@@ -174,25 +178,26 @@ def too_large_at(equation: Equation, frequency: float) -> str:
     )
 
 
-def _between_eigenvalues(equation: Equation, *, in_bits: bool) -> list[float]:
+def between_eigenvalues(values: np.ndarray, *, is_discrete: bool) -> list[float]:
     """Return frequencies between those of the eigenvalues that may be on the stability boundary.
 
     Those in the widest gaps come first, rad/s, in discrete time rad/step.
+
+    values: eigenvalues of `half_plane_matrix`
     """
-    values = _half_plane_eigenvalues(equation, in_bits=in_bits)
     values = values[np.isfinite(values)]
     near_axis = np.abs(values.real) <= MAYBE_ON_AXIS * np.abs(values)
     frequencies = np.unique(np.abs(values.imag[near_axis]))
-    if equation.is_discrete:
+    if is_discrete:
         frequencies = np.append(2.0 * np.arctan(frequencies), math.pi)
     ends = [0.0, *frequencies.tolist()]
     gaps = sorted(pairwise(ends), key=lambda gap: gap[0] - gap[1])
     between = [(low + high) / 2.0 for low, high in gaps]
     # Both ends are tried, too. The number of frequencies bounds the work.
-    return [0.0, *between, ends[-1]][: 2 * equation.n + 2]
+    return [0.0, *between, ends[-1]][: len(values) + 2]
 
 
-def _half_plane_eigenvalues(equation: Equation, *, in_bits: bool) -> np.ndarray:
+def half_plane_eigenvalues(equation: Equation, *, in_bits: bool) -> np.ndarray:
     """Return the eigenvalues of `half_plane_matrix`, rounded to doubles, or none if that fails.
 
     in_bits: whether they are computed with the bits of `precision`

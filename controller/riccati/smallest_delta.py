@@ -7,17 +7,19 @@ from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from controller.game.zero_sum import Game
-from controller.riccati.balls import BITS, midpoints, precision, scaled_balls
+from controller.riccati.balls import midpoints, precision
 from controller.riccati.candidate import (
     disturbance_units,
     failures,
-    loop_in_doubles,
-    stabilizing_in_doubles,
+    half_plane_in_doubles,
+    half_plane_of_steps,
+    stable_subspace_in_doubles,
 )
-from controller.riccati.enclosure import Enclosure, UndecidedError, decided_at
-from controller.riccati.equation import Entries, Equation, Units, equation_of
+from controller.riccati.enclosure import UndecidedError, decided_at
+from controller.riccati.equation import Equation, LoopGame, StepEquation
 from controller.riccati.lyapunov import FailedError, Lyapunov
 from controller.riccati.rationals import disturbance_costs_nothing
 from hfa_support.errors import NoSolutionError
@@ -113,11 +115,13 @@ def minimum_delta(game: Game) -> DeltaMin:
         raise NoSolutionError(undisturbed)
     if disturbance_costs_nothing(game):
         return DeltaMin(0.0, 0.0)
-    search = _Search(game, undisturbed)
-    return _bracket(search, _estimate(search))
+    equation, P, gains = undisturbed.proved
+    with precision(undisturbed.bits):
+        search = Search(equation, midpoints(P), midpoints(equation.loop(P, gains)))
+    return _bracket(search, estimate(search))
 
 
-class _Distances(NamedTuple):
+class Distances(NamedTuple):
     """Distances from the loss of a value: one falls to 0 as w = 1/δ² grows to 1/delta_min².
 
     w: 1/δ²
@@ -140,12 +144,12 @@ class _Secant:
     high: smallest w known to have no value
     """
 
-    def __init__(self, first: _Distances) -> None:
-        self.before: _Distances | None = None
+    def __init__(self, first: Distances) -> None:
+        self.before: Distances | None = None
         self.low = first
         self.high = math.inf
 
-    def add(self, nearer: _Distances) -> None:
+    def add(self, nearer: Distances) -> None:
         """Add the distances at a larger w that has a value."""
         self.before, self.low = self.low, nearer
 
@@ -176,14 +180,14 @@ class _Secant:
         return 0.5 * (low + high) if high < 4.0 * low else math.sqrt(low) * math.sqrt(high)
 
 
-class _Estimate(NamedTuple):
+class Estimate(NamedTuple):
     """Estimate of w = 1/delta_min², and the frequency of the slowest motion near it, if known."""
 
     w: float
     frequency: float | None
 
 
-def _estimate(search: _Search) -> _Estimate:
+def estimate(search: Search) -> Estimate:
     """Return an estimate of 1/delta_min² in doubles, by secants of the distances."""
     first = search.in_doubles(0.0)
     secant = _Secant(first)
@@ -198,7 +202,7 @@ def _estimate(search: _Search) -> _Estimate:
             last_guess, guess = guess, secant.first_zero()
             step = guess / w - 1.0  # the error of a secant is about its square
             if guess < secant.high and max(abs(guess - last_guess) / guess, step**2) <= SETTLED:
-                return _Estimate(guess, distances.frequency)
+                return Estimate(guess, distances.frequency)
         else:
             secant.high = w
         # If not, the next w is near the guess of the secant, or between or beyond the bounds.
@@ -212,12 +216,12 @@ def _estimate(search: _Search) -> _Estimate:
         if not SMALLEST_DELTA**2 < w < SMALLEST_DELTA**-2:  # a game has no such δ
             break
     if secant.low is first:  # doubles find no value
-        return _Estimate(search.first_w(), first.frequency)
+        return Estimate(search.first_w(), first.frequency)
     best = guess if guess < secant.high else secant.next_w(2.0)
-    return _Estimate(best, secant.low.frequency)
+    return Estimate(best, secant.low.frequency)
 
 
-def _bracket(search: _Search, estimate: _Estimate) -> DeltaMin:
+def _bracket(search: Search, estimate: Estimate) -> DeltaMin:
     """Return proved bounds about an estimate of 1/delta_min².
 
     Usually both are proved beside the estimate. If not, the distance from it grows until they are,
@@ -225,7 +229,7 @@ def _bracket(search: _Search, estimate: _Estimate) -> DeltaMin:
 
     Raises UndecidedError.
     """
-    secant = _Secant(_Distances(0.0, np.full(1, np.nan)))
+    secant = _Secant(Distances(0.0, np.full(1, np.nan)))
     width, value, refused = FIRST_WIDTH, math.inf, 0.0
     guess, frequency = estimate
     w = guess / width
@@ -242,7 +246,7 @@ def _bracket(search: _Search, estimate: _Estimate) -> DeltaMin:
             # The next smaller delta may be what was refused.
             refused, secant.high = float(np.nextafter(delta, 0.0)), w
         else:
-            value, frequency = delta, outcome.frequency
+            value, frequency = delta, outcome.frequency or frequency
             secant.add(outcome)
         if value <= refused * (1.0 + TOLERANCE):
             return DeltaMin(value, refused)
@@ -260,60 +264,64 @@ def _bracket(search: _Search, estimate: _Estimate) -> DeltaMin:
             w = secant.next_w(width)
 
 
-class _Search:
+class Search:
     """Values of one game at many δ, in states in which P without disturbance is nearly 1.
 
     There, doubles have the digits that they lose in the user's states.
 
-    entries: of the game, in these states
+    equation: of the game without disturbance, in these states
     P: of the game without disturbance, in these states, (n, n)
+    F: loop of the game without disturbance, (n, n)
     """
 
-    def __init__(self, game: Game, undisturbed: Enclosure) -> None:
-        self.game = game
-        self.units = undisturbed.units
-        self.P = midpoints(undisturbed.proved.P)
-        with precision(undisturbed.bits):
-            self.entries = Entries.of(game, undisturbed.units)
-
-    def _units_at(self, delta: float) -> Units:
-        """Return the units and states at a delta."""
-        return self.units._replace(disturbances=disturbance_units(self.game, delta))
-
-    def equation(self, w: float) -> Equation:
-        """Return the Riccati equation at w = 1/δ²."""
-        delta = math.inf if w == 0.0 else w**-0.5
-        units = self._units_at(delta)
-        # The units of the disturbances depend on δ, and so does E.
-        no_change = 0 * units.states
-        E = scaled_balls(self.entries.E, no_change, units.disturbances - self.units.disturbances)
-        return equation_of(self.game, units, delta, self.entries._replace(E=E))
+    def __init__(self, equation: Equation, P: np.ndarray, F: np.ndarray) -> None:
+        self.game, self.units, self.P, self.F = equation.game, equation.units, P, F
+        self.E = midpoints(equation.E)
+        if isinstance(equation, StepEquation):
+            steps = (equation.A, equation.B, equation.Q, equation.R, equation.N)
+            self.matrices = tuple(map(midpoints, steps))
+        else:
+            self.matrices = (half_plane_in_doubles(equation),)
 
     def first_w(self) -> float:
         """Return the w = 1/δ² at which P has grown by half its size, to the first order, or 1."""
-        rate = math.nan
-        with precision(BITS), suppress(FailedError), failures():
-            equation = self.equation(0.0)
-            F, E = loop_in_doubles(equation, self.P), midpoints(equation.E)
+        size, rate = float(np.abs(self.P).max()), math.nan
+        with suppress(FailedError), failures():
             # dP/dw = growth solves F'growth + growth F + push push' = 0 in continuous time.
-            push = F.T @ self.P @ E if equation.is_discrete else self.P @ E
-            growth = Lyapunov(F, is_discrete=equation.is_discrete).solve(-push @ push.T)
+            push = self.F.T @ self.P @ self.E if self.game.is_discrete else self.P @ self.E
+            growth = Lyapunov(self.F, is_discrete=self.game.is_discrete).solve(-push @ push.T)
             rate = float(np.linalg.eigvalsh(growth)[-1])
-        return 0.5 / rate if rate > 0.0 else 1.0  # P without disturbance is nearly 1
+        return 0.5 * size / rate if rate > 0.0 and size > 0.0 else 1.0
 
-    def in_doubles(self, w: float) -> _Distances:
+    def in_doubles(self, w: float) -> Distances:
         """Return the distances at w = 1/δ², nan if doubles find no value."""
-        with precision(BITS), suppress(FailedError), failures():
-            equation = self.equation(w)
-            X = stabilizing_in_doubles(equation)
-            poles, weight = np.linalg.eigvals(loop_in_doubles(equation, X)), None
-            if equation.is_disturbed and equation.is_discrete:
-                E = midpoints(equation.E) * np.exp2(-equation.units.disturbances.astype(float))
-                weight = np.eye(E.shape[1]) / w - E.T @ X @ E
-            return self.distances(w, X, poles, weight)
-        return _Distances(w, np.full(1, np.nan))
+        with suppress(FailedError), failures():
+            X = stable_subspace_in_doubles(half_plane := self.half_plane(w), n := len(self.P))
+            if not self.game.is_discrete:
+                loop = half_plane[:n, :n] + half_plane[:n, n:] @ X
+                return self.distances(w, X, np.linalg.eigvals(loop), None)
+            A, G, _, W, C = self.of_steps(w)
+            of_players = W + G.T @ X @ G
+            loop = A - G @ np.linalg.solve(of_players, G.T @ X @ A + C.T)
+            m = len(self.matrices[3])
+            return self.distances(w, X, np.linalg.eigvals(loop), -of_players[m:, m:])
+        return Distances(w, np.full(1, np.nan))
 
-    def proved(self, w: float, frequency: float | None) -> _Distances | str:
+    def half_plane(self, w: float) -> np.ndarray:
+        """Return the `half_plane_matrix` at w = 1/δ² in doubles."""
+        if self.game.is_discrete:
+            return half_plane_of_steps(*self.of_steps(w))
+        half_plane, n = self.matrices[0].copy(), len(self.P)
+        half_plane[:n, n:] += w * self.E @ self.E.T
+        return half_plane
+
+    def of_steps(self, w: float) -> tuple[np.ndarray, ...]:
+        """Return A, G, Q, W and C of `StepEquation` at w = 1/δ², with a disturbance of weight 1."""
+        A, B, Q, R, N = self.matrices
+        E = math.sqrt(w) * self.E
+        return A, np.hstack([B, E]), Q, block_diag(R, -np.eye(E.shape[1])), np.hstack([N, 0.0 * E])
+
+    def proved(self, w: float, frequency: float | None) -> Distances | str:
         """Return the distances at a w = 1/δ² that is proved to have a value, or why it has none.
 
         A δ at which neither is proved is exactly on a boundary: the next one is taken.
@@ -323,7 +331,7 @@ class _Search:
         Raises UndecidedError if that does not help.
         """
         delta = w**-0.5
-        near = self._units_at(delta)
+        near = self.units._replace(disturbances=disturbance_units(self.game, delta))
         try:
             outcome = decided_at(self.game, delta, near=near, frequency=frequency)
         except UndecidedError:
@@ -337,22 +345,23 @@ class _Search:
 
     def distances(
         self, w: float, X: np.ndarray, poles: np.ndarray, weight: np.ndarray | None
-    ) -> _Distances:
+    ) -> Distances:
         """Return the distances of the stabilizing solution X at w = 1/δ².
 
         poles: of the loop of both players, (n,)
-        weight: δ² - E'X E, (k, k), in discrete time; None in continuous time or without disturbance
+        weight: 1 - w E'X E, (k, k), in discrete time, else None
         """
         is_discrete = self.game.is_discrete
         decays = 1.0 - np.abs(poles) if is_discrete else -poles.real
         slowest = int(np.argmin(decays))
         decay, pole = float(decays[slowest]), poles[slowest]
         frequency = abs(float(np.angle(pole) if is_discrete else pole.imag))
-        sizes = np.linalg.eigvalsh(X)
-        # Beyond the w at which P is infinite, P has large negative eigenvalues: -1 is past 0.
-        inverse_of_P = 1.0 / sizes[-1] if sizes[0] > -CLEARLY_NEGATIVE else -1.0
         # The decay falls to 0 as the root of the change of w: its square is nearly linear.
-        numbers = [math.copysign(decay**2, decay), inverse_of_P]
-        if is_discrete:  # the least weight, relative to δ²
-            numbers.append(1.0 if weight is None else w * float(np.linalg.eigvalsh(weight)[0]))
-        return _Distances(w, np.array(numbers), frequency)
+        numbers = [math.copysign(decay**2, decay)]
+        if not isinstance(self.game, LoopGame):  # the P of a stable loop is finite
+            # Beyond the w at which P is infinite, P has large negative eigenvalues: -1 is past 0.
+            sizes = np.linalg.eigvalsh(X)
+            numbers.append(1.0 / sizes[-1] if sizes[0] > -CLEARLY_NEGATIVE else -1.0)
+        if weight is not None:  # the least weight, relative to δ²
+            numbers.append(float(np.linalg.eigvalsh(weight)[0]))
+        return Distances(w, np.array(numbers), frequency)

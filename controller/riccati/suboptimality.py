@@ -20,6 +20,7 @@ H-infinity Optimal Control, Theorem 4.11.
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -30,6 +31,7 @@ from controller.riccati.balls import (
     ATTEMPTS,
     ROUNDOFF,
     ball_matrix,
+    cholesky,
     identity,
     is_positive_definite,
     midpoints,
@@ -38,8 +40,8 @@ from controller.riccati.balls import (
     symmetric_part,
 )
 from controller.riccati.closed_loops import ClosedLoops
-from controller.riccati.enclosure import Enclosure, enclosed_in_bits, has_indefinite_weights
-from controller.riccati.l2_gain import LoopValue
+from controller.riccati.enclosure import Enclosure, enclosed_in_bits
+from controller.riccati.l2_gain import DisturbedLoop, LoopValue
 from controller.riccati.lyapunov import (
     FailedError,
     NotProvedError,
@@ -47,7 +49,6 @@ from controller.riccati.lyapunov import (
     loop_with,
     stability_of,
 )
-from controller.riccati.rationals import FreeStates, free_states
 
 if TYPE_CHECKING:
     from flint import arb_mat
@@ -65,20 +66,17 @@ _POWERS_ABOVE = range(-12, -5)
 class Suboptimality:
     """Cost of u = -K z above the optimum, under the worst disturbance of the policy.
 
-    low, high: bounds of the largest suboptimality of a state, relative to its optimal cost.
-        Both are inf if it is proved that the cost has no bound, or is positive where the optimum
-        is 0; high alone is inf if no bound is proved.
-    mean: mean suboptimality over initial states with the same optimal cost, relative to it
+    low, high: bounds of the largest cost above the optimum from a state of the ellipsoid within the
+        box, relative to the largest optimal cost, in magnitude, of such a state. Both are inf if it
+        is proved that the cost has no bound; high alone is inf if no bound is proved.
+    mean: mean cost above the optimum over the surface of this ellipsoid, relative to the same cost
     worst: initial state with the suboptimality `low`, at the edge of the box, (n,); nan without one
+    of_each: upper bound of the largest cost above the optimum relative to the optimum of the same
+        state, or None unless P is proved positive definite by more than the rounding of doubles
     matrix: D, (n, n), or None without a bounded cost
     disturbance_gain: (k, n), of the worst disturbance of the policy, minus that of the optimum
     is_stable: whether A - B K is proved stable
     is_summable: whether √α (A - B K), in continuous time A - B K, is proved stable
-    from_free: cost from a state of the box where the optimum is 0, the largest of those tried; it
-        counts unless the cost of the box is the same double without it
-    free_state: this state, (n,), or None without such a cost
-    is_relative: False if the weights are indefinite: in place of the optimal cost of each state is
-        then the largest one, in magnitude, of the ellipsoid within the box
     """
 
     low: float
@@ -89,9 +87,7 @@ class Suboptimality:
     disturbance_gain: np.ndarray
     is_stable: bool
     is_summable: bool
-    from_free: float = 0.0
-    free_state: np.ndarray | None = None
-    is_relative: bool = True
+    of_each: float | None = None
 
     @property
     def is_known(self) -> bool:
@@ -132,13 +128,27 @@ def suboptimality_of(enclosure: Enclosure, K: np.ndarray, box: np.ndarray) -> Su
                 except (FailedError, NotProvedError):
                     continue
         suboptimality = found  # perhaps with wide bounds, which more bits make narrower
-        if suboptimality.is_known and suboptimality.matrix is not None:
+        is_enclosed = suboptimality.matrix is not None and suboptimality.of_each != math.inf
+        if suboptimality.is_known and is_enclosed:
             break
     # Without an enclosed D, the cost is known to be infinite only if the L2 gain is at least δ.
     if suboptimality.is_summable and suboptimality.matrix is None:
         is_beyond = ClosedLoops(enclosure).l2_gain(K).low >= game.delta
         return replace(suboptimality, low=math.inf if is_beyond else 0.0)
     return suboptimality
+
+
+def reference_cost(P: np.ndarray, box: np.ndarray) -> np.ndarray:
+    """Return the cost z'M z to which costs above the optimum are relative, M diagonal, (n, n).
+
+    It is the largest optimum |y'P y| of all states y that are as far from 0 as z in units of the
+    box, Σ (y_i / b_i)² = Σ (z_i / b_i)²: not 0 for z != 0, unlike the optimum z'P z.
+
+    P: (n, n), of the optimum
+    box: half-widths b, (n,)
+    """
+    largest = float(np.abs(np.linalg.eigvalsh(P * np.outer(box, box))).max())
+    return np.diag((largest or sys.float_info.min) / box**2)  # P may be 0
 
 
 def without_bound(game: Game, *, low: float = math.inf, is_stable: bool = False) -> Suboptimality:
@@ -163,37 +173,21 @@ def _bounded(
 
     The given one is returned if no bound is proved with the bits of `precision`.
     """
-    game = enclosure.game
     solved = _solved(enclosure, K)
     if solved is None:
         return suboptimality
-    suboptimality = replace(
-        suboptimality, matrix=midpoints(solved.D), disturbance_gain=midpoints(solved.L)
+    D, P = solved.D, enclosure.P
+    reference = ball_matrix(reference_cost(midpoints(P), box))
+    ratio = _largest_ratio(D, reference, box)
+    is_positive = is_positive_definite(P - reference * ROUNDOFF)
+    of_each = _largest_ratio(D, P, box).high if is_positive else None
+    return replace(
+        suboptimality,
+        matrix=midpoints(D),
+        disturbance_gain=midpoints(solved.L),
+        of_each=of_each,
+        **ratio._asdict(),
     )
-    if has_indefinite_weights(game):  # relative to the largest optimum of the box
-        sizes = midpoints(enclosure.P) * np.outer(box, box)
-        largest = float(np.abs(np.linalg.eigvalsh(sizes)).max())
-        # z' reference z is `largest` on the ellipsoid within the box.
-        reference = ball_matrix(np.diag(largest / box**2))
-        ratio = _largest_ratio(solved.D, reference, [], box)
-        return replace(suboptimality, is_relative=False, **ratio._asdict())
-    free = None if is_positive_definite(enclosure.proved.P) else free_states(game)
-    if free is None:
-        return replace(suboptimality, **_largest_ratio(solved.D, enclosure.P, [], box)._asdict())
-    # The optimum is 0 on a subspace: what the policy costs there is infinite relative to it, unless
-    # that is rounding beside the costs of the box.
-    error = free.error_of(K)
-    if error.is_wrong:
-        costs = _costs_at(solved.D, free, box)
-        suboptimality = replace(suboptimality, from_free=costs.largest, free_state=costs.state)
-        if not costs.most <= SAME_DOUBLE * float(np.diag(midpoints(enclosure.P)) @ box**2):
-            return replace(suboptimality, low=math.inf, worst=costs.state)
-    # The other states are judged with the gain without its error on that subspace.
-    without_error = _solved(enclosure, error.without_error)
-    if without_error is None:
-        return suboptimality
-    ratio = _largest_ratio(without_error.D, enclosure.P, free.pivots, box)
-    return replace(suboptimality, **ratio._asdict())
 
 
 def _solved(optimum: Enclosure, K: arb_mat) -> LoopValue | None:
@@ -220,7 +214,7 @@ def _solved(optimum: Enclosure, K: arb_mat) -> LoopValue | None:
         V, delta = W_inverse * arb(game.delta) ** 2, 1.0  # v has the weight 1
         if game.is_discrete:
             V = V - E.transpose() * optimum.P * E
-        W = _cholesky(V)
+        W = cholesky(V)
         if W is None:
             return None
         W_inverse = W.inv()
@@ -229,57 +223,11 @@ def _solved(optimum: Enclosure, K: arb_mat) -> LoopValue | None:
         F = F + E * optimum.L
         E = E * W_inverse.transpose()
         F, cost = F + E * M, cost + M.transpose() * M
-    loop = ClosedLoops(optimum).in_new_states(F, E, cost)
     try:
-        D, L = loop.value(delta)
+        D, L = DisturbedLoop(F, E, symmetric_part(cost), game.is_discrete).value(delta)
     except (FailedError, NotProvedError, ZeroDivisionError):
         return None
-    units = optimum.units
-    L = units.gain_of_user(L, 0 * units.disturbances)
-    return LoopValue(units.value_of_user(D), W_inverse.transpose() * (L + M))
-
-
-def _cholesky(matrix: arb_mat) -> arb_mat | None:
-    """Return W, lower triangular, with W W' = M, (k, k), or None unless M is proved positive."""
-    k = matrix.nrows()
-    W = (0 * matrix).tolist()
-    for j in range(k):
-        pivot = matrix[j, j] - sum(W[j][i] * W[j][i] for i in range(j))
-        if not pivot > 0:
-            return None
-        W[j][j] = pivot.sqrt()
-        for row in range(j + 1, k):
-            inner = sum(W[row][i] * W[j][i] for i in range(j))
-            W[row][j] = (matrix[row, j] - inner) / W[j][j]
-    return ball_matrix(W)
-
-
-class _Costs(NamedTuple):
-    """Costs from states of the box without optimal cost.
-
-    largest: cost from one of them, at the edge of the box
-    state: this state, (n,)
-    most: bound of the cost from every such state in the box
-    """
-
-    largest: float
-    state: np.ndarray
-    most: float
-
-
-def _costs_at(D: arb_mat, free: FreeStates, box: np.ndarray) -> _Costs:
-    """Return the costs z'D z from the directions of a basis of the states without optimal cost."""
-    matrix, directions = midpoints(D), midpoints(free.basis).T
-    states = [_at_edge(direction, box) for direction in directions]
-    values = [float(state @ matrix @ state) for state in states]
-    worst = int(np.argmax(values))
-    # A state of the box without optimal cost is a sum of multiples of all directions, of at most
-    # box[pivot] each, since the basis is the identity in the rows of the pivots.
-    roots = [
-        box[pivot] * math.sqrt(max(float(direction @ matrix @ direction), 0.0))
-        for pivot, direction in zip(free.pivots, directions, strict=True)
-    ]
-    return _Costs(largest=values[worst], state=states[worst], most=sum(roots) ** 2)
+    return LoopValue(D, W_inverse.transpose() * (L + M))
 
 
 class _Ratio(NamedTuple):
@@ -293,28 +241,18 @@ class _Ratio(NamedTuple):
     worst: np.ndarray
 
 
-def _largest_ratio(D: arb_mat, P: arb_mat, without: list[int], box: np.ndarray) -> _Ratio:
-    """Return bounds of sup z'D z / z'P z.
-
-    without: numbers of d states that are left out, the pivots of `FreeStates`. P and D vanish on
-        its basis: each z costs what a state costs that is 0 at the pivots.
-    """
-    n = P.nrows()
-    kept = [state for state in range(n) if state not in without]
-    if not kept:
-        return _Ratio(0.0, 0.0, 0.0, np.zeros(n))
-    D, P = _principal(D, kept), _principal(P, kept)
-    inverse_root = _inverse_root(P)
-    if inverse_root is None:
-        # no proof: P may not be positive definite
-        return _Ratio(low=0.0, high=math.inf, mean=math.nan, worst=np.zeros(n))
+def _largest_ratio(D: arb_mat, P: arb_mat, box: np.ndarray) -> _Ratio:
+    """Return bounds of sup z'D z / z'P z, of which high is inf if P may not be positive."""
+    root = cholesky(P.mid())
+    if root is None:
+        return _Ratio(low=0.0, high=math.inf, mean=math.nan, worst=np.zeros(P.nrows()))
+    inverse_root = root.inv().transpose().mid()
     relative_D = symmetric(inverse_root.transpose() * D * inverse_root)
     ratios, vectors = np.linalg.eigh(midpoints(relative_D))
     direction = inverse_root * ball_matrix(vectors[:, -1:])
     low, high = ratio_bounds(D, P, direction, float(ratios[-1]))
-    state = np.zeros(n)
-    state[kept] = midpoints(direction)[:, 0]
-    return _Ratio(low, high, max(float(ratios.mean()), 0.0), _at_edge(state, box))
+    worst = _at_edge(midpoints(direction)[:, 0], box)
+    return _Ratio(low, high, max(float(ratios.mean()), 0.0), worst)
 
 
 def ratio_bounds(
@@ -340,38 +278,6 @@ def ratio_bounds(
         if is_positive_definite(P * bound - D):
             return max(least, 0.0), math.nextafter(float(bound), math.inf)
     return max(least, 0.0), math.inf
-
-
-def _principal(matrix: arb_mat, kept: list[int]) -> arb_mat:
-    """Return the rows and columns of a matrix with these numbers."""
-    return ball_matrix([[matrix[i, j] for j in kept] for i in kept])
-
-
-def _inverse_root(P: arb_mat) -> arb_mat | None:
-    """Return an approximate W, upper triangular, with W'P W = 1, or None unless P may be positive.
-
-    With P = L D L', W' = D^(-1/2) L⁻¹, and None if a pivot in D is not positive.
-    """
-    n = P.nrows()
-    rows = P.mid().tolist()
-    L_inverse = identity(n).tolist()
-    pivots = []
-    for k in range(n):
-        pivot = rows[k][k]
-        if not pivot > 0:
-            return None
-        pivots.append(pivot)
-        for i in range(k + 1, n):
-            factor = (rows[i][k] / pivot).mid()
-            for j in range(k + 1, i + 1):
-                rows[i][j] = (rows[i][j] - factor * rows[j][k]).mid()
-            for j in range(k + 1):
-                L_inverse[i][j] = (L_inverse[i][j] - factor * L_inverse[k][j]).mid()
-    W_transposed = [
-        [entry / pivot.sqrt() for entry in row]
-        for row, pivot in zip(L_inverse, pivots, strict=True)
-    ]
-    return ball_matrix(W_transposed).transpose().mid()
 
 
 def _at_edge(direction: np.ndarray, box: np.ndarray) -> np.ndarray:

@@ -18,7 +18,7 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.riccati.gare import Solution
-from controller.riccati.suboptimality import Suboptimality
+from controller.riccati.suboptimality import Suboptimality, reference_cost
 from hfa_aircraft.batch_simulation import (
     FAR_OF_VALUE,
     OF_EXACT,
@@ -424,10 +424,10 @@ class FlightResults(NamedTuple):
     loop converges from all smaller tested multiples too.
 
     flights: number of initial conditions, or 0 if nothing was simulated.
-    cost_above_optimum_flown_percent: largest cost above V*, in percent of V*; inf if a simulation
-        diverges, nan if one is not decided at the end of its clock. For a linear policy, it is the
-        largest suboptimality over all initial conditions.
-    cost_above_optimum_flown_mean_percent: mean cost above V*, in percent of V*, or inf or nan.
+    cost_above_optimum_flown_percent: largest cost above V*, in percent of the `reference_cost`; inf
+        if a simulation diverges, nan if one is not decided at the end of its clock. For a linear
+        policy, it is the largest suboptimality over all initial conditions.
+    cost_above_optimum_flown_mean_percent: mean cost above V* in percent of it, or inf or nan.
     undecided_at: end of the clock of the simulation that is not decided, s or steps, or None.
     rest_point: (n,), equilibrium of the policy on the linear plant, or None.
     equilibrium_cost: cost of the equilibrium per second, or per discrete step; 0 at the trim.
@@ -521,8 +521,8 @@ def fly(
 def costs_above_optimum(
     exact: Solution, critic: Critic, suboptimality: Suboptimality, b: np.ndarray, flights: int
 ) -> tuple[np.ndarray, float | None]:
-    """Return the cost above V* from each initial condition, in percent of V*, (flights,), and the
-    end of the clock, s or steps, if a simulation is not decided, or None.
+    """Return the cost above V* from each initial condition, in percent of the `reference_cost`,
+    (flights,), and the end of the clock, s or steps, if a simulation is not decided, or None.
 
     The first initial condition is the worst one of the linear loop. The loop is under the worst
     disturbance of the critic's linear part. The cost after the end of a simulation is computed for
@@ -542,11 +542,9 @@ def costs_above_optimum(
     if end.outcome is FlightOutcome.UNDECIDED:
         return np.full(flights, math.nan), float(end.times.max())
     after_end = exact.game.discount**end.times * quadratic_forms(end.z, remaining)
-    costs, optima = end.costs + after_end, quadratic_forms(starts, exact.P)
-    without_optimum = np.where(costs > 0.0, math.inf, 0.0)  # where the optimum is 0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        above = np.maximum(100.0 * costs / optima, 0.0)
-    return np.where(optima > 0.0, above, without_optimum), None
+    with np.errstate(over="ignore"):  # where P is 0
+        ratios = (end.costs + after_end) / quadratic_forms(starts, reference_cost(exact.P, b))
+    return np.maximum(100.0 * ratios, 0.0), None
 
 
 def _reach(loop: Loop, b: np.ndarray, flights: int) -> float:

@@ -132,10 +132,11 @@ def test_loops_and_costs_of_a_discrete_verdict_are_those_of_numpy():
     root = math.sqrt(0.8)
     loop = root * (game.A - B @ K)
     value = discrete_game_value(loop, root * E, cost_of_gain, game.delta)
-    suboptimality = np.linalg.eigvals(np.linalg.solve(exact.P, value - exact.P)).real
-    assert verdict.cost_above_optimum_percent == pytest.approx(
-        100.0 * suboptimality.max(), rel=1e-8
-    )
+    box = np.outer(verdict.box.half_widths, verdict.box.half_widths)
+    above, optimum = (np.linalg.eigvalsh(P * box).max() for P in (value - exact.P, exact.P))
+    assert verdict.cost_above_optimum_percent == pytest.approx(100.0 * above / optimum, rel=1e-8)
+    of_each = np.linalg.eigvals(np.linalg.solve(exact.P, value - exact.P)).real.max()
+    assert verdict.suboptimality.of_each == pytest.approx(of_each, rel=1e-6)
     radius = np.abs(np.linalg.eigvals(game.A - B @ K)).max()
     assert checks["control_loop_radius"] == pytest.approx(radius)
     assert checks["discounted_loop_radius"] == pytest.approx(root * radius)
