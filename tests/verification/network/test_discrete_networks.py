@@ -87,7 +87,7 @@ def test_simulated_cost_of_a_linear_network_equals_that_of_its_loop(is_discrete,
     K = factor * solve(game).K
     network = verify(game, critic_of(game, policy=-ca.DM(K) @ Z), box=BOX, flights=20)
     assert network.cost_above_optimum_percent == pytest.approx(
-        verify(game, from_gain(game, K)).cost_above_optimum_percent, rel=1e-6
+        verify(game, from_gain(game, K), box=BOX).cost_above_optimum_percent, rel=1e-6
     )
     assert network.to_dict()["network"]["cost_above_optimum_flown_percent"] == pytest.approx(
         network.cost_above_optimum_percent, rel=1e-6
