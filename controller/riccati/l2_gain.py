@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from controller.game.zero_sum import Game
 from controller.riccati.balls import ball_matrix, identity, midpoints, norm, scaled_balls
 from controller.riccati.candidate import (
     MOST_CHANGES,
@@ -93,7 +94,7 @@ class DisturbedLoop(NamedTuple):
         except BadInputError as error:
             raise FailedError(str(error)) from None
 
-    def units(self, game: LoopGame, delta: float) -> Units:
+    def units(self, game: Game, delta: float) -> Units:
         """Return units in which F is balanced, and the cost has the size of F."""
         states = loop_units(midpoints(self.F))
         size = float(norm(scaled_balls(self.C, states, states)))
