@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -301,13 +302,16 @@ def _with_changed_paths(text: str, change: Callable[[str], str]) -> str:
     key, _, mass = query.partition("=")
     if key == "mass":
         query = f"mass={change(mass)}"
-    return "+".join(map(change, _split_after(suffix, files))) + question + query
+    return "+".join(map(change, joined_files(files))) + question + query
 
 
-def _split_after(suffix: str, files: str) -> list[str]:
-    """Return the paths in "a.dml+b.dml". A + that does not follow the suffix belongs to a path."""
-    *first, last = files.split(f"{suffix}+")
-    return [*(f"{path}{suffix}" for path in first), last]
+def joined_files(text: str) -> list[str]:
+    """Return the paths in "a.dml+b.dml". A + that does not follow the suffix of the last file
+    belongs to a path, and the path of a file that exists is not divided.
+    """
+    if Path(text).is_file():
+        return [text]
+    return re.split(rf"(?<={re.escape(Path(text).suffix)})\+", text, flags=re.IGNORECASE)
 
 
 def forms_of_packages() -> list[str]:
@@ -323,6 +327,11 @@ def _refuse_unnamed(text: str) -> None:
     """Raise BadInputError unless the argument of --aircraft is FILE.py or ends with `:NAME`."""
     _, colon, name = text.rpartition(":")
     if not text.endswith(".py") and not (colon and name.isidentifier()):
+        if text.lower().endswith(".avl"):
+            raise BadInputError(
+                f"{shown(text)} is a geometry of AVL; give the stability derivatives that AVL "
+                "writes of it (its command ST): --aircraft FILE.st --mass TABLE.toml"
+            )
         forms = ", ".join(("FILE.py:NAME", *forms_of_packages()))
         raise BadInputError(
             f"{shown(text)} is not an aircraft; give {forms} or package.module:NAME"

@@ -39,7 +39,7 @@ def number(text: str, declared: Number = NUMBER) -> float:
     Raises BadInputError for another text, and for a number outside the range.
     """
     try:
-        value = declared.of(float(text))
+        value = None if "_" in text else declared.of(float(text))  # Python's 3_5 is no number
     except ValueError:
         value = None
     if value is None:

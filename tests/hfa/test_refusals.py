@@ -97,6 +97,8 @@ REFUSED = {
         ("--dihedral 0:1000:1e-6", "1,000,000,001 points"),
         ("--dihedral 0:20", "dihedral is '0:20'; give start:stop:step"),
         ("--dihedral 0::1", "--dihedral is ''; give a finite number"),
+        ("--dihedral 1_0", "--dihedral is '1_0'; give a finite number"),
+        ("--aircraft wing.avl --hold speed=9", "give the stability derivatives that AVL"),
         ("--dihedral 0:20:0.01 --hold speed=50:80:0.01", "the sweep has 6,005,001 points (maximum"),
         ("--dihedral 5 --free dihedral", "dihedral is free and swept"),
         (

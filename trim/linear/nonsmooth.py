@@ -131,17 +131,25 @@ def near_switches(model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> 
     u: (N, m), inputs
     p: (N, k), parameters
     """
-    steps = STEP * model.nominal((*model.states, *model.inputs))
-    switches = _switches(model.layout, tuple(steps.tolist()))
+    steps = _steps(model)
+    switches = _switches(model.layout, steps)
     if switches is None:
         return NearSwitches(np.flatnonzero(np.isfinite(x).all(axis=1)), np.arange(len(steps)))
     distances, changes = switches(x, u, p)
     is_near = distances <= 0.0
+    if not is_near.any():
+        return NearSwitches(np.arange(0), np.arange(0))
     points = np.flatnonzero(is_near.any(axis=1))
     changes_of_near = changes.reshape(*distances.shape, len(steps))[is_near]
     if not changes_of_near.any(axis=1).all():  # a switch of second order in all of them
         return NearSwitches(points, np.arange(len(steps)))
     return NearSwitches(points, np.flatnonzero(changes_of_near.any(axis=0)))
+
+
+@lru_cache(maxsize=16)
+def _steps(model: Model) -> tuple[float, ...]:
+    """Return the finite-difference step of each state and input."""
+    return (*(STEP * model.nominal((*model.states, *model.inputs))).tolist(),)
 
 
 @lru_cache(maxsize=16)

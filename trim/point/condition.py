@@ -252,15 +252,8 @@ class TrimCondition:
 
         A mass without a lowest value, such as that of fuel, is at least 0.
         """
-        signals = {**self.model.states, **self.model.inputs}
-        masses = {
-            name: (0.0, signals[name].max)
-            for name in names
-            if name in signals
-            and signals[name].min == -math.inf
-            and conversion_factor(signals[name].unit, "kg") is not None
-        }
-        return Limits.of(self.model, names, {**masses, **self.limits})
+        changes = tuple((name, *ends) for name, ends in self.limits.items())
+        return _limits(self.model, tuple(names), changes)
 
     def limits_of(self, name: str) -> tuple[float, float]:
         """Return the lowest and highest value that the condition permits for a variable, state or
@@ -268,6 +261,19 @@ class TrimCondition:
         """
         limits = self.limits_on([name])
         return float(limits.lowest[0]), float(limits.highest[0])
+
+
+@lru_cache(maxsize=64)
+def _limits(
+    model: Model, names: tuple[str, ...], changes: tuple[tuple[str, float, float], ...]
+) -> Limits:
+    """Return the limits of `TrimCondition.limits_on`."""
+    masses = {
+        name: (0.0, signal.max)
+        for name, signal in {**model.states, **model.inputs}.items()
+        if signal.min == -math.inf and conversion_factor(signal.unit, "kg") is not None
+    }
+    return Limits.of(model, names, masses | {name: (low, high) for name, low, high in changes})
 
 
 #: Message if only one of a condition and a model is in SI units.
@@ -300,8 +306,9 @@ def release(
     Raises BadInputError for an unknown name, for a name that is both set free and held, and as
     `TrimCondition` does.
     """
-    hold = hold or {}
     model = condition.model
+    hold = {model.about.name_of(name): value for name, value in (hold or {}).items()}
+    free = [*map(model.about.name_of, free)]
     for name in hold:
         model.refuse_unheld("unknown trim variable", name)
     for name in free:

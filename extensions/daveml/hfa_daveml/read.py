@@ -31,6 +31,7 @@ import casadi as ca
 
 import hfa_daveml.check_cases as names
 from hfa_aircraft.about import About, Domain, Source
+from hfa_aircraft.loading import joined_files
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.aircraft import (
     GRAVITY,
@@ -74,7 +75,7 @@ def read_model(text: str) -> Model:
     - an input has another initial value, or another quantity as its unit, in another file,
     - the aerodynamic force at alpha = 5 deg is not upward.
     """
-    paths = text.split("+")
+    paths = joined_files(text)
     try:
         contents = [regular_file(path).read_bytes() for path in paths]
         documents = [read_document(path) for path in paths]

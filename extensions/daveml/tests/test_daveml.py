@@ -213,17 +213,19 @@ def test_a_deflection_is_an_input_and_another_constant_a_parameter(tmp_path):
 
 def test_an_output_of_one_file_is_an_input_of_another(tmp_path):
     """The example without its mass, and a second file that computes it from the wing area of the first,
-    give the trim of the example.
+    give the trim of the example, also in a folder whose name has a +.
     """
+    folder = tmp_path / "a+b"
+    folder.mkdir()
     slug_per_ft2 = 13.5 / 14.59390294 / (0.55 / _FOOT**2)  # 13.5 kg and 0.55 m²
-    (tmp_path / "aero.dml").write_text(TEXT.replace(_MASS, ""), encoding="utf-8")
-    (tmp_path / "mass.dml").write_text(
+    (folder / "aero.dml").write_text(TEXT.replace(_MASS, ""), encoding="utf-8")
+    (folder / "mass.dml").write_text(
         '<DAVEfunc><variableDef name="referenceWingArea" varID="S" units="ft2"><isInput/>'
         '</variableDef><variableDef name="totalMass" varID="m" units="slug"><calculation><math>'
         f"<apply><times/><ci>S</ci><cn>{slug_per_ft2!r}</cn></apply></math></calculation><isOutput/>"
         "</variableDef></DAVEfunc>"
     )
-    joined = hfa.load_model(f"{tmp_path}/aero.dml+{tmp_path}/mass.dml")
+    joined = hfa.load_model(f"{folder}/aero.dml+{folder}/mass.dml")
     points = [hfa.trim(model) for model in (joined, hfa.load_model(str(UAV)))]
     np.testing.assert_allclose(points[0].states, points[1].states, rtol=1e-8)
 
