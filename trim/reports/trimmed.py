@@ -482,7 +482,8 @@ class Trimmed:
     @cached_property
     def pull_up(self) -> PullUp | None:
         """Steady changes of alpha and load factor after a step of the input that pitches the
-        aircraft most. Lags follow, and all other states except alpha and pitch rate are held.
+        aircraft most, at constant speed and flight path. Lags follow, and all other states except
+        alpha, pitch angle and pitch rate are held.
 
         The result is None if the short period does not consist of alpha and one other state, or if
         no input changes the rate of that state.
@@ -497,7 +498,13 @@ class Trimmed:
         if not {alpha, *others} <= {*steady.states}:  # the other state is a lag
             return None
         places = [steady.states.index(name) for name in (alpha, *others)]
-        A = steady.A[np.ix_(places, places)]
+        # Columns: changes of the states with alpha, the pitch angle at a held path, and with q.
+        motion = np.eye(len(steady.states))[:, places]
+        if "theta" in self.roles:
+            pitch = steady.states.index(self.roles["theta"])
+            path, _ = steady.outputs.get("gamma", (motion[:, 0] * 0.0, None))
+            motion[pitch, 0] = -path[places[0]] / path[pitch] if path[pitch] else 1.0
+        A = steady.A[places] @ motion
         B = steady.B[places]
         # Rates of the other state, such as the pitch rate, that the nominal inputs cause.
         _, pitching = np.abs(B) * model.nominal(model.inputs)
@@ -508,7 +515,7 @@ class Trimmed:
         load = math.nan
         if "load_factor" in model.outputs:
             by_states, by_inputs = steady.outputs["load_factor"]
-            load = float(by_states[places] @ steady_changes + by_inputs[strongest])
+            load = float(by_states @ motion @ steady_changes + by_inputs[strongest])
         return PullUp(tuple(model.inputs)[strongest], float(steady_changes[0]), load)
 
     def change_per_knot(self, name: str) -> float | None:

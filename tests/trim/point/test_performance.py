@@ -218,3 +218,18 @@ def test_a_figure_that_does_not_exist_is_not_invented(changes, figure, reason):
         rates["pitch_rate"] = 0.0
     data = hfa.trim(model, hfa.TrimCondition(model, held, rates)).report().data
     assert reason in data["not_in_model"][figure]
+
+
+@pytest.mark.parametrize("gamma", [0.0, 10.0, 30.0])
+def test_the_control_per_g_is_that_of_pull_ups_at_the_flight_path(gamma):
+    """The elevator per g of the F-16 is that of its own pull-ups, in which flight path and throttle are held."""
+    model = hfa.load_model(f"{ROOT}/examples/f16.py")
+    climb = {"gamma": f"{gamma} deg"}
+    level = hfa.trim(model, **climb)
+    held = {**climb, "throttle": level["throttle"], "free": ["pitch_dot", "speed_dot"]}
+    low, high = (
+        hfa.trim(model, **held, load_factor=level["load_factor"] + change)["elevator"]
+        for change in (-1e-3, 1e-3)
+    )
+    per_g = level.sheet["elevator per g"].value
+    assert math.degrees(per_g) == pytest.approx((high - low) / 2e-3, rel=1e-4)
