@@ -103,7 +103,8 @@ class Trimming(_Declared):
     alternatives: groups of names, of which a trim imposes one, beside speed and airspeeds. Imposing
         another name of the group frees the imposed one.
     begin: function (imposed values by name) -> initial values of the other variables in a trim
-        search. Values are numbers or arrays. None for the declared initial values.
+        search. Values are numbers or arrays. None for the declared initial values, and in turns
+        those of `hfa_aircraft.signals.usual_begin`.
     explain: function (imposed values, solve) -> reason why no trim exists, in terms of the aircraft
         (`trim.point.solve`), or ""; None for no explanation
     describe: function (operating point) -> further groups of its sheet, (title, rows, sentences)

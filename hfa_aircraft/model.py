@@ -32,6 +32,7 @@ from hfa_aircraft.signals import (
     recognized,
     record,
     signals_report,
+    usual_begin,
     usual_modes,
 )
 from hfa_support.errors import (
@@ -122,6 +123,8 @@ class Model(Reported):
             vars(self)[kind] = tuple(getattr(self, kind)) or tuple(self.states)
         if not self.modes:
             vars(self)["modes"] = usual_modes(self.states)
+        if self.trimming.begin is None:
+            vars(self)["trimming"] = replace(self.trimming, begin=usual_begin(self.states))
         vars(self)["trim"] = dict(self.trim)
         self._refuse_undeclared()
         for name, value in self.trim.items():

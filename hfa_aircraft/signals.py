@@ -6,13 +6,16 @@ import keyword
 import math
 import re
 from collections import Counter, namedtuple
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shortened, shown
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, numbered, shown_unit, shown_value
-from hfa_support.units import conversion_factor, units_like
+from hfa_support.units import STANDARD_GRAVITY, conversion_factor, units_like
 
 #: Vectors of a model's equations in CasADi's order -> declarations of their components.
 VECTORS = {"x": "states", "u": "inputs", "p": "parameters", "w": "disturbances"}
@@ -381,6 +384,38 @@ def recognized(states: Mapping[str, Signal]) -> dict[str, str]:
     if not {"speed", "alpha"} <= {*found}:
         found.pop("altitude", None)
     return found
+
+
+def usual_begin(states: Mapping[str, Signal]) -> Callable[..., dict[str, Any]] | None:
+    """Return the default `Trimming.begin`: bank and body rates of coordinated turns; None for a
+    model without them in rad.
+    """
+    found = recognized(states)
+    names = tuple(found.get(role, "") for role in ("speed", "phi", "q", "r"))
+    units = [states[name].unit if name else "" for name in names]
+    gravity = conversion_factor("m/s^2", f"{units[0]}/s")
+    if gravity is None or units[1:] != ["rad", "rad/s", "rad/s"]:
+        return None
+    return partial(_coordinated, names, gravity * STANDARD_GRAVITY)
+
+
+def _coordinated(
+    names: Sequence[str], gravity: float, imposed: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the bank and body rates of a turn, tan φ = V ω / g, or at a load factor n of one to
+    the right, cos φ = 1/n; {} without an imposed speed and turn. The numbers may be arrays.
+    """
+    speed, bank, *rates = names
+    if speed not in imposed or imposed.keys().isdisjoint(("turn_rate", "load_factor")):
+        return {}
+    if "turn_rate" in imposed:
+        rate_of_turn = imposed["turn_rate"]
+        angle = np.arctan(imposed[speed] * rate_of_turn / gravity)
+    else:
+        angle = np.arccos(1.0 / np.maximum(imposed["load_factor"], 1.0))
+        rate_of_turn = gravity * np.tan(angle) / imposed[speed]
+    body_rates = (rate_of_turn * np.sin(angle), rate_of_turn * np.cos(angle))
+    return {bank: angle, **dict(zip(rates, body_rates, strict=True))}
 
 
 def usual_modes(states: Mapping[str, Signal]) -> dict[str, tuple[str, ...]]:

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.about import About, Domain, Source, Trimming
+from hfa_aircraft.about import About, Domain, Source
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.atmosphere import ALTITUDES, air_at
 from hfa_aircraft.signals import ISA, Signal
@@ -388,27 +387,4 @@ def rigid_aircraft(
         source=source,
         about=replace(about, atmosphere="U.S. Standard 1976"),
         domain=domain,
-        trimming=Trimming(begin=partial(coordinated, GRAVITY[system])),
     )
-
-
-def coordinated(gravity: float, imposed: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the initial bank and body rates of a coordinated turn, tan φ = V ω / g.
-
-    imposed: name -> imposed number or array, with speed and turn rate; or with a load factor above
-        1, whose bank is cos φ = 1/n
-    """
-    if "speed" not in imposed or not {"turn_rate", "load_factor"} & {*imposed}:
-        return {}
-    speed = imposed["speed"]
-    if "turn_rate" in imposed:
-        rate_of_turn = imposed["turn_rate"]
-        bank = np.arctan(speed * rate_of_turn / gravity)
-    else:
-        bank = np.arccos(1.0 / np.maximum(imposed["load_factor"], 1.0))
-        rate_of_turn = gravity * np.tan(bank) / speed
-    return {
-        "roll": bank,
-        "pitch_rate": rate_of_turn * np.sin(bank),
-        "yaw_rate": rate_of_turn * np.cos(bank),
-    }

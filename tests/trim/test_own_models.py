@@ -42,6 +42,13 @@ def test_trims_of_the_f16_equal_the_books(xcg, hold, rates, printed):
     np.testing.assert_allclose(computed, printed, rtol=6e-4, atol=6e-5)
 
 
+def test_a_turn_at_a_load_factor_is_to_the_right():
+    """A level turn at n = 2 has the bank 60 deg and ω = g tan φ / V = 6.36 deg/s, both above 0."""
+    point = trim(F16, load_factor=2.0, free="turn_rate")
+    assert point["turn_rate"] == pytest.approx(32.17 * 3**0.5 / 502.0, rel=1e-3)
+    assert point["roll"] > 1.0
+
+
 def test_rates_that_are_unbalanced_by_rounding_are_not_named():
     """The error on a failed trim names no rate whose residual is a rounding.
 

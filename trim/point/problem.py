@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.signals import record
+from hfa_aircraft.signals import recognized, record
 from hfa_support.errors import BadInputError, NotFiniteError
 from hfa_support.matrices import LinearTable
 from hfa_support.units import si_factor, si_unit
@@ -311,7 +311,12 @@ def keepable(system: TrimSystem, condition: TrimCondition) -> list[str]:
 
     condition: condition as given
     """
-    others = {*system.model.inputs, *condition.set_free}
+    model = system.model
+    # Bank and body rates of a turn that was guessed are no declaration.
+    roles, first = recognized(model.states), declared_start(model, condition.imposed)
+    turning = [roles[role] for role in ("phi", "q", "r") if role in roles]
+    guessed = [name for name in turning if first.get(name) != model.states[name].start]
+    others = {*model.inputs, *condition.set_free, *guessed}
     return [name for name in system.equations.unknowns if name not in others]
 
 

@@ -16,14 +16,12 @@ from hfa_aircraft.layout import column
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.aircraft import (
     DEVIATION,
-    GRAVITY,
     STATES,
-    coordinated,
     inertia_matrix,
     inertia_warning,
 )
 from hfa_aircraft.rigid.atmosphere import SEA_LEVEL, air_at
-from hfa_aircraft.signals import ISA, Signal
+from hfa_aircraft.signals import ISA, Signal, usual_begin
 from hfa_jsbsim.accounting import explain, notes_on_omitted, of_engine_files
 from hfa_jsbsim.aircraft import GUSTS, LEVERS, WINDS, Equations
 from hfa_jsbsim.aircraft_files import choices_of, find_aircraft
@@ -608,7 +606,7 @@ class _Declaration:
         """Return the function imposed values -> initial values of a trim search, by name."""
         # The angle of attack follows from the lift coefficient of level flight, and bank and body
         # rates from a turn to the right. Propellers begin at a typical advance ratio.
-        usual_speed = self.usual_speed
+        usual_speed, turn = self.usual_speed, usual_begin(self._states())
         propellers = [
             file for file in self.parts.engines if file.has_propeller and not file.governed
         ]
@@ -632,7 +630,7 @@ class _Declaration:
                 if stated:  # within the usual range of a running propeller
                     rpm = np.clip(rpm, 0.45 * stated, 0.99 * stated)
                 values[f"rpm{file.number}"] = rpm
-            values |= coordinated(GRAVITY["english"], imposed)
+            values |= turn(imposed)
             return values | self._start_of_stopped_engines({**imposed, **values})
 
         return begin
