@@ -606,7 +606,8 @@ class _Declaration:
         """Return the function imposed values -> initial values of a trim search, by name."""
         # The angle of attack follows from the lift coefficient of level flight, and bank and body
         # rates from a turn to the right. Propellers begin at a typical advance ratio.
-        usual_speed, turn = self.usual_speed, usual_begin(self._states())
+        usual_speed = self.usual_speed
+        turn: Any = usual_begin(self._states())
         propellers = [
             file for file in self.parts.engines if file.has_propeller and not file.governed
         ]
