@@ -81,10 +81,12 @@ coverage: .venv/tests
 test-all: .venv/ready test-core
 	$(BIN)/python -m pytest --dist worksteal
 
-# Plants each wrong line of tests/mutants/*.toml and says whether a fast test catches it. Takes hours; continues after an
-# interruption. LISTS names some lists: make mutants LISTS="trim flight".
+# Plants random errors in a folder of source and lists those that its own fast tests do not catch.
+ROOM ?= trim/linear
+ERRORS ?= 60
+SEED ?= 1
 mutants: .venv/tests
-	$(BIN)/python tests/mutants.py $(LISTS)
+	$(BIN)/python tools/plant_errors.py $(ROOM) --count $(ERRORS) --seed $(SEED)
 
 # Many hostile command lines and files; the tests draw a few.
 EXAMPLES ?= 500
