@@ -6,10 +6,12 @@ In all three cases u and V are CasADi functions.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 from operator import mul
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -56,7 +58,7 @@ class Critic(Reported):
     has_weights: True if the value or the policy is given by weights of functions, in `weights` or,
         for listed functions and for policy_weights, only in `network`
     is_discrete: whether the critic was made with a game in discrete time; None without a game
-    is_nonsmooth: True for a policy not smooth at z = 0, where K has the mean slopes of both sides
+    is_nonsmooth: True if slopes beside z = 0 differ: K and P are means at two opposite states
     declared: what the file of a network states of its policy, and notes on what is not used
 
     >>> import hfa
@@ -337,8 +339,8 @@ def from_functions(
 ) -> Critic:
     """Return the critic whose functions are given as expressions of the symbols z.
 
-    K = -∂u/∂z and P = ½ ∂²V/∂z² are exact derivatives at z = 0. If only "policy" is given, P is
-    None. At a nonsmooth point of the policy, K is the mean of both sides, and `origin` says so.
+    K = -∂u/∂z and P = ½ ∂²V/∂z² at z = 0 are means of the derivatives at two opposite states beside
+    it. `origin` says so where these differ. If only "policy" is given, P is None.
 
     game: the game; R, B and N of the game define the policy if "policy" is not in `outputs`
     z: (n,), symbols
@@ -358,14 +360,21 @@ def from_functions(
         if expression is not None
     }
     at_trim = {name: function(np.zeros(z.numel())).full() for name, function in network.items()}
-    P = None if gradient is None else _derivative(gradient, z) / 2.0
-    _refuse_not_finite(at_trim | ({} if P is None else {"second derivative of V": P}))
+    _refuse_not_finite(at_trim)
+    sizes = game.half_widths
+    if sizes is None:  # proportional to the states that cost 1, but tiny
+        costs = np.diag(game.Q)
+        sizes = _SIZE_WITHOUT_BOX * np.where(costs > 0.0, costs, 1.0) ** -0.5
+    P, is_nonsmooth = None, False
+    if gradient is not None:
+        of_V = _slope_at_trim(gradient, z, sizes, sizes.max() / sizes, "second derivative of V")
+        P, is_nonsmooth = of_V.mean / 2.0, of_V.is_nonsmooth
     if u is None:
         assert P is not None  # V or its gradient is given
-        K, is_nonsmooth = game.gain(P), False
+        K = game.gain(P)
     else:
-        K, is_nonsmooth = _gain_at_0(game, u, z)
-        _refuse_not_finite({"slope of the policy": K})
+        of_u = _slope_at_trim(u, z, sizes, np.diag(game.R) ** -0.5, "slope of the policy")
+        K, is_nonsmooth = -of_u.mean, of_u.is_nonsmooth
     if is_nonsmooth:
         origin += "; nonsmooth point at the trim: K has the mean slopes of both sides"
     critic = Critic(
@@ -412,22 +421,11 @@ def _with_one_step_policy(game: Game, critic: Critic) -> Critic:
     return replace(critic, network=network, implies_policy=True)
 
 
-def _derivative(expression: ca.SX, z: ca.SX, point: np.ndarray | None = None) -> np.ndarray:
-    """Return ∂expression/∂z at a point (n,), by default 0, (k, n), for k entries."""
-    if point is None:
-        point = np.zeros(z.numel())
-    k = expression.numel()
-    w = type(z).sym("w", k)
-    times_w = ca.jtimes(expression, z, w, True)  # (∂expression/∂z)'w
-    function = ca.Function("times_w", [z, w], [times_w])
-    return np.array(function(np.tile(point[:, None], k), np.eye(k))).T  # a call for each unit w
-
-
-#: Two distances from z = 0 at which K is compared on both sides, in sizes of the states.
-_DISTANCE, _SMALLER_DISTANCE = 1e-9, 1e-12
-#: Least change of K between both sides at a nonsmooth point, relative to K, and the least share of
-#: it that remains at the smaller distance. Of a smooth u, a thousandth remains, the ratio of the
-#: distances.
+#: Distances from the trim, in sizes of the states, at which slopes are compared.
+_DISTANCES = (1e-9, 1e-12)
+#: Least change of the slope between states about a nonsmooth point, relative to the slope, and the
+#: least share of it that remains at the smaller distance. Of a smooth function, a thousandth
+#: remains, the ratio of the distances.
 _LEAST_CHANGE = 1e-3
 _LEAST_SHARE = 0.5
 #: Size of the states without a box, relative to those that cost 1: the cost's unit says nothing of
@@ -435,34 +433,52 @@ _LEAST_SHARE = 0.5
 _SIZE_WITHOUT_BOX = 1e-200
 
 
-def _gain_at_0(game: Game, u: ca.SX, z: ca.SX) -> tuple[np.ndarray, bool]:
-    """Return K = -∂u/∂z at z = 0, or the mean of both sides, and whether u is nonsmooth there."""
-    sizes = game.half_widths
-    if sizes is None:  # proportional to the states that cost 1, but tiny
-        costs = np.diag(game.Q)
-        sizes = _SIZE_WITHOUT_BOX * np.where(costs > 0.0, costs, 1.0) ** -0.5
-    without_units = sizes * np.sqrt(np.diag(game.R))[:, None]  # divides u by inputs that cost 1
+class _Slope(NamedTuple):
+    """Slope at the trim, (k, n), and whether other slopes were found beside it."""
 
-    def largest_entry(K: np.ndarray) -> float:
-        return float(np.abs(K * without_units).max(initial=0.0))
-
-    one_side, other_side = _gains_beside_0(u, z, _DISTANCE * sizes)
-    change = largest_entry(other_side - one_side)
-    nearer_change = largest_entry(np.subtract(*_gains_beside_0(u, z, _SMALLER_DISTANCE * sizes)))
-    size = largest_entry(np.array([one_side, other_side]))
-    # Of a smooth u, the change is proportional to the distance.
-    is_large = np.isfinite(size) and change > _LEAST_CHANGE * size
-    if is_large and nearer_change > _LEAST_SHARE * change:  # else, it depends on the distance
-        return (one_side + other_side) / 2.0, True
-    return -_derivative(u, z), False
+    mean: np.ndarray
+    is_nonsmooth: bool
 
 
-def _gains_beside_0(u: ca.SX, z: ca.SX, distances: np.ndarray) -> np.ndarray:
-    """Return K = -∂u/∂z at two opposite states at distances (n,) from z = 0, (2, m, n)."""
+def _slope_at_trim(
+    expression: ca.SX, z: ca.SX, sizes: np.ndarray, units: np.ndarray, what: str
+) -> _Slope:
+    """Return the slope of k entries at z = 0: the mean of the derivatives at two opposite states.
+
+    The derivative at 0 itself is CasADi's choice where an activation has a kink. The function is
+    nonsmooth if the derivatives at opposite states in n + 1 directions differ, however near these.
+
+    sizes: of the states, (n,)
+    units: of the entries, (k,), in which slopes are compared
+    what: name of the slope, for the error that it is not finite at 0
+    """
+    k, n = expression.numel(), z.numel()
+    w = type(z).sym("w", k)
+    times_w = ca.jtimes(expression, z, w, True)  # (∂expression/∂z)'w
+    function = ca.Function("times_w", [z, w], [times_w])
+
+    def slopes_at(states: np.ndarray) -> np.ndarray:
+        """Return the derivatives at states (N, n), (N, k, n), from a call for each unit w."""
+        rows = function(np.repeat(states, k, axis=0).T, np.tile(np.eye(k), len(states)))
+        return np.array(rows).T.reshape(-1, k, n)
+
+    _refuse_not_finite({what: slopes_at(np.zeros((1, n)))})
     # Unequal entries, by multiples of the golden ratio: on no plane where policies switch, such as
-    # z1 = 0 or z1 = z2.
-    direction = 1.0 + np.arange(z.numel()) * 0.618 % 1.0
-    return np.array([-_derivative(u, z, side * distances * direction) for side in (1.0, -1.0)])
+    # z1 = 0 or z1 = z2. All further directions differ in the sign of one state.
+    directions = (1.0 + np.arange(n) * 0.618 % 1.0) * np.vstack([np.ones(n), 1.0 - 2.0 * np.eye(n)])
+    opposite = sizes * np.stack([directions, -directions], axis=1).reshape(-1, n)
+    far, near = (slopes_at(distance * opposite) for distance in _DISTANCES)
+
+    def largest(slopes: np.ndarray) -> float:
+        return float(np.abs(slopes * (sizes / sizes.max()) / units[:, None]).max(initial=0.0))
+
+    with np.errstate(all="ignore"):
+        change, near_change = largest(far - far[0]), largest(near - near[0])
+        # Of a smooth function, the change is proportional to the distance.
+        is_large = _LEAST_CHANGE * largest(far) < change < math.inf
+    mean = (near[0] + near[1]) / 2.0
+    _refuse_not_finite({what: mean})
+    return _Slope(mean, is_large and near_change > _LEAST_SHARE * change)
 
 
 def from_weights(

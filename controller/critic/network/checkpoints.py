@@ -63,6 +63,7 @@ class Layout(NamedTuple):
     has_mean: whether the outputs are the mean, followed by as many standard deviations
     running: statistics of the normalizer, or None
     activation: between the layers, or None
+    note: sentence on what the file may lack, or ""
     """
 
     algorithm: str
@@ -75,6 +76,7 @@ class Layout(NamedTuple):
     has_mean: bool = False
     running: Running | None = None
     activation: str | None = None
+    note: str = ""
 
 
 _RSL_RL = Layout(
@@ -157,6 +159,20 @@ LAYOUTS = (
     ),
     _TIANSHOU._replace(algorithm="SAC of tianshou", required=r"critic2_old\.", squash="tanh"),
     _TIANSHOU,
+    Layout(
+        "TD3 or DDPG of tianshou",
+        r"(?P<root>(.*\.)?actor\.)last\.model\.\d+\.weight",
+        "{}preprocess+{}last",
+        required=r"actor_old\.",
+        squash="tanh",
+    ),
+    Layout(
+        "tianshou",
+        r"(?P<root>)last\.model\.\d+\.weight",
+        "preprocess+last",
+        required=r"preprocess\.",
+        note="read without the tanh of an actor of TD3 or DDPG (activation relu,tanh adds it)",
+    ),
     _RLLIB._replace(algorithm="SAC of RLlib", required="qf_encoder", squash="tanh", has_mean=True),
     _RLLIB._replace(excluded=r"(.*\.)?pi\.log_std", has_mean=True),
     _RLLIB,
@@ -189,7 +205,7 @@ def checkpoint_of(tensors: Tensors) -> tuple[dict[str, np.ndarray], Declared] | 
             action=_action_of(layout, root, tensors),
             normalizer=normalizer,
             has_mean=layout.has_mean,
-            notes=notes,
+            notes=(*notes, *filter(None, [layout.note])),
         )
     return None
 

@@ -38,7 +38,13 @@ from controller.critic.network.layers import (
     without_training,
 )
 from controller.critic.network.onnx_graph import FEW_WEIGHTS, check_width, graph_functions
-from controller.critic.network.tensors import ORDERED_FILES, checked_tensors, flattened, stored_in
+from controller.critic.network.tensors import (
+    ORDERED_FILES,
+    checked_tensors,
+    flattened,
+    parsed,
+    stored_in,
+)
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, shortened, shown
 from hfa_support.files import regular_file
 
@@ -207,10 +213,11 @@ def network_in(source: Any, asked: Asked) -> NetworkFile:
             return _network_of(_in_file(path), asked, parts)
         except (OSError, BadInputError):
             raise
-        except Exception as error:  # a damaged file may cause any exception
-            reason = shortened(str(error).partition("\n")[0])
+        except Exception as error:  # not of a parser: the file may be right
+            reason = shortened(f"{type(error).__name__}: {error}".partition("\n")[0])
             raise BadInputError(
-                f"the file is damaged or is not a network ({reason}); save the network again"
+                f"hfa does not understand this network ({reason}), perhaps by an error of its own; "
+                "export the network to ONNX in another way, and report this line"
             ) from error
 
 
@@ -234,7 +241,8 @@ def _in_file(path: Path) -> _Contents:
         tensors, declared = read_zip(path)
         return _Contents(tensors, is_ordered=True, declared=declared)
     content = regular_file(path).read_bytes()
-    return _contents(stored_in(content, suffix), is_ordered=suffix in ORDERED_FILES)
+    stored = parsed(lambda: stored_in(content, suffix))
+    return _contents(stored, is_ordered=suffix in ORDERED_FILES)
 
 
 def _in_memory(source: Any) -> _Contents:

@@ -19,7 +19,13 @@ import numpy as np
 
 from controller.critic.network.declared import notes_on_statistics
 from controller.critic.network.layers import ACTIVATIONS, hard_sigmoid
-from controller.critic.network.tensors import LARGEST_NETWORK, BFloat16, checked_tensors, lowest
+from controller.critic.network.tensors import (
+    LARGEST_NETWORK,
+    BFloat16,
+    checked_tensors,
+    lowest,
+    parsed,
+)
 from hfa_support.errors import BadInputError, missing_package, shortened
 from hfa_support.files import regular_file
 
@@ -136,7 +142,9 @@ def _same(x: Any, *_: Any, **__: Any) -> Any:
 
 #: Operators that only arrange numbers. The chain of a network omits them. The row of Split is cut
 #: into the widths of its results.
-_ARRANGING = ("Identity", "Flatten", "Reshape", "Squeeze", "Unsqueeze", "Transpose", "Split")
+_ARRANGING = (
+    *("Identity", "Flatten", "Reshape", "Squeeze", "Unsqueeze", "Transpose", "Split", "Expand"),
+)
 #: Operator of a graph that is no function u(x) of one row -> what such a graph does.
 _NO_FUNCTION = {
     **dict.fromkeys(("Loop", "Scan", "If"), "has a loop or a branch"),
@@ -177,8 +185,8 @@ _OPERATORS: Mapping[str, Callable[..., Any]] = {
     "Cast": _cast,
     **dict.fromkeys(_ARRANGING, _same),
 }
-#: Operators that act on constants only.
-_CONSTANT_OPERATORS = ("Constant",)
+#: Operators whose results are constants: also the shape of a row.
+_CONSTANT_OPERATORS = ("Constant", "Shape", "ConstantOfShape", "Equal")
 #: Operators with places or axes among their arguments, which stay arrays of integers.
 _WITH_INTEGERS = ("ReduceSum", "ReduceMean", "Slice", "Gather", *_ARRANGING)
 _ELEMENTWISE = ("Add", "Sub", "Mul", "Div", "Pow", "Greater", "Where", "Min", "Max")
@@ -217,7 +225,8 @@ def graph_functions(
         import onnx
     except ImportError as error:
         raise missing_package("ONNX files require", "onnx") from error
-    model = onnx.load_from_string(regular_file(path).read_bytes())
+    content = regular_file(path).read_bytes()
+    model = parsed(lambda: onnx.load_from_string(content))
     _refuse_model(onnx, model)
     traced = _traced(onnx, model, states, inputs)
     widths = [row.numel() for row in traced.inputs]
@@ -243,7 +252,7 @@ def graph_functions(
 def _notes_on_normalizer(graph: Any, traced: _Traced) -> tuple[str, ...]:
     """Return a note if a graph begins with (x - mean) / deviation of a normalizer without data."""
     inputs = {item.name for item in graph.input}
-    for minus, over in pairwise(graph.node):
+    for minus, over in pairwise(node for node in graph.node if node.input):
         is_pair = (minus.op_type, over.op_type, over.input[:1]) == ("Sub", "Div", minus.output)
         mean, deviation = minus.input[-1], over.input[-1]
         are_constants = traced.rows.keys().isdisjoint((mean, deviation))
@@ -285,7 +294,7 @@ def _traced(onnx: Any, model: Any, states: int, inputs: int) -> _Traced:
         precision = lowest({precision, precision_of_node})
 
         # A value that depends on the state is also a row of expressions.
-        if any(name in rows for name in node.input):
+        if step.name != "Shape" and any(name in rows for name in node.input):
             row = step.on_rows([rows.get(name, arrays.get(name)) for name in node.input])
             widths = [arrays[name].size for name in node.output]
             parts = (
@@ -388,6 +397,8 @@ class _Operator:
         with self._naming_operator():
             if self.name == "Gather":
                 size = math.prod(shapes[0]) * math.prod(shapes[1])
+            elif self.name in ("ConstantOfShape", "Expand"):
+                size *= math.prod(int(length) for length in np.ravel(arrays[-1]))
             elif self.name in ("MatMul", "Gemm"):
                 size = max(shapes[0]) * max(shapes[1])  # in any order of the axes
             elif self.name in _ELEMENTWISE:

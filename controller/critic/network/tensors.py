@@ -218,7 +218,7 @@ def unpickled(content: bytes, storages: Mapping[str, bytes] | None = None) -> An
             )
         return np.frombuffer(storages[f"data/{key}"], kind)
 
-    return _loaded(lambda: _Restricted(io.BytesIO(content), numbers).load())
+    return parsed(lambda: _Restricted(io.BytesIO(content), numbers).load())
 
 
 def torch_stream(content: bytes) -> Any:
@@ -262,19 +262,19 @@ def torch_stream(content: bytes) -> Any:
         stream.seek(begin_of_content)
         return next_pickle()
 
-    return _loaded(load)
+    return parsed(load)
 
 
-def _loaded(load: Callable[[], Any]) -> Any:
-    """Return what a function loads; errors of damaged pickles become BadInputErrors."""
+def parsed(parse: Callable[[], Any]) -> Any:
+    """Return what a parser of bytes returns; what it raises is damage of the bytes."""
     try:
-        return load()
+        return parse()
     except BadInputError:
         raise
-    except Exception as error:  # a damaged pickle may cause any exception
+    except Exception as error:  # each parser raises others
         reason = shortened(str(error).partition("\n")[0]) or type(error).__name__
         raise BadInputError(
-            f"the data are not a pickle, or are damaged ({reason}); save the file again"
+            f"the file is damaged or has another format ({reason}); save it again"
         ) from error
 
 
@@ -299,7 +299,7 @@ def stored_in(content: bytes, suffix: str) -> Any:
     suffix: ".npz", ".msgpack", ".safetensors" or ".json"; of any other, a file is one of torch
 
     Raises BadInputError for a type of numbers that is not supported, for a TorchScript program, and
-    for a damaged or too large zip file; any exception for another damaged file.
+    for a damaged or too large file.
     """
     if suffix == ".npz":
         return arrays_of_npz(content)

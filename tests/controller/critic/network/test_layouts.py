@@ -245,6 +245,13 @@ LIBRARIES = {
         ["policy.actor.preprocess.model.model.0", "policy.actor.mu.model.0"],
         np.tanh,
     ),
+    "TD3 of tianshou": (
+        layers("policy.actor.", "preprocess.model.model.0", "last.model.0", widths=(3, 5, 2))
+        | layers("actor_old.module.", "last.model.0", widths=(5, 2))
+        | layers("critic.", "preprocess.model.model.0", "last.model.0", widths=(5, 5, 1)),
+        ["policy.actor.preprocess.model.model.0", "policy.actor.last.model.0"],
+        np.tanh,
+    ),
     "RLlib": (
         mlp("encoder.actor_encoder.")
         | mlp("encoder.critic_encoder.")
@@ -291,14 +298,24 @@ def test_the_policy_in_a_checkpoint_is_that_of_its_library(library, write):
     """The policy in a file of torch or safetensors, read without a choice of a network, is that of the
     layers and the squash that `LIBRARIES` lists.
 
-    A note names unused tensors, which all but TD3 have.
+    A note names unused tensors, which all but the TD3 of Stable-Baselines3 have.
     """
     tensors, names, after = LIBRARIES[library]
     path = write(f"a.{'pt' if write is torch_file else 'safetensors'}", tensors)
     critic = read(path, activation="relu")
     assert critic.u(OBSERVED) == pytest.approx(after(output_of(tensors, names, relu)), rel=1e-9)
     assert critic.declared.algorithm
-    assert "not used" in " ".join(critic.declared.notes) or library.startswith("TD3")
+    assert "not used" in " ".join(critic.declared.notes) or "TD3 of Stable" in library
+
+
+def test_an_actor_of_tianshou_alone_has_a_note_on_its_tanh():
+    """The layers of an actor alone are those of a critic, too: only a note tells the tanh of TD3."""
+    tensors = layers("", "preprocess.model.model.0", "last.model.0", widths=(3, 5, 2))
+    notes = " ".join(read(torch_file("actor.pt", tensors), activation="relu").declared.notes)
+    assert "without the tanh of an actor of TD3 or DDPG" in notes
+    squashed = read("actor.pt", activation="relu,tanh")
+    expected = np.tanh(output_of(tensors, ["preprocess.model.model.0", "last.model.0"], relu))
+    assert squashed.u(OBSERVED) == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_checkpoint_of_a_discrete_policy_is_refused():

@@ -180,7 +180,7 @@ def test_layers_of_unknown_order_are_refused():
     [
         ("a.pt", b"PK\3\4", "is not a readable zip file"),
         ("b.pt", b"text", "was not written by torch.save"),
-        ("c.safetensors", b"\xff" * 20, "is damaged or is not a network"),
+        ("c.safetensors", b"\xff" * 20, "is damaged or has another format"),
         ("d.pkl", b"", "was not written by torch.save"),
     ],
 )

@@ -93,6 +93,7 @@ _SINGLES = {"P": np.eye(6, dtype="float32"), "ones": ONES.astype("float32")}
 _TALL = {"a": np.ones((2**12, 1), "float32"), "b": np.ones((1, 2**12), "float32")}
 _MANY = {"P": np.eye(6), "places": np.zeros(2**20, int)}
 _SUM = ("ReduceSum", "h", "y")
+_LARGE = [("ConstantOfShape", "size", "h"), _SUM]
 #: Graphs that are refused: what is said, nodes, constants, number of states.
 REFUSED = {
     "inputs": ("has 10 inputs", [("MatMul", "x P", "y")], {"P": np.ones((10, 1), "f4")}, 10),
@@ -117,6 +118,7 @@ REFUSED = {
         _SINGLES,
         6,
     ),
+    "large": ("requires 2e+18 array elements", _LARGE, {"size": np.array([10**9] * 2)}, 6),
     "column": ("(6, 1), but only rows", [("Transpose", "x", "h"), _SUM], _SINGLES, 6),
     "first axis": (
         "axis other than the last",
@@ -148,7 +150,7 @@ def test_damaged_graphs_and_weights_in_other_files_are_refused():
     assert "stored in another file; export the weights in" in refusal(external("a.onnx"))
     content = Path(onnx_file("good.onnx", QUADRATIC, _SINGLES)).read_bytes()
     Path("damaged.onnx").write_bytes(content[:-40])
-    assert "is damaged or is not a network" in refusal("damaged.onnx")
+    assert "is damaged or has another format" in refusal("damaged.onnx")
     game = Game(-np.eye(6), np.ones((6, 5)), Q=np.ones(6), R=np.ones(5))
     with pytest.raises(BadInputError, match="already contains the activations"):
         read_critic("good.onnx", game, activation="tanh")
@@ -253,6 +255,20 @@ GRAPHS = {
         {"W": _WIDE, "V": _WIDE.T[:, :2] / 40.0},
         2,
     ),
+    # The scale of a distribution, as exported by torch: ones_like(mean) exp(log_std).
+    "Shape": (
+        [
+            ("MatMul", "x W", "m"),
+            ("Shape", "m", "s"),
+            ("ConstantOfShape", "s", "zeros"),
+            ("Equal", "s four", "is_four"),
+            ("Where", "is_four s s", "shape"),
+            ("Expand", "m shape", "e"),
+            ("Add", "e zeros", "y"),
+        ],
+        {"W": _WEIGHTS, "four": np.array([4])},
+        4,
+    ),
     "Reciprocal": ([("Exp", "x", "a"), ("Reciprocal", "a", "y")], {}, 6),
     "Log": ([("Exp", "x", "a"), ("Add", "a one", "b"), ("Log", "b", "y")], {}, 6),
     "Clip above": ([("Clip", "x low", "y")], {"low": np.float32(-0.5)}, 6),
@@ -284,13 +300,31 @@ def test_metadata_of_a_file_are_named_as_not_applied():
 
 
 def test_a_normalizer_without_data_is_noted():
-    """A graph that begins with (x - 0) / 1 is noted as normalized without data; (x - 1) / 1 is not."""
-    nodes = [("Sub", "x mean", "c"), ("Div", "c std", "n"), ("MatMul", "n W", "y")]
+    """A graph that begins with (x - 0) / 1 is noted as normalized without data; (x - 1) / 1 is not.
+
+    The older exporter of torch has its numbers in nodes Constant, which have no inputs.
+    """
+    onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
     note = "the normalizer saw no data: its mean is 0 and its deviation 1"
     for mean, notes in ((np.zeros(6), (note,)), (np.ones(6), ())):
-        constants = {"mean": mean, "std": np.ones(6), "W": np.ones((6, 5))}
-        critic = read(onnx_file("normal.onnx", nodes, constants, outputs=5), network="policy=")
-        assert critic.declared.notes == notes
+        numbers = {"mean": mean, "std": np.ones(6), "W": np.ones((6, 5))}
+        stored = {key: onnx.numpy_helper.from_array(value) for key, value in numbers.items()}
+        mean_of, std_of, W_of = (("Constant", "", key, {"value": stored[key]}) for key in stored)
+        nodes = [
+            *(mean_of, ("Sub", "x mean", "c"), std_of, ("Div", "c std", "n")),
+            *(W_of, ("MatMul", "n W", "y")),
+        ]
+        path = onnx_file("normal.onnx", nodes, {"double": 1.0}, outputs=5)
+        assert read(path, network="policy=").declared.notes == notes
+
+
+def test_an_error_of_the_program_is_not_called_damage(monkeypatch):
+    """A right file, of which the program cannot compute something, is not called damaged."""
+    path = onnx_file("right.onnx", QUADRATIC, _SINGLES)
+    monkeypatch.setattr("controller.critic.network.onnx_graph._outputs_of", lambda *_: {}[0])
+    said = refusal(path)
+    assert "(KeyError: 0), perhaps by an error of its own" in said
+    assert "damage" not in said
 
 
 def several_outputs(names):
