@@ -450,6 +450,7 @@ def scenario_of(
             f"--delay is {delay:g} s; give a delay from 0 to less than {duration:g} s"
         )
 
+    added = [disturbed.get(name, 0.0) for name in model.linear]
     # All but moving air and random quantities. The tick is computed in ms.
     common = Scenario(
         duration=duration,
@@ -457,7 +458,7 @@ def scenario_of(
         sample=_SAMPLE,
         initial=np.array([initial.get(name, 0.0) for name in model.states]),
         # A constant is added to the rate of a state, or it is the value of a disturbance.
-        disturbance=constant(np.array([disturbed.get(name, 0.0) for name in model.linear])),
+        disturbance=constant(np.array(added)) if any(added) else None,
         actuators=None if request.actuators is None else actuators_of(model, *request.actuators),
         delay=delay,
         air={

@@ -123,9 +123,12 @@ def test_the_command_finds_the_thresholds():
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("--gust smallest:0", "give lengths above 0"),
-        ("--gust smallest --samples 2", "--samples cannot be combined with --gust smallest"),
-        ("--gust smallest --noise speed=.3", "add --filter"),
+        ("--dihedral 5 --gust smallest:0", "give lengths above 0"),
+        (
+            "--dihedral 5 --gust smallest --samples 2",
+            "--samples cannot be combined with --gust smallest",
+        ),
+        ("--dihedral 5 --gust smallest --noise speed=.3", "add --filter"),
         (
             "--aircraft examples/pendulum.py:PENDULUM --gust smallest",
             "no state that is recognized as its speed",

@@ -194,6 +194,7 @@ class Scenario(Reported):
     gust: motion of the air, or None
     uncertainty: random quantities, not yet drawn
     samples: sensor noise, (N, k), constant during each sample, or None
+    seed: seed of the drawn random quantities, or None if none are drawn
     air: disturbance of the model -> waveform, (1,)
     delay: delay of every command, s, a whole number of ticks
     sample: interval of the noise, of turbulence and of a filter or function that acts as the
@@ -226,6 +227,7 @@ class Scenario(Reported):
     gust: Gust | None = None
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     samples: np.ndarray | None = None
+    seed: int | None = None
     air: Mapping[str, Waveform] = field(default_factory=dict)
     delay: float = 0.0
     sample: float | None = None
@@ -299,6 +301,22 @@ class Scenario(Reported):
         Turbulence that is not yet drawn counts too.
         """
         return self.gust is not None or self.uncertainty.turbulence is not None or bool(self.air)
+
+    @property
+    def is_random(self) -> bool:
+        """True if noise or turbulence is drawn."""
+        return self.samples is not None or (self.gust is not None and self.gust.rises)
+
+    @property
+    def is_calm(self) -> bool:
+        """True if nothing disturbs the flight but the policy."""
+        given = (self.reference, self.disturbance, self.gust, self.samples)
+        return (
+            all(value is None for value in given)
+            and not np.any(self.initial)
+            and not (self.air or self.errors)
+            and self.uncertainty == Uncertainty()
+        )
 
     @property
     def driven_until(self) -> float:
@@ -379,7 +397,8 @@ class Scenario(Reported):
         if uncertain.turbulence is not None:
             air = SeedSequence(seed, spawn_key=(member, _AIR)).generate_state(1, np.uint64)
             gust = uncertain.turbulence.air(point, self.interval, self.sample_count, int(air[0]))
-        return replace(self, errors=errors, gust=gust, uncertainty=Uncertainty(), samples=samples)
+        drawn = replace(self, errors=errors, gust=gust, uncertainty=Uncertainty(), samples=samples)
+        return replace(drawn, seed=seed) if drawn.is_random else drawn
 
     def to_dict(self) -> dict[str, Any]:
         """Return the scenario for JSON, without the uncertainty; of drawn noise its deviations.

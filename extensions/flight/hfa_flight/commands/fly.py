@@ -146,6 +146,7 @@ class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
     """Options of `hfa fly`."""
 
     moved = FORMER_POLICIES
+    needs_dihedral = True
     output: Path | None = output_option(
         stores=(".zarr",), purpose=" (flights of --samples or --draws)"
     )
@@ -159,7 +160,7 @@ class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
     reference: Mapping[str, str] = REFERENCE
     filter: bool = option(
         "Kalman filter before the policy, for the --noise of the sensors (a state without noise "
-        "has no sensor) and the --turbulence; --samples compares with no control",
+        "has no sensor) and the --turbulence",
         rare=True,
     )
     samples: int | None = option(
@@ -230,8 +231,6 @@ def _fly_once(request: FlyRequest, given: GivenTrim) -> Outcome:
     loop = FlightLoop(plant, policy, scenario, weights)
     if request.duration is None:
         loop = replace(loop, scenario=lengthened(loop))
-    if given.at is None and model.about.names_schedule:
-        warn(f"no --{model.schedule} is given: the flight is {point.at_scheduled}")
     # With scheduled gains, the linear model at the first trim does not apply to other trims.
     predict = not isinstance(policy, ScheduledGainPolicy)
     progress = ProgressLine("simulate")
@@ -431,7 +430,9 @@ def _fly_members(request: FlyRequest, given: GivenTrim, members: int) -> Outcome
             progress=ProgressLine("simulate"),
         )
         flown = {name: dataset[name].values for name in dataset.data_vars}
-        flights = FlightsInAir(plan, flown, uncontrolled(plan), f"flights in {target}")
+        flights = FlightsInAir(
+            plan, flown, uncontrolled(plan, request.workers), f"flights in {target}"
+        )
     notes = flights.warnings
     store = None if target is None else str(target)
     report = flights.report().with_data(store=store, warnings=notes)

@@ -14,8 +14,8 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.scenario import Scenario, Uncertainty, with_errors
 from hfa_flight.needs import ALL
-from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.given import policy_and_scenario
+from hfa_flight.policies.policy import OpenLoop
 from hfa_flight.samples.monte_carlo import MonteCarlo, run_monte_carlo
 from hfa_flight.samples.report import member_report
 from hfa_flight.simulate.closed_loop import FlightLoop, NonlinearPlant
@@ -34,7 +34,7 @@ class FlightsInAir(Reported):
 
     plan: the flights
     flown: name of a result -> its values, one row for each flight
-    uncontrolled: results of the same flights without control, of a policy behind a filter, or None
+    uncontrolled: results of the same flights without control, or None if no policy acts
     where: where the flights are stored, for the report
 
     >>> import hfa
@@ -78,18 +78,16 @@ def flights_in_air(
     progress: callback, by default a line on a terminal
     """
     flown = run_monte_carlo(plan, workers, progress or ProgressLine("simulate"))
-    return FlightsInAir(plan, flown, uncontrolled(plan))
+    return FlightsInAir(plan, flown, uncontrolled(plan, workers))
 
 
-def uncontrolled(plan: MonteCarlo) -> Mapping[str, np.ndarray] | None:
-    """Return the results of the same flights with the inputs at trim, or None without a filter."""
-    if not isinstance(plan.policy, FilteredPolicy):
-        return None  # the deviations without control are reported only beside those of a filter
+def uncontrolled(plan: MonteCarlo, workers: int | str) -> Mapping[str, np.ndarray] | None:
+    """Return the results of the same flights with the inputs at trim, or None if no policy acts."""
+    if isinstance(plan.policy, OpenLoop):
+        return None
     no_policy, scenario = policy_and_scenario(None, plan.point, plan.scenario)
     inputs_at_trim = replace(plan, policy=no_policy, scenario=scenario)
-    return run_monte_carlo(
-        inputs_at_trim, workers=1, progress=ProgressLine("simulate without control")
-    )
+    return run_monte_carlo(inputs_at_trim, workers, ProgressLine("simulate without control"))
 
 
 #: Limits of the states, or only those that differ from the usual ones.

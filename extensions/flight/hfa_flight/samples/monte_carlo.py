@@ -20,7 +20,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import VECTORS
 from hfa_aircraft.uncertain import ParameterSpread
 from hfa_flight.air.gusts import ALPHA, limited_names
-from hfa_flight.air.scenario import Scenario, with_errors
+from hfa_flight.air.scenario import Scenario, Uncertainty, with_errors
 from hfa_flight.needs import ALL, refuse_share
 from hfa_flight.policies.policy import Policy
 from hfa_flight.simulate.closed_loop import FlightLoop, NonlinearPlant
@@ -86,9 +86,9 @@ class MonteCarlo(Reported):
     spread: distribution of the members' parameters, or None for the parameters of the model
     share: share of the members that must stay within their limits for a PASS, by default all
 
-    Raises BadInputError if a number is wrong, the flight does not begin inside its envelope, a
-    relative error is given for a parameter of value 0, a signal has no formula, or the random
-    quantities are already drawn.
+    Raises BadInputError if nothing is random, a number is wrong, the flight does not begin inside
+    its envelope, a relative error is given for a parameter of value 0, a signal has no formula, or
+    the random quantities are already drawn.
     """
 
     members: int
@@ -106,6 +106,11 @@ class MonteCarlo(Reported):
         refuse_unless_whole("members", self.members, 1)
         refuse_unless_whole("seed", self.seed, 0)
         refuse_share(self.share)
+        if self.scenario.uncertainty == Uncertainty() and self.spread is None:
+            raise BadInputError(
+                "all flights are the same; give errors of parameters, noise or turbulence, or fly "
+                "once"
+            )
         object.__setattr__(self, "scenario", self.scenario.on(self.model))
         for name in ("reference", "disturbance"):
             signal = getattr(self.scenario, name)

@@ -10,7 +10,7 @@ import numpy as np
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.gusts import ANGLE_OF_ATTACK, OVER_GROUND, has_angle_of_attack, limited_names
-from hfa_flight.air.scenario import Scenario, Uncertainty
+from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.turbulence import level_text
 from hfa_flight.needs import band_text, is_enough, need_text, outside_band
 from hfa_flight.policies.filtered_policy import FilteredPolicy
@@ -26,8 +26,6 @@ from hfa_support.reporting.text import Table, short_number, shown_unit
 
 #: Levels of the reported quantiles.
 _QUANTILES = (0.05, 0.5, 0.95, 1.0)
-#: Note if all members are the same flight.
-_ALIKE = "all flights are the same; give parameter errors, noise or turbulence"
 #: Ratio of an rms to what is expected above which the first line names it.
 _FAR = 3.0
 #: Note if flights with noise leave the envelope under a policy without a filter.
@@ -48,8 +46,10 @@ def member_report(plan: MonteCarlo, flown: Flown, where: str, uncontrolled: Flow
     uncontrolled: results of the same flights without control, by name, or None
     """
     outcomes = _outcomes(plan, flown)
-    if uncontrolled is not None and isinstance(plan.policy, FilteredPolicy):
-        outcomes |= _rms_figures(plan, plan.policy, flown, uncontrolled)
+    if uncontrolled is not None:
+        outcomes["uncontrolled_within_limits"] = int(_within_limits(plan, uncontrolled).sum())
+        if isinstance(plan.policy, FilteredPolicy):
+            outcomes |= _rms_figures(plan, plan.policy, flown, uncontrolled)
 
     planned = (
         f"Monte Carlo, {plan.point.model.title}, policy {plan.policy.name}: {plan.members} flights "
@@ -76,7 +76,7 @@ def member_report(plan: MonteCarlo, flown: Flown, where: str, uncontrolled: Flow
     if isinstance(plan.policy, FilteredPolicy):
         parts += plan.policy.texts()
 
-    notes = [_ALIKE] if _all_same(plan) and plan.members > 1 else []
+    notes = []
     is_unfiltered = not isinstance(plan.policy, (FilteredPolicy, OpenLoop))
     if plan.scenario.uncertainty.noise and is_unfiltered and outcomes["first_left"] is not None:
         notes.append(_UNFILTERED)
@@ -100,13 +100,16 @@ def _verdict(plan: MonteCarlo, outcomes: Mapping[str, Any]) -> str:
         f"{plan.scenario.duration:g} s {stay}{_air_text(plan.scenario)}{need_text(plan.share)}"
         f"{no_limit}"
     )
+    if (without := outcomes.get("uncontrolled_within_limits")) is not None:
+        line += f", without control {without} of {members}"
+        line += ": the policy is worse" if without > within else ""
     outside = members - within
-    band = "" if _all_same(plan) else band_text(outside, members, verb)
+    band = band_text(outside, members, verb)
     if not outside:
-        return f"{line}; {band}" if band else line
+        return f"{line}; {band}"
     left = {name: count for name, count in outcomes["left"].items() if count}
     of_states = f" by {next(iter(left)) if len(left) == 1 else _listed(left)}" if left else ""
-    return f"{line}; {outside} {verb}{of_states}" + (f" ({band})" if band else "")
+    return f"{line}; {outside} {verb}{of_states} ({band})"
 
 
 def _far_text(far: Mapping[str, Mapping[str, float]]) -> str:
@@ -133,11 +136,6 @@ def _far_above(plan: MonteCarlo, figures: Mapping[str, Any]) -> dict[str, dict[s
             if rms.get(state) and (ratio := figures["rms"][state] / rms[state]) > _FAR:
                 far.setdefault(state, {})[reference] = ratio
     return far
-
-
-def _all_same(plan: MonteCarlo) -> bool:
-    """Return whether all flights of a plan are the same."""
-    return plan.scenario.uncertainty == Uncertainty() and plan.spread is None
 
 
 def _air_text(scenario: Scenario) -> str:
@@ -203,11 +201,10 @@ def _outcomes(plan: MonteCarlo, flown: Flown) -> dict[str, Any]:
     left, cycle = flown["left"], flown["cycle"]
     inside = left < 0
     departures = int((~inside).sum())
-    limits = Limits.of(model, tuple(model.inputs))
-    obeyed = limits.within(flown["lowest_input"]) & limits.within(flown["highest_input"])
+    obeyed = _inputs_within(model, flown)
     limited = limited_names(model, plan.scenario.moving_air)
     oscillating = (*model.inputs, *model.states)
-    within_limits = int((inside & obeyed.all(axis=1) & (cycle < 0)).sum())
+    within_limits = int(_within_limits(plan, flown).sum())
     outcomes = {
         "schema": "hfa.monte-carlo-summary/1",
         "ok": is_enough(within_limits, plan.members, plan.share),
@@ -233,8 +230,20 @@ def _outcomes(plan: MonteCarlo, flown: Flown) -> dict[str, Any]:
     return outcomes if plan.spread is None else outcomes | {"drawn": list(plan.spread.values)}
 
 
+def _inputs_within(model: Model, flown: Flown) -> np.ndarray:
+    """Return whether each input of each flight is within its control limits, (N, m)."""
+    limits = Limits.of(model, tuple(model.inputs))
+    return np.asarray(limits.within(flown["lowest_input"]) & limits.within(flown["highest_input"]))
+
+
+def _within_limits(plan: MonteCarlo, flown: Flown) -> np.ndarray:
+    """Return whether each flight stays within all limits, (N,)."""
+    is_obeyed = _inputs_within(plan.model, flown).all(axis=1)
+    return np.asarray((flown["left"] < 0) & is_obeyed & (flown["cycle"] < 0))
+
+
 def _rows(outcomes: Mapping[str, Any]) -> tuple[Row, ...]:
-    """Return rows on each kind of failure that occurred, and on the flights without control."""
+    """Return rows on each kind of failure that occurred."""
     rows = []
     if outcomes["first_left"] is not None:
         rows += [
@@ -245,10 +254,6 @@ def _rows(outcomes: Mapping[str, Any]) -> tuple[Row, ...]:
     for name, entry in (("beyond limits of", "exceeded"), ("limit cycle of", "limit_cycle")):
         counts = outcomes[entry].items()
         rows += [Row(f"{name} {signal}", count) for signal, count in counts if count]
-    if "uncontrolled_left" in outcomes:
-        rows.append(
-            Row("leave without control", outcomes["uncontrolled_left"], note="of the same flights")
-        )
     return tuple(rows)
 
 

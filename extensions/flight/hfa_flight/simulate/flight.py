@@ -24,7 +24,8 @@ from hfa_flight.air.gusts import (
 )
 from hfa_flight.air.scenario import MOST_STEPS, Scenario
 from hfa_flight.air.signals import Deviations, series
-from hfa_flight.policies.policy import GainPolicy
+from hfa_flight.policies.given import policy_and_scenario
+from hfa_flight.policies.policy import GainPolicy, OpenLoop
 from hfa_flight.simulate.closed_loop import FlightLoop, LinearPlant
 from hfa_flight.simulate.envelope import (
     GIVE_LIMIT,
@@ -68,13 +69,12 @@ from trim.point.operating_point import OperatingPoint
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Note on a flight that remains at trim.
-UNDISTURBED = (
-    "this flight has no disturbance: give initial errors, a gust, turbulence, noise, a command or"
-    " errors of parameters"
+#: First line of a flight in which nothing happens.
+_UNDISTURBED = (
+    "NOT JUDGED: nothing disturbs this flight; give initial errors, a gust, turbulence, noise, a "
+    "command or errors of parameters"
 )
-#: Largest deviation at which a flight counts as remaining at trim, in the units of states and
-#: inputs.
+#: Deviation, in nominal values, below which what moves a flight from the trim is rounding.
 _STILL = 1e-6
 #: Attributes that the file of a flight contains, and those that it contains if they have a value.
 _STORED = (
@@ -83,7 +83,7 @@ _STORED = (
 )
 _STORED_IF_ANY = (
     *("integration_error", "largest_difference_from_linear"),
-    *("cost", "cost_to_go", "returned"),
+    *("cost", "cost_to_go", "returned", "uncontrolled_within_limits"),
 )
 
 
@@ -199,7 +199,8 @@ class Flight(StatesAndInputs, Result, Reported):
 
     >>> import hfa
     >>> model = hfa.aircraft()
-    >>> flight = hfa.fly(model, hfa.trim(model, hold={"dihedral": 0.2}), None, 1.0)
+    >>> flight = hfa.fly(model, hfa.trim(model, hold={"dihedral": 0.2}), None, 1.0,
+    ...                  initial={"alpha": 0.01})
     >>> flight.ok, flight["alpha"].shape
     (True, (1001,))
     """
@@ -278,14 +279,40 @@ class Flight(StatesAndInputs, Result, Reported):
         inputs = flown.inputs[flown.times <= until] + point.u
         return control_excesses(point.model, inputs)
 
+    @cached_property
+    def disturbed(self) -> bool:
+        """True if a disturbance or the policy moves the aircraft from its trim."""
+        model, flown = self.model, self.deviations
+        moved = np.abs(np.hstack([flown.states, flown.inputs])).max(axis=0)
+        nominal = [model.signals[name].nominal for name in (*model.states, *model.inputs)]
+        return not self.loop.scenario.is_calm or bool(np.any(moved > _STILL * np.array(nominal)))
+
     @property
-    def ok(self) -> bool:
+    def within_limits(self) -> bool:
         """True if the flight stayed inside all limits and does not end in a limit cycle.
 
         The limits are the envelope of the states and the control limits of the inputs. Without an
         envelope, True if it does not diverge either.
         """
         return self.departure is None and not self.exceeded and self.cycle is None
+
+    @property
+    def ok(self) -> bool:
+        """True if something disturbs the flight and it stays within its limits."""
+        return self.within_limits and self.disturbed
+
+    @cached_property
+    def uncontrolled_within_limits(self) -> bool | None:
+        """`within_limits` of the same flight without control, omitted unless noise or turbulence is
+        drawn and a policy acts.
+
+        The flight is simulated when it is first read.
+        """
+        if isinstance(self.loop.policy, OpenLoop) or not self.loop.scenario.is_random:
+            return None
+        no_policy, scenario = policy_and_scenario(None, self.point, self.loop.scenario)
+        loop = replace(self.loop, policy=no_policy, scenario=scenario, cost=None)
+        return fly_within(CompiledLoop(loop), self.envelope).within_limits
 
     def __bool__(self) -> bool:
         return self.ok
@@ -458,7 +485,13 @@ class Flight(StatesAndInputs, Result, Reported):
             outcome = f"{duration} inside the envelope and the control limits"
         if not has_envelope:
             outcome += f"; {NO_LIMIT}"
-        lines = [f"{verdict_text(self.ok)}: {outcome}", flight]
+        if self.loop.scenario.is_random:
+            outcome += f"; 1 random flight (seed {self.loop.scenario.seed})"
+        if (without := self.uncontrolled_within_limits) is not None:
+            outcome += f"; without control {verdict_text(without)}"
+            outcome += ", so the policy is worse" if without and not self.ok else ""
+        first = f"{verdict_text(self.ok)}: {outcome}" if self.disturbed else _UNDISTURBED
+        lines = [first, flight]
         if not has_envelope:
             lines.append(GIVE_LIMIT)
         lines += [f"exceeded control limit: {excess.text()}" for excess in self.exceeded]
@@ -503,7 +536,7 @@ class Flight(StatesAndInputs, Result, Reported):
             "states": self.state_names,
             "inputs": self.input_names,
             "operating_point": self.point,
-            "within_limits": self.ok,
+            "within_limits": self.within_limits,
             "envelope": envelope_data(self.envelope, bool(self.deviations.winds)),
         }
         entries |= {name: getattr(self, name) for name in _STORED}
@@ -542,10 +575,7 @@ class Flight(StatesAndInputs, Result, Reported):
             parts.append(Group("cost", tuple(rows), (RULE,) if self.cost_to_go is not None else ()))
         parts += self.loop.policy.notes()
         parts.append(Picture("flight.png", "States and inputs over time", self.figure))
-        largest = max(np.abs(flown.states).max(), np.abs(flown.inputs).max())
-        notes = [UNDISTURBED] if largest <= _STILL else []
-        records = self._record_table()
-        return Report(self.title(), parts, notes, data=Entries(self), records=records)
+        return Report(self.title(), parts, data=Entries(self), records=self._record_table())
 
     def _state_table(self, with_angle_of_attack: bool) -> Table:
         """Return a table of the states, one row each; in moving air, one of the angle of attack."""
