@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_flight.air.signals import series
 from hfa_flight.plan.collocation import CandidateFlight
-from hfa_flight.plan.flights import SimulatedFlight
+from hfa_flight.plan.flights import FOLLOWING, SimulatedFlight
 from hfa_flight.plan.problem import FlightProblem, OfProblem
 from hfa_flight.plan.search import Found
 from hfa_flight.plan.smooth import is_nonsmooth
@@ -81,8 +81,8 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     exist.
 
     problem: aircraft, trim, weights and limits.
-    found: the flight, and the optimizer's candidate that the flight follows, if it was confirmed.
-    others: flights of policies from the same initial condition.
+    found: the flights simulated, and the optimizer's candidate, if one was confirmed.
+    flown: the cheapest of the flights.
 
     >>> import hfa
     >>> force = hfa.Signal("N", min=-1.0, max=1.0)
@@ -98,7 +98,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
     problem: FlightProblem
     found: Found
-    others: tuple[SimulatedFlight, ...] = field(default=(), repr=False)
+    flown: SimulatedFlight
 
     @property
     def cost(self) -> float:
@@ -106,16 +106,11 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
         z and v are the deviations of the states and inputs from the trim.
         """
-        return self.found.flown.cost
-
-    @property
-    def flown(self) -> SimulatedFlight:
-        """The simulated flight."""
-        return self.found.flown
+        return self.flown.cost
 
     @property
     def candidate(self) -> CandidateFlight | None:
-        """Candidate of the optimizer that the flight confirms, or None."""
+        """Candidate of the optimizer that a flight confirms, or None."""
         return self.found.candidate
 
     @property
@@ -213,7 +208,7 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     @property
     def compared(self) -> tuple[SimulatedFlight, ...]:
         """Simulated flights of the policies in `policies`, in the same order."""
-        return (self.found.linear, *self.others)
+        return self.found.compared
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -263,6 +258,8 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
         if self.reason is not None:
             source = f"source: {self.source}, simulated; no candidate is confirmed:"
             lines += [source, self.reason]
+        elif self.source != FOLLOWING:
+            lines.append(f"source: {self.source}; the optimizer proposes {self.proposed_cost:.6g}")
         return "\n".join(lines)
 
     def _start_text(self) -> str:

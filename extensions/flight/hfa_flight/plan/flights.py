@@ -37,6 +37,8 @@ from hfa_support.matrices import spectral_abscissa
 
 #: Largest growth exponent of the linear costate equations in one step of the Riccati recursion.
 _LARGEST_EXPONENT = 6.0
+#: Name of the flight that follows a candidate.
+FOLLOWING = "best flight found"
 #: Integration steps in a tick. z* and v* are given at the ends of each step.
 STEPS = 8
 
@@ -254,7 +256,7 @@ class Flights:
         """Compiled loop of the policy that follows a candidate; `follow` gives it the candidate."""
         lowest, highest = self.problem.input_limits
         policy = TrackingPolicy(
-            "best flight found",
+            FOLLOWING,
             tick=self.tick,
             moved=self.problem.moved,
             count=len(self.problem.model.inputs),
@@ -265,7 +267,7 @@ class Flights:
         return self.compiled(policy)
 
     @cached_property
-    def _linear(self) -> CompiledLoop:
+    def linear_loop(self) -> CompiledLoop:
         """Compiled loop of the linear optimum, saturated at the limits of the inputs."""
         return self.of("linear optimum, saturated", self.problem.K)
 
@@ -340,7 +342,7 @@ class Flights:
         start: initial deviations z, (k,)
         seconds: duration of the flight, s
         """
-        return self.fly(self._linear, start, seconds)
+        return self.fly(self.linear_loop, start, seconds)
 
     def fly(
         self, loop: CompiledLoop, start: np.ndarray, seconds: float, policy: Policy | None = None
@@ -405,7 +407,7 @@ class Flights:
         first_departure = departure(problem.envelope, rows.times, states, moving_air=False)
         with np.errstate(over="ignore", invalid="ignore"):  # the flight may diverge
             cost = float(rows.cost[-1]) + float(z[-1] @ problem.P @ z[-1])
-        is_back = has_returned(problem.model, z[-1:], problem.P, rows.cost[-1:]).all()
+        is_back = has_returned(problem.model, z, problem.P, float(rows.cost[-1]))
         if first_departure is not None or not is_back:
             cost = math.inf
         shares = share_at_limits(problem.model, inputs)

@@ -151,7 +151,7 @@ class Predictive(SampledPolicy):
                 f"open-loop flights of at most {2 * HOLDS} holds."
             )
         if self.first_plan is not None:
-            when = "made before" if self.initial is not None else "made in the first sample of"
+            when = "made before" if self.samples.is_before else "made in the first sample of"
             lines.append(
                 f"First plan: cost {self.first_plan:.6g}, {when} the flight in "
                 f"{1e3 * samples.first_seconds:.3g} ms."

@@ -45,6 +45,7 @@ class FlownSamples:
     late: number of samples at which the budget of time ended the programs
     linear: number of samples of the linear policy near the equilibrium
     first: the first plan, or None without one
+    is_before: whether it was made before the flight
     first_seconds: processor time of the first plan, s
     seconds: processor time of each later sample with a plan, s
     """
@@ -55,6 +56,7 @@ class FlownSamples:
     late: int = 0
     linear: int = 0
     first: Plan | None = None
+    is_before: bool = False
     first_seconds: float = 0.0
     seconds: list[float] = field(default_factory=list)
 
@@ -113,7 +115,7 @@ class RecedingHorizon:
         if following is not None:
             self._memory.room = self.planner.room_of(following)
         self._begin_plan(self.measured.when_acting(z))
-        self._memory.is_before_first = True
+        self._memory.is_before_first = self.samples.is_before = True
 
     def rehearse(self) -> None:
         """Fly samples with all lengths of holds, so that no function is loaded in a flight."""

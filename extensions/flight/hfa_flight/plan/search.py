@@ -14,7 +14,7 @@ from hfa_flight.plan.collocation import DEGREE, CandidateFlight, Transcription, 
 from hfa_flight.plan.flights import AFTER, Flights, SimulatedFlight
 from hfa_flight.plan.problem import MARGIN, FlightProblem
 from hfa_flight.plan.smooth import smooth_rates
-from hfa_support.errors import NoSolutionError
+from hfa_flight.simulate.simulation import CompiledLoop
 from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.text import percent
 
@@ -35,9 +35,7 @@ DRIFTING_TAIL = 0.005
 #: Factor by which a horizon is extended, and largest number of extensions.
 _LONGER_HORIZON = 1.6
 _EXTENSIONS = 5
-NONE_WITHIN = (
-    "IPOPT finds no flight within the limits, possibly because of tables; such a flight may exist"
-)
+NONE_WITHIN = "IPOPT finds no flight within the limits; such a flight may exist"
 #: Name of a flight that follows a candidate that it does not confirm.
 REFUSED = "flight that follows a refused candidate"
 #: Times (N,) -> z (N, k) and v (N, m) at these times.
@@ -47,19 +45,19 @@ Guess = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 class Found(NamedTuple):
     """Best flight that was found and simulated.
 
-    flown: simulated flight, which follows the candidate or the cheaper linear optimum
+    flown: cheapest simulated flight that stays within the limits and returns, or None without one
     candidate: candidate that a flight confirms, or None for an upper bound of the least cost alone
     seconds: horizon of the candidate, s
     meshes: number of intervals -> proposed cost, empty without a candidate
-    linear: flight of the linear optimum from the same initial condition
+    compared: flights of the linear optimum and of the policies from the same initial condition
     reason: reason why no candidate was confirmed, or "" with a candidate
     """
 
-    flown: SimulatedFlight
+    flown: SimulatedFlight | None
     candidate: CandidateFlight | None
     seconds: float
     meshes: dict[int, float]
-    linear: SimulatedFlight
+    compared: tuple[SimulatedFlight, ...]
     reason: str = ""
 
     @property
@@ -94,45 +92,47 @@ class BestFlights:
         """Simulator of the flights."""
         return Flights(self.problem, self.count)
 
-    def found(self, start: np.ndarray) -> Found:
-        """Return the best flight found from an initial condition.
+    def found(self, start: np.ndarray, policies: Sequence[CompiledLoop] = ()) -> Found:
+        """Return the cheapest of all flights simulated from an initial condition.
 
-        If the simulation confirms no candidate, the result is the cheapest simulated flight within
-        the limits: an upper bound of the least cost.
+        These are the flights that follow candidates, that of the linear optimum and those of the
+        policies. If the simulation confirms no candidate, the cost is only an upper bound of the
+        least one.
 
         start: initial deviations z, (k,)
 
-        Raises NoSolutionError, with the reason, if no simulated flight stays within the limits and
-        converges. Raises BadInputError if the initial condition is outside the limits.
+        Raises BadInputError if the initial condition is outside the limits.
         """
         self.problem.refuse_outside(start)
         smooth_rates(self.problem)  # refuses a compiled function before the first flight
         try:
-            return self._confirmed_best(start)
+            found, flights = self._confirmed_best(start)
         except _Unconfirmed as error:
             horizon = self.flights.horizon(start)
-            linear = self.converging_linear(start, horizon)
-            cheapest = _cheapest_inside([linear, *error.flights])
-            if cheapest is None:
-                raise NoSolutionError(f"no flight found: {error}") from None
-            reason = str(error)
-            return Found(cheapest, None, horizon, meshes={}, linear=linear, reason=reason)
+            linear = self.converging(self.flights.linear_loop, start, horizon)
+            found = Found(None, None, horizon, {}, (linear,), str(error))
+            flights = [*error.flights]
+        flown = (self.converging(policy, start, found.seconds) for policy in policies)
+        compared = (*found.compared, *flown)
+        return found._replace(flown=_cheapest_inside([*flights, *compared]), compared=compared)
 
-    def converging_linear(self, start: np.ndarray, horizon: float) -> SimulatedFlight:
-        """Return the flight of the linear optimum, simulated longer until it converges.
+    def converging(
+        self, policy: CompiledLoop, start: np.ndarray, horizon: float
+    ) -> SimulatedFlight:
+        """Return the flight of a policy. One that stays inside and has not returned is simulated
+        again, up to the longest horizon.
 
         start: initial deviations z, (k,)
-        horizon: duration of the first simulation, s
+        horizon: the first horizon, s
         """
-        for _ in range(_EXTENSIONS):
-            linear = self.flights.linear(start, (1.0 + AFTER) * horizon)
-            if linear.converges:
-                break
-            horizon *= _LONGER_HORIZON
-        return linear
+        seconds = (1.0 + AFTER) * horizon
+        flown = self.flights.fly(policy, start, seconds)
+        if flown.converges or flown.departure is not None:
+            return flown
+        return self.flights.fly(policy, start, _LONGER_HORIZON ** (_EXTENSIONS - 1) * seconds)
 
-    def _confirmed_best(self, start: np.ndarray) -> Found:
-        """Return the best flight whose candidate the simulation confirms."""
+    def _confirmed_best(self, start: np.ndarray) -> tuple[Found, list[SimulatedFlight]]:
+        """Return the candidate that the simulation confirms, and the flight that follows it."""
         horizon = self.flights.horizon(start)
         for _ in range(_EXTENSIONS):
             horizon = self.flights.tick * math.ceil(horizon / self.flights.tick)
@@ -168,8 +168,10 @@ class BestFlights:
             raise _Unconfirmed(NONE_WITHIN)
         return candidate
 
-    def _confirmed(self, seconds: float, linear: SimulatedFlight, coarse: CandidateFlight) -> Found:
-        """Return the flight that confirms a candidate on whose cost two meshes agree."""
+    def _confirmed(
+        self, seconds: float, linear: SimulatedFlight, coarse: CandidateFlight
+    ) -> tuple[Found, list[SimulatedFlight]]:
+        """Return a candidate on whose cost two meshes agree, and the flight that confirms it."""
         # The candidate's margin to the limits of the states grows until the flight that follows
         # the candidate stays within the limits.
         candidate, meshes = self._agreed(coarse)
@@ -182,9 +184,7 @@ class BestFlights:
             flown = self.flights.follow(candidate, (1.0 + AFTER) * seconds)
             reason = refutation(flown, candidate)
             if not reason:
-                # Near the trim, the linear optimum may be cheaper by the errors of the meshes.
-                cheapest = _cheapest_inside([flown, linear]) or flown
-                return Found(cheapest, candidate, seconds, meshes, linear)
+                return Found(None, candidate, seconds, meshes, (linear,)), [flown]
             simulated.append(replace(flown, policy=REFUSED))
             if flown.departure is None:
                 break  # narrower limits would not help a flight that is inside them

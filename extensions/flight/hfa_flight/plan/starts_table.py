@@ -11,7 +11,6 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_flight.needs import is_enough, need_text
 from hfa_flight.plan.best_flight import BestFlight, limits_of_flights, line_with_ratios
-from hfa_flight.plan.flights import AFTER
 from hfa_flight.plan.problem import FlightProblem, OfProblem, drawn_starts, flight_problem
 from hfa_flight.plan.search import BestFlights
 from hfa_flight.simulate.envelope import RULE, FlightRow
@@ -223,22 +222,16 @@ def _flights_from(
 ) -> StartFlights:
     """Return the best flight, and the flights of the linear optimum and of the policies."""
     problem = search.problem
-    by_name = dict(zip(problem.states, start.tolist(), strict=True))
-    linear_cost = float(start @ problem.P @ start)
-    cost = reason = spread = None
-    try:
-        found = search.found(start)
-        cost = found.flown.cost
-        reason = found.reason or None
-        spread = None if found.candidate is None else found.spread
-        seconds, linear = (1.0 + AFTER) * found.seconds, found.linear
-    except NoSolutionError as error:
-        reason = str(error).removeprefix("no flight found: ")
-        seconds = (1.0 + AFTER) * search.flights.horizon(start)
-        linear = search.flights.linear(start, seconds)
-    flown = [linear, *(search.flights.fly(loop, start, seconds) for loop in loops)]
-    policies = [flight.row(cost) for flight in flown]
-    return StartFlights(by_name, cost, reason, spread, linear_cost, policies)
+    found = search.found(start, loops)
+    cost = None if found.flown is None else found.flown.cost
+    return StartFlights(
+        start=dict(zip(problem.states, start.tolist(), strict=True)),
+        cost=cost,
+        reason=found.reason or None,
+        spread=None if found.candidate is None else found.spread,
+        linear_cost=float(start @ problem.P @ start),
+        policies=[flight.row(cost) for flight in found.compared],
+    )
 
 
 def optimize(
@@ -255,8 +248,9 @@ def optimize(
     """Return the cheapest flight found from an initial condition to a trim.
 
     The cost is ∫ z'Qz + v'Rv dt, where z and v are the deviations from the trim. Collocation
-    proposes the flight. The candidate is accepted if a simulation confirms it. Otherwise the result
-    is the cheapest simulated flight, with the reason in `BestFlight.reason`.
+    proposes a flight, which is a local optimum, and a simulation follows it. The result is the
+    cheapest of this flight, that of the linear optimum and those of the policies. If the simulation
+    confirms no proposed flight, `BestFlight.reason` is the reason.
 
     model: the aircraft
     point: trim at which the flight ends
@@ -288,10 +282,10 @@ def optimize(
     start = problem.deviations(initial)
     search = BestFlights(problem)
     loops = [search.flights.of(name, policy) for name, policy in (policies or {}).items()]
-    found = search.found(start)
-    seconds = (1.0 + AFTER) * found.seconds
-    others = tuple(search.flights.fly(loop, start, seconds) for loop in loops)
-    return BestFlight(problem, found, others)
+    found = search.found(start, loops)
+    if found.flown is None:
+        raise NoSolutionError(f"no flight found: {found.reason}")
+    return BestFlight(problem, found, found.flown)
 
 
 def optimize_starts(

@@ -329,10 +329,10 @@ class KeptInside(Policy):
         of_policy, is_changed, nearest = ca.vertsplit(held, [0, size, size + 1, held.numel()])
         return ca.if_else(is_changed, nearest, self.policy.control(t, measurements, of_policy))
 
-    def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
+    def sampler(self, initial: np.ndarray | None = None) -> Callable[[int, np.ndarray], np.ndarray]:
         """Return the samples of a new flight, as a function (tick, measured) -> held inputs."""
         self.changed[0] = 0
-        return _SamplesInside(self)
+        return _SamplesInside(self, initial)
 
     def command(self) -> ca.Function:
         """Return the function (t, measured, held) -> command of the policy, (m,)."""
@@ -395,9 +395,9 @@ class _SamplesInside:
     held inputs since the last sample, and zeros before the first one.
     """
 
-    def __init__(self, kept: KeptInside) -> None:
+    def __init__(self, kept: KeptInside, initial: np.ndarray | None) -> None:
         self._kept = kept
-        self._sampler = kept.policy.sampler()  # None if the policy is not computed in samples
+        self._sampler = kept.policy.sampler(initial)  # or None without samples
         self._command = BoundFunction(kept.command())
         self._predictor = Measured(kept.nearest.model, kept.delay)
         self._held = kept.held[0]  # a single row: zeros

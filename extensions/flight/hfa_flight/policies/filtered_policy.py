@@ -265,9 +265,9 @@ class FilteredPolicy(SampledPolicy):
         """Number of samples of the last flight of which a value was not used."""
         return self._memory.unused
 
-    def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
+    def sampler(self, initial: np.ndarray | None = None) -> Callable[[int, np.ndarray], np.ndarray]:
         """Return the function (tick, measured) -> inputs as deviations from trim, (m,)."""
-        self._begin_flight()
+        self._begin_flight(initial)
         memory = self._memory
         memory.estimate = known_start(self.filter)
         if memory.law is None:  # `begin` was not called

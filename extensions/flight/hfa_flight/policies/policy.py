@@ -82,9 +82,12 @@ class Policy(Reported):
         row: np.ndarray = self.held[min(tick, len(self.held) - 1)]
         return row
 
-    def sampler(self) -> Callable[[int, np.ndarray], np.ndarray] | None:
+    def sampler(
+        self, initial: np.ndarray | None = None
+    ) -> Callable[[int, np.ndarray], np.ndarray] | None:
         """Return the function (tick, measured) -> held inputs (h,) of a sampled policy, or None.
 
+        initial: deviations of the states from the trim at which a flight begins, (n,), if known
         measured: (n,), deviations of the states from the trim, with noise
         """
         return None
@@ -287,7 +290,6 @@ class SampledPolicy(Policy):
     dt: sample time, s
     tick: tick of the flight, s, or 0 before the policy has a flight: a tick is then a sample
     delay: time from a sample until its command acts, s
-    initial: states at which a flight begins, deviations from the trim, (n,), or None if unknown
     """
 
     predicts = False
@@ -298,7 +300,6 @@ class SampledPolicy(Policy):
     dt: float
     tick: float = field(default=0.0, kw_only=True)
     delay: float = field(default=0.0, kw_only=True)
-    initial: np.ndarray | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         """Hold the inputs of a sample."""
@@ -334,23 +335,23 @@ class SampledPolicy(Policy):
         """
         self.reset()
 
-    def _begin_flight(self) -> None:
+    def _begin_flight(self, initial: np.ndarray | None) -> None:
         """Begin a flight from its initial states, or forget the one before if they are unknown."""
-        if self.initial is None:
+        if initial is None:
             self.reset()
         else:
-            self.begin(self.point.x + self.initial)
+            self.begin(self.point.x + initial)
 
     def report(self) -> Report:
         """Return a report of the policy and of what the samples of its last flight needed."""
         return Report(f"Policy: {self.name}", self.notes(), data=self.data(self.point.model))
 
-    def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
+    def sampler(self, initial: np.ndarray | None = None) -> Callable[[int, np.ndarray], np.ndarray]:
         """Return the function (tick, measured) -> inputs as deviations from trim, (m,).
 
         A flight begins. The policy is computed at the ticks that are samples.
         """
-        self._begin_flight()
+        self._begin_flight(initial)
         states, inputs = self.point.x, self.point.u
         return self._held_between_samples(
             lambda t, measured: np.asarray(self(t, states + measured)) - inputs
@@ -386,8 +387,7 @@ class SampledPolicy(Policy):
                     f"{self.dt:g} s, or a tick that divides both"
                 )
             scenario = scenario.with_tick(tick, scenario.step)
-        initial = scenario.initial if np.size(scenario.initial) else None
-        return replace(self, tick=tick, delay=scenario.delay, initial=initial), scenario
+        return replace(self, tick=tick, delay=scenario.delay), scenario
 
 
 def deviations_of(point: OperatingPoint, X: Any) -> np.ndarray:

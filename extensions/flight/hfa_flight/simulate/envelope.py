@@ -285,32 +285,35 @@ def control_excesses(model: Model, inputs: np.ndarray) -> tuple[ControlExcess, .
     return tuple(found)
 
 
-#: Largest cost-to-go z'Pz at the end of a flight that has returned, relative to its whole cost, the
-#: cost flown and the cost-to-go.
+#: Largest cost-to-go z'Pz at the end of a flight that has returned, relative to its largest before
+#: and to the whole cost, flown and to go.
 TOLERANCE = 0.05
 #: Deviations in nominal values at which the aircraft is at its trim, whatever the cost.
 _AT_TRIM_DEVIATION = 1e-9
 RULE = (
     "A flight has returned to the trim if its linear cost-to-go z'Pz at the end is at most "
-    f"{100 * TOLERANCE:g} % of its cost."
+    f"{100 * TOLERANCE:g} % of its cost and of the largest z'Pz before."
 )
 
 
-def has_returned(model: Model, z: np.ndarray, P: np.ndarray, spent: np.ndarray) -> np.ndarray:
-    """Return a mask (N,) of the flights that have returned to the trim at their end.
+def has_returned(model: Model, z: np.ndarray, P: np.ndarray, spent: float) -> bool:
+    """Return whether a flight has returned to the trim at its end.
 
-        z'Pz <= TOLERANCE (spent + z'Pz), or |z| <= 1e-9 nominal values in every state
+        z'Pz <= TOLERANCE min(spent + z'Pz, largest z'Pz before), or |z| <= 1e-9 nominal values in
+        every state
+
+    The cost alone grows also at another equilibrium.
 
     model: the aircraft
-    z: deviations of the linear states at the end, (N, k)
+    z: deviations of the linear states during the flight, (N, k)
     P: cost of the linear optimum, (k, k)
-    spent: cost up to the end, (N,)
+    spent: cost up to the end
     """
     nominal = model.nominal(model.linear)
     with np.errstate(over="ignore", invalid="ignore"):  # a flight may diverge
         to_go = quadratic_forms(z, P)
-        decayed = has_decayed(to_go, spent + to_go, TOLERANCE)
-    return np.asarray(decayed | (np.abs(z) <= _AT_TRIM_DEVIATION * nominal).all(axis=1))
+        decayed = has_decayed(to_go[-1], min(spent + to_go[-1], to_go.max()), TOLERANCE)
+    return bool(decayed or (np.abs(z[-1]) <= _AT_TRIM_DEVIATION * nominal).all())
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -446,10 +446,9 @@ class Flight(StatesAndInputs, Result, Reported):
         """
         if self._optimum is None or self.deviations.cost is None:
             return None
-        end = has_returned(
-            self.model, self.deviations.errors[-1:], self._optimum, self.deviations.cost[-1:]
-        )
-        return self.departure is None and bool(end[0])
+        flown, spent = self.deviations.errors, float(self.deviations.cost[-1])
+        is_back = has_returned(self.model, flown, self._optimum, spent)
+        return self.departure is None and is_back
 
     @property
     def warnings(self) -> Sequence[str]:

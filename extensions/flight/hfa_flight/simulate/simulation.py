@@ -414,7 +414,7 @@ class _Flying:
         self._compiled = compiled
         self._loop = loop
         self._y = loop.start()
-        self._sampler = loop.policy.sampler()
+        self._sampler = loop.policy.sampler(scenario.initial)
         self._sampled = np.zeros(0)
         self._delay = scenario.delayed_ticks * scenario.tick
         self._commands: list[_Commands] = []

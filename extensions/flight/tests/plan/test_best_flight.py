@@ -140,4 +140,4 @@ def test_a_candidate_through_a_nonsmooth_point_is_confirmed():
     best = hfa.optimize(model, hfa.trim(model), {"position": 2.0})
     assert best.reason is None
     assert best.cost == pytest.approx(best.proposed_cost, rel=5e-3)
-    assert best.cost <= best.found.linear.cost
+    assert best.cost <= best.compared[0].cost

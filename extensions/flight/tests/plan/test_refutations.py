@@ -6,6 +6,7 @@ import pytest
 from carts import best_of_cart
 from cli import answer, hfa as command
 from known_models import game_at, model_at
+from project import ROOT
 
 import hfa
 from hfa_flight.plan.collocation import Transcription
@@ -63,10 +64,34 @@ def test_the_saturated_lqr_is_the_last_resort(monkeypatch):
     """
     monkeypatch.setattr(ca, "nlpsol", Failing)
     best = best_of_cart({"position": 5.0})
-    assert best.source == best.found.linear.policy
+    linear = best.compared[0]
+    assert best.source == linear.policy
     assert best.reason.startswith("IPOPT finds no flight within the limits")
-    assert best.cost == best.found.linear.cost
+    assert best.cost == linear.cost
     assert f"at most {best.cost:.6g}" in best.title().partition("\n")[0]
+
+
+@pytest.mark.parametrize("ipopt_fails", [True, False])
+def test_a_policy_costs_what_it_costs_in_fly_and_may_be_the_best_flight(monkeypatch, ipopt_fails):
+    """A policy that plans makes its first plan from the initial condition, here too. Where IPOPT finds
+    nothing (planted) its flight is the best one; of a swing from 2.6 rad, which never ends, there is none.
+    """
+    if ipopt_fails:
+        monkeypatch.setattr(ca, "nlpsol", Failing)
+    pendulum = hfa.load_model(f"{ROOT}/examples/pendulum.py:PENDULUM")
+    point = hfa.trim(pendulum)
+    policies = {"plans": hfa.predictive(pendulum, point, budget=np.inf)}
+    best = hfa.optimize(pendulum, point, {"angle": 0.8}, policies=policies)
+    weights = best.Q, best.R
+
+    def flown(angle):
+        start = {"angle": angle}
+        return hfa.fly(pendulum, point, policies["plans"], 30.0, initial=start, weights=weights)
+
+    assert best.policies[-1].cost == pytest.approx(flown(0.8).cost, rel=1e-6)
+    assert best.cost == min(row.cost for row in (best.flown, *best.policies))
+    assert (best.source == "plans", best.reason is None) == (ipopt_fails, not ipopt_fails)
+    assert not flown(2.6).returned
 
 
 def test_initial_conditions_without_a_flight_count_in_the_share(folder, monkeypatch):

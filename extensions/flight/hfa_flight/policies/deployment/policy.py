@@ -61,7 +61,7 @@ class DeployedPolicy(Policy):
             )
         return deployment.dt / ratio.denominator
 
-    def sampler(self) -> Callable[[int, np.ndarray], np.ndarray]:
+    def sampler(self, initial: np.ndarray | None = None) -> Callable[[int, np.ndarray], np.ndarray]:
         """Return the function (tick, measured) -> inputs as deviations from trim, (m,).
 
         It is called at each tick, with the measured deviations of the states from trim, (n,).
