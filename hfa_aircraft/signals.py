@@ -337,7 +337,8 @@ _SPEED = ("ft/s", "m/s", "kt", "kts", "knot", "km/h")
 _RECOGNIZED = {
     "alpha": (("alpha", "aoa", "angle_of_attack"), _ANGLE),
     "q": (("q", "pitch_rate"), _RATE),
-    "speed": (("v", "vt", "u", "va", "tas", "speed", "airspeed", "velocity"), _SPEED),
+    "speed": (("v", "vt", "va", "tas", "speed", "airspeed", "velocity"), _SPEED),
+    **{component: ((component,), _SPEED) for component in "uvw"},
     "theta": (("theta", "pitch", "pitch_angle"), _ANGLE),
     "beta": (("beta", "sideslip"), _ANGLE),
     "p": (("p", "roll_rate"), _RATE),
@@ -356,6 +357,8 @@ _WORDS = {
     **dict.fromkeys(("cas", "ias", "kias"), "kcas"),
     "eas": "keas",
 }
+#: Role in a mode -> component of the velocity in body axes that stands for it.
+_COMPONENTS = {"speed": "u", "beta": "v", "alpha": "w"}
 #: Mode -> states that dominate it, and another mode whose states must exist.
 _MODES = {
     "short period": (("alpha", "q"), "short period"),
@@ -369,9 +372,10 @@ _MODES = {
 def recognized(states: Mapping[str, Signal]) -> dict[str, str]:
     """Return role -> name of each state recognized by name and unit.
 
-    The roles are alpha, q, speed, theta, beta, p, r, phi and altitude. A state of a part, such as
-    the body_speed of an FMU, has the role if no state has the name itself and no other part has
-    one. Only an aircraft has an altitude: other models may have a height, but no speed and alpha.
+    The roles are alpha, q, speed, theta, beta, p, r, phi, altitude, and u, v and w, components of
+    the velocity in body axes: beside a w, "v" is no speed. A state of a part, such as the
+    body_speed of an FMU, has the role if no state has the name itself and no other part has one.
+    Only an aircraft has an altitude: other models may have a height, but no speed and alpha.
     """
     found: dict[str, str] = {}
     for role, (names, units) in _RECOGNIZED.items():
@@ -381,9 +385,22 @@ def recognized(states: Mapping[str, Signal]) -> dict[str, str]:
         of_parts = [name for name in with_unit if name.lower().endswith(ends)]
         if named or len(of_parts) == 1:
             found[role] = (named or of_parts)[0]
+    in_body_axes = "w" in found
+    if in_body_axes and found.get("speed") == found.get("v"):
+        found.pop("speed", None)
+    elif not in_body_axes:
+        found.pop("v", None)
     if not {"speed", "alpha"} <= {*found}:
         found.pop("altitude", None)
     return found
+
+
+def airspeed_output(outputs: Mapping[str, Signal]) -> str:
+    """Return the output that is the true airspeed by its name and unit, or ""."""
+    names, units = _RECOGNIZED["speed"]
+    return next(
+        (name for name in outputs if name.lower() in names and outputs[name].unit in units), ""
+    )
 
 
 def usual_begin(states: Mapping[str, Signal]) -> Callable[..., dict[str, Any]] | None:
@@ -422,12 +439,14 @@ def usual_modes(states: Mapping[str, Signal]) -> dict[str, tuple[str, ...]]:
     """Return the default modes of an aircraft, name of the mode -> states that dominate it.
 
     The modes are short period (alpha, q), phugoid (speed, theta), Dutch roll (beta, r), roll (p)
-    and spiral (phi). A mode is omitted if one of its states is not recognized by name and unit.
+    and spiral (phi). In body axes u, v and w stand for speed, beta and alpha. A mode is omitted if
+    one of its states is not recognized by name and unit.
 
     The phugoid also requires the states of the short period. A model that is not an aircraft may
     also have a speed and an angle. Roll and spiral also require the states of the Dutch roll.
     """
     found = recognized(states)
+    found = {role: found[part] for role, part in _COMPONENTS.items() if part in found} | found
     modes: dict[str, tuple[str, ...]] = {}
     for mode, (roles, other_mode) in _MODES.items():
         other_roles, _ = _MODES[other_mode]

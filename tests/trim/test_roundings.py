@@ -46,7 +46,7 @@ def test_a_growth_beside_a_stiff_state_is_unstable():
         ),
     )
     found = first_lines(linearize(pendulum, trim(pendulum)).report())
-    assert "unstable: angle (2x in 1.39 s)" in found
+    assert "unstable: mode 2 (angle, 2x in 1.39 s)" in found
 
 
 @pytest.mark.parametrize("newton", [1.0, 1e-13])

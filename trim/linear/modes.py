@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -22,7 +23,7 @@ class Mode(Result):
 
     Times are in the model's unit of time, by default s.
 
-    name: name, from the states with the largest participation.
+    name: name, from the family of states with the largest participation, or a number.
     eigenvalue: λ, 1/s, with imaginary part >= 0; 0 within rounding.
     damping: damping ratio ζ = -Re λ / |λ|, 0 for λ = 0.
     frequency: natural frequency ω_n = |λ|, rad/s.
@@ -74,8 +75,8 @@ def modes_of(
 
     The participation of state k in mode i is |w_ki v_ki| / Σ_k |w_ki v_ki|, with right and left
     eigenvectors v, w (Perez-Arriaga, Verghese, Schweppe 1982). A mode is named after the family of
-    states with the largest participation. A state without a family is its own family. A family that
-    names no mode, such as the spiral in a steep turn, takes a mode without oscillation from one
+    states with the largest participation. One in which a state without a family participates most
+    has a number, the fastest "mode 1". A family that names no mode, such as the spiral in a steep turn, takes a mode without oscillation from one
     that names several, if its participation in that mode is at least a fourth. More than two
     eigenvalues 0, whose eigenvectors are arbitrary, are named "neutral". Equal names are
     distinguished by "fast" and "slow", or by numbers if there are more than two.
@@ -114,7 +115,7 @@ def modes_of(
 
     in_families = {state for members in families.values() for state in members}
     of_single_states = {state: (state,) for state in states if state not in in_families}
-    all_families = {**families, **of_single_states}
+    all_families = {**of_single_states, **families}
     names = []
     for participation in participations:
         by_family = {name: _share(participation, all_families[name]) for name in all_families}
@@ -123,7 +124,11 @@ def modes_of(
         names = [
             "neutral" if value == 0.0 else name for name, value in zip(names, values, strict=True)
         ]
-    names = _distinguished(_with_missing_families(names, values, participations, families))
+    names = _with_missing_families(names, values, participations, families)
+    number = count(1)
+    named = {*families, "neutral"}
+    names = [name if name in named else f"mode {next(number)}" for name in names]
+    names = _distinguished(names)
     return tuple(map(_mode, names, values, participations))
 
 

@@ -62,7 +62,7 @@ def first_lines(trimmed: Trimmed, linearized: Sequence[Mode] | None = None) -> s
     lines = [f"{subject(model)} {done}: {condition}" if condition else f"{subject(model)} {done}"]
     if modes is not None:  # a growth within the rounding of A is 0 (`trim.linear.modes.spectrum`)
         unstable = [
-            f"{mode.name} (2x in {mode.time_to_double:.3g} {model.time_unit})"
+            f"{mode.name} ({_largest(mode)}2x in {mode.time_to_double:.3g} {model.time_unit})"
             for mode in modes
             if mode.eigenvalue.real > 0.0
         ]
@@ -74,6 +74,13 @@ def first_lines(trimmed: Trimmed, linearized: Sequence[Mode] | None = None) -> s
         if point.initial_point:
             lines.append("Not from the default initial point")
     return "\n".join(lines)
+
+
+def _largest(mode: Mode) -> str:
+    """Return the state that participates most in a mode with a number, as "angle, ", or ""."""
+    shares = mode.participation
+    is_named = not mode.name.startswith("mode ")
+    return "" if is_named else f"{max(shares, key=shares.__getitem__)}, "
 
 
 def uniqueness_lines(trimmed: Trimmed) -> list[str]:
