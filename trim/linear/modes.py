@@ -76,10 +76,11 @@ def modes_of(
     The participation of state k in mode i is |w_ki v_ki| / Σ_k |w_ki v_ki|, with right and left
     eigenvectors v, w (Perez-Arriaga, Verghese, Schweppe 1982). A mode is named after the family of
     states with the largest participation. One in which a state without a family participates most
-    has a number, the fastest "mode 1". A family that names no mode, such as the spiral in a steep turn, takes a mode without oscillation from one
-    that names several, if its participation in that mode is at least a fourth. More than two
-    eigenvalues 0, whose eigenvectors are arbitrary, are named "neutral". Equal names are
-    distinguished by "fast" and "slow", or by numbers if there are more than two.
+    has a number, the fastest "mode 1". A family that names no mode, such as the spiral in a steep
+    turn, takes a mode without oscillation from one that names several, if its participation in that
+    mode is at least a fourth. More than two eigenvalues 0, whose eigenvectors are arbitrary, are
+    named "neutral". Equal names are distinguished by "fast" and "slow", or by numbers if there are
+    more than two.
 
     A: (n, n)
     states: names of the n states

@@ -18,7 +18,7 @@ from hfa_support.reporting.text import beside_unit, digits_with_unit, shown_valu
 from hfa_support.units import conversion_factor
 from trim.point.operating_point import beyond_range
 from trim.point.status import BALANCE
-from trim.reports.trimmed import Trimmed
+from trim.reports.trimmed import Quantity, Trimmed
 
 #: Outputs of the flight: relative to the ground, which are read first in a steady wind, and to the
 #: air. They are not repeated among the loads.
@@ -34,11 +34,13 @@ def flight_rows(trimmed: Trimmed, brief: bool = False) -> Iterator[Row | Lacking
     brief: whether rows on the air are left out
     """
     rows: list[Iterator[Row | Lacking]] = []
-    if "speed" in trimmed.roles:
+    if (airspeed := trimmed.airspeed) is not None:
         parameters = trimmed.model.parameters.items()  # of a steady wind: "wind_north" and others
         in_wind = any(name.startswith("wind_") and signal.start for name, signal in parameters)
-        rows += [airspeed_rows(trimmed), output_rows(trimmed, _GROUND_OUTPUTS, rare=not in_wind)]
-        rows += [output_rows(trimmed, _AIR_OUTPUTS), *([] if brief else [air_rows(trimmed)])]
+        rows.append(airspeed_rows(trimmed, airspeed))
+        rows.append(output_rows(trimmed, _GROUND_OUTPUTS, rare=not in_wind))
+        rows.append(output_rows(trimmed, _AIR_OUTPUTS))
+        rows += [] if brief else [air_rows(trimmed, airspeed)]
     elif trimmed.model.about.atmosphere:
         rows.append(iter([Row("atmosphere", trimmed.model.about.atmosphere)]))
     rows += [unbalanced_rates(trimmed), domain_rows(trimmed)]
@@ -57,14 +59,13 @@ def output_rows(trimmed: Trimmed, names: tuple[str, ...], rare: bool = False) ->
             yield Row(name.replace("_", " "), value, model.unit(name), rare=rare)
 
 
-def airspeed_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+def airspeed_rows(trimmed: Trimmed, airspeed: Quantity) -> Iterator[Row | Lacking]:
     """Yield the true, the calibrated and the equivalent airspeed, kt, or what is missing for the
     last two. A speed without a known unit has no row of the true airspeed.
     """
-    speed = trimmed.roles["speed"]
-    knots = conversion_factor(trimmed.unit(speed), "kt")
+    knots = conversion_factor(airspeed.unit, "kt")
     if knots is not None:
-        yield Row("true airspeed", trimmed[speed] * knots, "kt", "KTAS")
+        yield Row("true airspeed", airspeed.value * knots, "kt", "KTAS")
     pressure = dynamic_pressure(trimmed)
     if isinstance(pressure, str):
         yield Lacking("calibrated airspeed", pressure)
@@ -87,7 +88,7 @@ def dynamic_pressure(trimmed: Trimmed) -> float | str:
     return trimmed["dynamic_pressure"] * factor
 
 
-def air_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+def air_rows(trimmed: Trimmed, airspeed: Quantity) -> Iterator[Row | Lacking]:
     """Yield density and temperature, which follow from dynamic pressure, speed and Mach number, or
     else the name of the atmosphere.
     """
@@ -95,16 +96,14 @@ def air_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     if not atmosphere:
         yield Lacking("atmosphere", "")
         return
-    speed = trimmed.roles["speed"]
-    unit = trimmed.unit(speed)
-    to_metres = conversion_factor(unit, "m/s")
+    to_metres = conversion_factor(airspeed.unit, "m/s")
     pressure = dynamic_pressure(trimmed)
-    if isinstance(pressure, str) or to_metres is None or not trimmed[speed]:
+    if isinstance(pressure, str) or to_metres is None or not airspeed.value:
         yield Row("atmosphere", atmosphere)
         return
-    velocity = trimmed[speed] * to_metres
+    velocity = airspeed.value * to_metres
     density = 2.0 * pressure / velocity**2  # kg/m³
-    if unit == "m/s":
+    if airspeed.unit == "m/s":
         yield Row("density", density, "kg/m^3", atmosphere)
     else:
         slugs_per_foot3 = density * (conversion_factor("kg/m^3", "slug/ft^3") or 1.0)
@@ -175,8 +174,9 @@ _SHOWN_LOAD_DIFFERENCE = 1e-3
 def performance_rows(trimmed: Trimmed) -> list[Row | Lacking]:
     """Return the rows of loads and, for an aircraft, of L/D, thrust, climb, power and stall."""
     rows: list[Row | Lacking] = [*output_rows(trimmed, _LOAD_OUTPUTS)]
-    if {"speed", "alpha"} <= {*trimmed.roles}:
-        rows += [*lift_and_drag(trimmed), *thrust(trimmed), *stall(trimmed)]
+    if trimmed.airspeed is not None and not math.isnan(trimmed.alpha):
+        rows += [*lift_and_drag(trimmed, trimmed.airspeed), *thrust(trimmed, trimmed.airspeed)]
+        rows += stall(trimmed, trimmed.airspeed)
     return rows
 
 
@@ -193,9 +193,8 @@ def other_outputs(trimmed: Trimmed, rows: Iterable[Row | Lacking]) -> Iterator[R
     yield from output_rows(trimmed, others, rare=True)
 
 
-def lift_and_drag(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+def lift_and_drag(trimmed: Trimmed, airspeed: Quantity) -> Iterator[Row | Lacking]:
     """Yield L/D, the power D V, and the coefficients of lift and drag."""
-    speed = trimmed.roles["speed"]
     if reason := trimmed.lacks("lift", "drag"):
         yield Lacking("L/D", reason)
         yield Lacking("power required", reason)
@@ -204,9 +203,9 @@ def lift_and_drag(trimmed: Trimmed) -> Iterator[Row | Lacking]:
         yield (
             Lacking("L/D", no_ratio) if no_ratio else Row("L/D", trimmed["lift"] / trimmed["drag"])
         )
-        unit = f"{trimmed.unit('drag')} {trimmed.unit(speed)}"
+        unit = f"{trimmed.unit('drag')} {airspeed.unit}"
         shown, factor = _SHOWN_POWERS.get(unit, (unit, 1.0))
-        yield Row("power required", trimmed["drag"] * trimmed[speed] * factor, shown)
+        yield Row("power required", trimmed["drag"] * airspeed.value * factor, shown)
     if not trimmed.lacks("lift", nonzero=("dynamic_pressure", "reference_area")):
         force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
         yield Row("lift coefficient", trimmed["lift"] / force)
@@ -214,7 +213,7 @@ def lift_and_drag(trimmed: Trimmed) -> Iterator[Row | Lacking]:
             yield Row("drag coefficient", trimmed["drag"] / force)
 
 
-def thrust(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+def thrust(trimmed: Trimmed, airspeed: Quantity) -> Iterator[Row | Lacking]:
     """Yield the thrust with all engine inputs at their highest values, its excess over the present
     thrust, and the rate of climb that this excess permits at constant speed, excess V cos α /
     weight.
@@ -231,14 +230,12 @@ def thrust(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     if reason := trimmed.lacks(nonzero=("weight",)):
         yield Lacking("rate of climb left", reason)
         return
-    speed, alpha = (trimmed[trimmed.roles[role]] for role in ("speed", "alpha"))
-    unit_of_speed = trimmed.unit(trimmed.roles["speed"])
-    shown, factor = _SHOWN_CLIMBS.get(unit_of_speed, (unit_of_speed, 1.0))
-    climb = excess * math.cos(alpha) * speed / trimmed["weight"]
+    shown, factor = _SHOWN_CLIMBS.get(airspeed.unit, (airspeed.unit, 1.0))
+    climb = excess * math.cos(trimmed.alpha) * airspeed.value / trimmed["weight"]
     yield Row("rate of climb left", climb * factor, shown, "at constant speed")
 
 
-def stall(trimmed: Trimmed) -> Iterator[Row | Lacking]:
+def stall(trimmed: Trimmed, airspeed: Quantity) -> Iterator[Row | Lacking]:
     """Yield the largest lift coefficient, the ratio of speed to stall speed, and the stall speed at
     1 g, V sqrt(W / largest lift). The ratio is that at 1 g and, if the load factor of the trim
     differs from 1, also that at this load factor; without a weight, it is that at the lift of the
@@ -270,11 +267,10 @@ def stall(trimmed: Trimmed) -> Iterator[Row | Lacking]:
         yield Row(_SPEED_RATIO, ratio, note="V/Vs, stall at this lift")
 
     # Stall speed at 1 g, as equivalent airspeed if the air is known.
-    speed = trimmed.roles["speed"]
-    knots = conversion_factor(trimmed.unit(speed), "kt")
+    knots = conversion_factor(airspeed.unit, "kt")
     if weight > 0.0 and knots is not None:
         stall_per_speed = math.sqrt(weight / largest.lift)
-        true = trimmed[speed] * knots * stall_per_speed
+        true = airspeed.value * knots * stall_per_speed
         pressure = dynamic_pressure(trimmed)
         shown, note = true, "Vs, KTAS"
         if not isinstance(pressure, str):
@@ -287,7 +283,7 @@ def stall_lines(trimmed: Trimmed) -> list[str]:
     """Return a sentence if the trim is stalled, or none. A trim is stalled if its lift falls with
     alpha, or if its CL exceeds a declared CL_max, beyond which a linear table continues.
     """
-    if not trimmed.point.ok or not {"speed", "alpha"} <= {*trimmed.roles}:
+    if not trimmed.point.ok or trimmed.airspeed is None:
         return []
     largest = trimmed.largest_lift
     if isinstance(largest, str):
@@ -315,11 +311,13 @@ _ROWS_OF_DERIVATIVES = (
 
 def stability_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     """Yield static margin and neutral point, and the control per load factor and per knot."""
-    if not {"speed", "alpha"} <= {*trimmed.roles}:
+    if trimmed.airspeed is None or math.isnan(trimmed.alpha):
         return
+    reason = "" if {"speed", "alpha"} <= {*trimmed.roles} else "no states speed and alpha"
     if trimmed.fault:
-        for name in _ROWS_OF_DERIVATIVES:
-            yield Lacking(name, "a derivative is not a number")
+        reason = "a derivative is not a number"
+    if reason:
+        yield from (Lacking(name, reason) for name in _ROWS_OF_DERIVATIVES)
         return
     yield from static_margin(trimmed)
     yield from control_gradients(trimmed)

@@ -24,7 +24,7 @@ from trim.point.condition import freed_parameters
 from trim.point.margins import Margin
 from trim.point.status import BALANCE
 from trim.reports.figures import stall_lines
-from trim.reports.trimmed import Trimmed, named_value_text, value_text
+from trim.reports.trimmed import Quantity, Trimmed, named_value_text, value_text
 from trim.reports.warnings import warnings_of
 
 #: Difference of load factors that is stated: that of a bank of 8 deg.
@@ -90,8 +90,12 @@ def uniqueness_lines(trimmed: Trimmed) -> list[str]:
     point = trimmed.point
     lines = []
     if point.found_by is not None and point.found_by.kept:
-        kept = ", ".join(named_value_text(point, name) for name in point.found_by.kept)
-        lines.append(f"At its start value, as the trim does not determine it: {kept}")
+        kept_names = point.found_by.kept
+        kept = ", ".join(named_value_text(point, name) for name in kept_names)
+        cure = f"--hold {kept_names[0]}=VALUE sets another"
+        if trimmed.roles.get("theta") in kept_names and "gamma" not in point.model.outputs:
+            cure += ", an output gamma with --hold gamma=0 level flight"
+        lines.append(f"At its start value, as the trim does not determine it: {kept} ({cure})")
     names, count_to_hold = point._undetermined
     if names:
         verb = "is" if len(names) == 1 else "are"
@@ -135,8 +139,8 @@ def condition_words(trimmed: Trimmed) -> Iterator[str]:
     condition = None if point.found_by is None else point.found_by.asked
     imposed = {} if condition is None else condition.imposed
     changed = {} if condition is None else condition.changes.get("imposed", {})  # from the default
-    if "speed" in trimmed.roles:
-        yield from _flight_words(trimmed, imposed, changed)
+    if trimmed.airspeed is not None:
+        yield from _flight_words(trimmed, trimmed.airspeed, imposed, changed)
     else:
         yield from (named_value_text(point, name) for name in [*imposed][:_MOST_VALUES])
     if condition is not None:
@@ -150,14 +154,14 @@ def condition_words(trimmed: Trimmed) -> Iterator[str]:
 
 
 def _flight_words(
-    trimmed: Trimmed, imposed: Mapping[str, Any], changed: Iterable[str]
+    trimmed: Trimmed, airspeed: Quantity, imposed: Mapping[str, Any], changed: Iterable[str]
 ) -> Iterator[str]:
-    """Yield the texts of `condition_words` on an aircraft with a speed, except the rates.
+    """Yield the texts of `condition_words` on an aircraft with an airspeed, except the rates.
 
     changed: names of the imposed values that are not those of the default trim
     """
     point, model = trimmed.point, trimmed.point.model
-    speed = trimmed.roles["speed"]
+    speed = trimmed.airspeed_name
     yield from _path_words(trimmed)
     in_place_of_speed = [  # imposed airspeeds, such as mach
         name
@@ -169,7 +173,8 @@ def _flight_words(
     for name in in_place_of_speed:
         yield f"{name} {value_text(model, name, imposed[name])}"
     if not in_place_of_speed:
-        yield value_text(model, speed, point[speed])
+        is_named = speed in model.signals
+        yield value_text(model, speed, point[speed]) if is_named else digits_with_unit(*airspeed, 5)
     if "altitude" in model.states:
         yield value_text(model, "altitude", point["altitude"])
     if ISA in model.parameters and model.parameters[ISA].start:
@@ -204,6 +209,8 @@ def _path_words(trimmed: Trimmed) -> Iterator[str]:
             is_level = abs(gamma) <= BALANCE * model.signals[angle].nominal
         climb = f"{'climb' if gamma > 0 else 'descent'} {digits(math.degrees(abs(gamma)))} deg"
         yield "level" if is_level else climb
+    elif any(model.unit(name) == "rad" for name in model.states):
+        yield "flight path unknown"
     if "turn_rate" in model.outputs:
         nominal = model.outputs["turn_rate"].nominal
         tolerance = 0.0 if "turn_rate" in imposed else BALANCE * nominal

@@ -230,7 +230,7 @@ def level_lines(trimmed: Trimmed, airplane: Airplane, rows: Sequence[Row]) -> li
     """
     if trimmed.fault:
         return [f"no modes: {trimmed.fault}"]
-    if "speed" not in trimmed.roles:
+    if trimmed.airspeed is None:
         return []
     chosen, why = chosen_airplane(trimmed, airplane)
     graded_names = [row.name for row in rows if row.level is not None]
@@ -283,7 +283,7 @@ def graded_modes(trimmed: Trimmed, airplane: Airplane) -> Iterator[tuple[Mode, l
     several modes, the qualities are yielded with the first one.
     """
     qualities = [] if trimmed.fault else [*handling_qualities(trimmed)]
-    if "speed" in trimmed.roles:
+    if trimmed.airspeed is not None:
         qualities = graded(qualities, chosen_airplane(trimmed, airplane).airplane)
     for mode in trimmed.modes:
         family = mode.name.partition(" (")[0]

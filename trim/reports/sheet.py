@@ -544,10 +544,13 @@ def read_first(point: OperatingPoint, airplane: Airplane) -> Report:
     groups: list[_Titled] = []
     if alpha is not None:
         groups.append((VARIABLES, [Row("alpha", alpha.value, alpha.unit, digits=6)], ()))
-    if "speed" in trimmed.roles:
+    if trimmed.airspeed is not None:
         groups.append(("condition", [*output_rows(trimmed, ("load_factor",))], ()))
-    if point.ok and {"speed", "alpha"} <= {*trimmed.roles}:
-        figures = [*lift_and_drag(trimmed), *([] if trimmed.fault else static_margin(trimmed))]
+    if point.ok and trimmed.airspeed is not None and "alpha" in trimmed.roles:
+        figures = [
+            *lift_and_drag(trimmed, trimmed.airspeed),
+            *([] if trimmed.fault else static_margin(trimmed)),
+        ]
         groups.append(("performance", figures, ()))
     if point.ok:
         qualities = [row for _, rows in graded_modes(trimmed, airplane) for row in rows]

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.signals import recognized
+from hfa_aircraft.signals import airspeed_output, recognized
 from hfa_support.errors import BadInputError, NoSolutionError, NotFiniteError
 from hfa_support.matrices import ROUNDING, balanced, spectral_abscissa
 from hfa_support.reporting.rows import ByName, Row
@@ -199,6 +199,10 @@ ENTRIES = {
 }
 
 
+#: States that are 0 in a model that has none of them, as in longitudinal motion.
+_LATERAL = ("beta", "p", "r", "phi", "v")
+
+
 class Quantity(NamedTuple):
     """Number with its unit, or a word, such as that on a gear, with the unit "".
 
@@ -265,6 +269,7 @@ class Trimmed:
     model: model in coherent units
     unit: function name of a state, input or output -> its unit
     roles: role in the motion of a rigid body -> state ("speed", "alpha", "theta", ...)
+    airspeed_name: state or output that is the true airspeed, or ""
     known: names of the states, inputs and outputs, of which trimmed["lift"] is a value
     rates: state -> its rate, in the units of the condition
     per_second: factor from the model's unit of time to seconds, of eigenvalues
@@ -284,6 +289,7 @@ class Trimmed:
         self.roles = recognized(self.model.states)
         found = point.found_by
         self.imposed: Mapping[str, float] = {} if found is None else found.condition.imposed
+        self.airspeed_name = self.roles.get("speed") or airspeed_output(self.model.outputs)
         self.known = {*self.model.inputs, *self.model.outputs, *self.model.states}
         self.rates = point.model.rates_at(point.states, point.inputs)
         self.thrust_name = next((name for name in _THRUST_NAMES if name in self.known), "")
@@ -346,14 +352,41 @@ class Trimmed:
                 configuration["mass"] = Quantity(point["weight"] / parameters["gravity"], unit)
         return configuration
 
+    def role(self, name: str) -> float:
+        """Return the state with a role; nan without it, but 0 for beta, p, r, phi and v of a model
+        that has none of these.
+        """
+        if name in self.roles:
+            return self[self.roles[name]]
+        return 0.0 if name in _LATERAL and self.roles.keys().isdisjoint(_LATERAL) else math.nan
+
+    @cached_property
+    def airspeed(self) -> Quantity | None:
+        """True airspeed: a state or output that is recognized as one, or that of u, v and w in body
+        axes; None for a model without them.
+        """
+        if self.airspeed_name:
+            return Quantity(self[self.airspeed_name], self.unit(self.airspeed_name))
+        speed = math.hypot(*map(self.role, "uvw"))
+        return None if math.isnan(speed) else Quantity(speed, self.unit(self.roles["u"]))
+
+    @property
+    def alpha(self) -> float:
+        """Angle of attack, rad, nan if it is unknown."""
+        if "alpha" in self.roles or "w" not in self.roles:
+            return self.role("alpha")
+        return math.atan2(self.role("w"), self.role("u"))
+
     @property
     def flight_path(self) -> float:
         """Flight-path angle, rad, or nan if it is unknown."""
         if "gamma" in self.model.outputs:
             return self["gamma"]
-        if {"theta", "alpha"} <= {*self.roles}:
-            return self[self.roles["theta"]] - self[self.roles["alpha"]]
-        return math.nan
+        if "w" not in self.roles:
+            return self.role("theta") - self.role("alpha")
+        u, v, w, theta, phi = map(self.role, ("u", "v", "w", "theta", "phi"))
+        down = (v * math.sin(phi) + w * math.cos(phi)) * math.cos(theta) - u * math.sin(theta)
+        return -math.asin(down / (math.hypot(u, v, w) or math.nan))
 
     # Derivatives.
 
@@ -581,7 +614,9 @@ class Trimmed:
         """
         if reason := self.lacks("lift", nonzero=("dynamic_pressure", "reference_area", "lift")):
             return reason
-        model, alpha = self.model, self.roles["alpha"]
+        model, alpha = self.model, self.roles.get("alpha", "")
+        if not alpha:
+            return "no state alpha"
         lowest, highest = model.states[alpha].min, model.states[alpha].max
         if alpha in model.domain.range:
             valid_from, valid_to, _ = model.domain.range[alpha]

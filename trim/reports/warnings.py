@@ -134,6 +134,11 @@ def _warnings_at(trimmed: Trimmed) -> Iterator[str]:
         drag, lift = trimmed["drag"], trimmed["lift"]
         if drag < -ROUNDING * abs(lift):  # the drag is a component of the force that has the lift
             yield f"the drag is {value_text(model, 'drag', drag)}, below 0; check signs and units"
+    for name, signal in model.inputs.items() if trimmed.airspeed is not None else ():
+        is_force = conversion_factor(signal.unit, "N") is not None
+        if is_force and signal.min == -math.inf and point[name] < 0.0:
+            force = value_text(model, name, point[name])
+            yield f"{name} is {force}, below 0, and has no lower limit; --limit {name}=0:MAX"
     domain = model.domain
     if domain.by_speed and speed in domain.reference:  # derivatives by the speed of a linear table
         stated = domain.reference[speed]

@@ -233,3 +233,30 @@ def test_the_control_per_g_is_that_of_pull_ups_at_the_flight_path(gamma):
     )
     per_g = level.sheet["elevator per g"].value
     assert math.degrees(per_g) == pytest.approx((high - low) / 2e-3, rel=1e-4)
+
+
+def in_body_axes(gamma):
+    """Return a point mass in axes at 0.3 rad to its path, with u, w, its mass times a speed as thrust T."""
+    u, w = 20.0 * math.cos(0.3), 20.0 * math.sin(0.3)
+
+    def equations(x, c, p, _):
+        rates = {"u": c.T / 9.0 - ca.sin(x.theta - 0.3 - gamma), "w": x.w - w, "theta": x.u - u}
+        return rates, {}
+
+    states = {"u": Signal("m/s", start=u), "w": Signal("m/s"), "theta": Signal("rad")}
+    return hfa.Model("own", states, {"T": Signal("N")}, equations)
+
+
+@pytest.mark.parametrize("gamma", [0.0, -0.1])
+def test_the_airspeed_and_path_of_body_axes_are_of_all_components(gamma):
+    """V = sqrt(u² + w²) = 20 m/s, 38.9 kt, and theta - atan2(w, u) is the path, which the first line states."""
+    report = hfa.trim(in_body_axes(gamma), T=0.0).report()
+    assert report.sheet["true airspeed"].value == pytest.approx(20.0 / KNOTS["m/s"])
+    path = f"descent {math.degrees(-gamma):.3g} deg" if gamma else "level"
+    assert f"trimmed: {path}, 20 m/s" in report.title
+
+
+def test_a_thrust_below_0_without_a_limit_has_a_warning():
+    """At theta = 0.2 rad in a descent of 0.1 rad, the thrust of the point mass is 9 sin(-0.1) N."""
+    title = hfa.trim(in_body_axes(0.0), theta=0.2, free="theta_dot").report().title
+    assert "T is -0.8985 N, below 0, and has no lower limit" in " ".join(title.split())
