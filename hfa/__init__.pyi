@@ -27,6 +27,7 @@ from hfa_aircraft.model import Model as Model
 from hfa_aircraft.readers.derivatives.read import from_derivatives as from_derivatives
 from hfa_aircraft.signals import Signal as Signal
 from hfa_flight.air.scenario import Scenario as Scenario
+from hfa_flight.air.sensors import Sensor as Sensor
 from hfa_flight.air.turbulence import Turbulence as Turbulence
 from hfa_flight.judge.assessment import Assessment as Assessment, assess as assess
 from hfa_flight.learn.environment import environment as environment

@@ -14,7 +14,6 @@ import numpy as np
 from hfa.options.argument_types import (
     among,
     each_of,
-    linear_state,
     listed_numbers,
     number,
     positive,
@@ -34,8 +33,10 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_aircraft.waveform import constant
+from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.gusts import Gust, OneMinusCosine, gust_speed
 from hfa_flight.air.scenario import ActuatorBank, Scenario, Uncertainty
+from hfa_flight.air.sensors import Sensor, measurable
 from hfa_flight.air.turbulence import FORM, FORM_OF_OWN, LEVELS, Turbulence, typed_turbulence
 from hfa_flight.policies.laws import DEPLOYMENT, GAIN, LAWS, NETWORK, PREDICTIVE, TABLE
 from hfa_support.errors import BadInputError, choice_of, shortened, warn
@@ -251,7 +252,7 @@ def behind_a_filter(policy: Policy, scenario: Scenario, point: OperatingPoint) -
     from hfa_flight.policies.filter import filter
     from hfa_flight.policies.filtered_policy import own_sample_time
 
-    noise = noise_of_filter(scenario.uncertainty.noise)
+    noise = sensors_of_filter(scenario.uncertainty.noise)
     dt = own_sample_time(policy, scenario.interval)
     return filter(point.linearize(), noise, scenario.uncertainty.turbulence, dt).policy(policy)
 
@@ -301,26 +302,38 @@ def at_held_altitude(typed: Turbulence | None, hold: Mapping[str, Any]) -> Turbu
     return replace(typed, altitude=hold.get("altitude"))
 
 
-def noise_deviation(model: Model, name: str, text: str) -> float:
-    """Return the standard deviation that is typed for a state, at least 0, in the model's units."""
-    value = linear_state(model, name, text)
+def sensors_typed(
+    model: Model, noise: Mapping[str, str], bias: Mapping[str, str]
+) -> dict[str, Sensor]:
+    """Return the sensors of --noise and --bias, in the model's units.
+
+    Raises BadInputError for a bias without noise.
+    """
+    deviations = each_of("--noise", model, noise, _deviation)
+    biases = each_of("--bias", model, bias, _deviation)
+    for name in biases:
+        if name not in deviations:
+            raise BadInputError(f"--bias {name}: no such sensor is given; add --noise {name}=VALUE")
+    return {name: Sensor(value, biases.get(name, 0.0)) for name, value in deviations.items()}
+
+
+def _deviation(model: Model, name: str, text: str) -> float:
+    """Return the typed size of an error of a sensor, at least 0, in the model's units."""
+    value = among(measurable(model), in_gusts(model), name, text)
     if value < 0.0:
         raise BadInputError(f"is {text}; give a number of at least 0")
     return value
 
 
-def noise_of_filter(noise: Mapping[str, float]) -> dict[str, float]:
-    """Return the sensors of --filter, state -> standard deviation of its noise, those above 0.
-
-    Raises BadInputError without a sensor.
-    """
-    sensors = {name: value for name, value in noise.items() if value}
-    if not sensors:
+def sensors_of_filter(sensors: Mapping[str, Sensor]) -> dict[str, Sensor]:
+    """Return the sensors of --filter, those with noise. Raises BadInputError without a sensor."""
+    noisy = {name: sensor for name, sensor in sensors.items() if sensor.noise}
+    if not noisy:
         raise BadInputError(
-            "--filter requires the noise of the sensors; add --noise STATE=VALUE for each "
-            "measured state"
+            "--filter requires the noise of the sensors; add --noise NAME=VALUE for each measured "
+            "state or output"
         )
-    return sensors
+    return noisy
 
 
 class SmallestGust(NamedTuple):
@@ -366,6 +379,24 @@ def _disturbed(model: Model, name: str, text: str) -> float:
     return among((*model.linear, *model.disturbances), model, name, text)
 
 
+def noise_option() -> Any:
+    """Return the option `--noise` as a dataclass field."""
+    about = (
+        "standard deviation of the noise of a sensor, of a state or an output (airspeed, "
+        "angle_of_attack, ...), degrees for angles, white from sample to sample; repeatable"
+    )
+    return option(about, "NAME=VALUE", named=True, rare=True)
+
+
+def bias_option() -> Any:
+    """Return the option `--bias` as a dataclass field."""
+    about = (
+        "size of the bias of a sensor, with a random sign in each flight, which --filter "
+        "estimates; repeatable"
+    )
+    return option(about, "NAME=VALUE", named=True, rare=True)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ScenarioOptions:
     """The scenario of a flight, except for commands.
@@ -403,13 +434,8 @@ class ScenarioOptions:
         named=True,
         rare=True,
     )
-    noise: Mapping[str, str] = option(
-        "standard deviation of the sensor noise of a state, degrees for angles, white from sample "
-        "to sample; repeatable",
-        "NAME=VALUE",
-        named=True,
-        rare=True,
-    )
+    noise: Mapping[str, str] = noise_option()
+    bias: Mapping[str, str] = bias_option()
     gust: tuple[float, ...] | SmallestGust | None = option(
         "1-cosine updraft: length, peak speed (units of the model), begin (s, default 0); or "
         f"{SMALLEST}[:LENGTH,...]: the smallest peaks with which a flight leaves its limits",
@@ -444,7 +470,7 @@ def scenario_of(
     model = point.model
     initial = each_of("--initial", model, request.initial, _state)
     disturbed = each_of("--disturbance", model, request.disturbance, _disturbed)
-    noise = each_of("--noise", model, request.noise, noise_deviation)
+    sensors = sensors_typed(model, request.noise, request.bias)
     if delay and not 0.0 < delay < duration:
         raise BadInputError(
             f"--delay is {delay:g} s; give a delay from 0 to less than {duration:g} s"
@@ -478,7 +504,7 @@ def scenario_of(
     of_parameters = each_of("--error", model, request.error, lambda model, name, text: number(text))
     # Of several flights the values of --error are standard deviations, of a single one factors.
     errors = {} if drawn else of_parameters
-    uncertainty = Uncertainty(of_parameters if drawn else {}, noise, turbulence)
+    uncertainty = Uncertainty(of_parameters if drawn else {}, sensors, turbulence)
     return replace(common, errors=errors, uncertainty=uncertainty, gust=gust).on(model)
 
 

@@ -32,6 +32,13 @@ NOISE = {
 }
 TYPED = [f"--noise={name}={v if name == 'speed' else v / DEG}" for name, v in NOISE.items()]
 AIR = "moderate:40000"
+#: Sizes of a gain for severe turbulence.
+MILD = {
+    **{"speed": 20.0, "alpha": 5 * DEG, "pitch": 5 * DEG, "pitch_rate": 3 * DEG},
+    **{"dihedral": 5 * DEG, "dihedral_rate": 20 * DEG, "throttle": 40.0},
+    **{"aileron_center": 20 * DEG, "aileron_outer": 20 * DEG},
+    **{"elevator_center": 3 * DEG, "elevator_outer": 3 * DEG},
+}
 
 
 @pytest.fixture(scope="module")
@@ -118,6 +125,61 @@ def test_the_gain_of_a_filter_minimizes_the_covariance_of_the_errors(kalman):
     assert kalman.residual < 1e-12
     assert kalman.radius < 1.0
     assert kalman.unobservable == ()
+
+
+#: Sensors in the air, a pitot tube and a vane, all with biases.
+IN_THE_AIR = {
+    **{"airspeed": hfa.Sensor(0.3, 2.0), "angle_of_attack": hfa.Sensor(0.003, 0.017)},
+    **{"pitch": hfa.Sensor(0.002, 0.009), "pitch_rate": hfa.Sensor(0.003, 0.009)},
+    **{"dihedral": hfa.Sensor(0.002, 0.009), "dihedral_rate": hfa.Sensor(0.003, 0.009)},
+}
+
+
+def mild_gain(linear):
+    """Return the gain of the sizes `MILD`."""
+    return hfa.solve(hfa.game(linear, sizes=MILD, delta=np.inf)).K
+
+
+def test_pitot_tube_and_vane_measure_the_motion_relative_to_the_air(linear, kalman):
+    """C are the slopes of what a pitot tube and a vane measure: a headwind adds to the airspeed, and an
+    updraft, over the speed, to the angle of attack. A gain tolerates nearly twice the unknown delay, because
+    the effect that a late command lacks is not estimated as a gust.
+    """
+    noise = {name: sensor.noise for name, sensor in IN_THE_AIR.items()}
+    vane = hfa.filter(linear, noise, AIR)
+    names = tuple(vane.sensors)
+    V, alpha = linear.point["speed"], linear.point["alpha"]
+    of_winds = np.zeros((2, len(vane.winds)))  # of airspeed and angle of attack, for level flight
+    of_winds[0, vane.winds.index("headwind")] = 1.0
+    of_winds[1, vane.winds.index("updraft")] = 1.0 / V
+    places = [names.index("airspeed"), names.index("angle_of_attack")]
+    np.testing.assert_allclose(vane.C[places, 6:], of_winds @ vane.W, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(vane.C[places, :2], np.eye(2), atol=1e-12)
+    assert vane.at_trim[places] == pytest.approx([V, alpha])
+    # Without a sensor over the ground, the law sees the speed relative to the wind along the path.
+    of_speed = vane.W[vane.winds.index("headwind")]
+    np.testing.assert_allclose(vane.sight[0, 6:], of_speed, atol=1e-9)
+    assert not kalman.sight[0, 6:].any()
+    margins = [known.policy(mild_gain(linear)).margins for known in (kalman, vane)]
+    assert margins[1].unknown_delay > 1.8 * margins[0].unknown_delay
+
+
+def test_biases_are_estimated(point, linear):
+    """In ten seconds of light turbulence the biases of a pitot tube, a vane and a gyro are estimated
+    within 4 of their standard deviations, and most of each. Before, they are unknown, not stationary.
+    """
+    kalman = hfa.filter(linear, IN_THE_AIR, "light:20000")
+    assert kalman.P_at_begin[-1, -1] == pytest.approx(2.0**2)  # of the pitot tube
+    air = Uncertainty(noise=IN_THE_AIR, turbulence=Turbulence("light", 20000.0))
+    policy, scenario = kalman.policy(mild_gain(linear)).in_scenario(Scenario(10.0, uncertainty=air))
+    drawn = scenario.drawn(5, 0, point)
+    flight = hfa.fly(point.model, point, policy, scenario=drawn, predict=False)
+    assert flight.departure is None
+    true = dict(zip(drawn.sensed, np.mean(drawn.samples, axis=0), strict=True))
+    for name, share in (("airspeed", 0.6), ("angle_of_attack", 0.3), ("pitch_rate", 0.1)):
+        assert flight.loop.policy.biases[name] == pytest.approx(
+            true[name], abs=share * IN_THE_AIR[name].bias
+        )
 
 
 def test_modes_that_no_sensor_observes_are_named():
@@ -450,7 +512,9 @@ def test_a_law_that_plans_is_told_what_the_wind_adds_in_a_sample(point, kalman, 
     ("given", "said"),
     [
         ({"noise": {}}, "at least one state"),
-        ({"noise": {"speeed": 1.0}}, "unknown state 'speeed'"),
+        ({"noise": {"speeed": 1.0}}, "unknown sensor of 'speeed'"),
+        ({"noise": {"speed": -1.0}}, "the sensor of speed: the noise is -1"),
+        ({"noise": {"load_factor": 0.01}}, "load_factor depends on the inputs; add --servo"),
         ({"noise": {"speed": 0.0}}, "noise of speed"),
         ({"noise": NOISE, "dt": -1.0}, "dt"),
         ({"noise": NOISE, "turbulence": "calm:3"}, "LEVEL"),
@@ -490,7 +554,7 @@ def test_a_delay_changes_neither_noise_nor_filter(folder, delay):
     words = f"fly --dihedral 10 --policy exact --filter --duration .05 --delay {delay} -o f.json"
     assert run(*words.split(), *TYPED).code == 0
     data = json.loads(Path("f.json").read_text())
-    drawn = Uncertainty(noise=NOISE).samples(0, 0, 5, tuple(NOISE))  # .05 s have 5 samples
+    drawn = Uncertainty(noise=NOISE).samples(0, 0, 5, tuple(NOISE), 0.01)  # .05 s have 5 samples
     np.testing.assert_allclose(data["scenario"]["drawn_noise"], drawn.std(axis=0))
     assert data["policy"]["filter"]["dt"] == 0.01
     assert data["scenario"].get("delay", 0.0) == float(delay)
@@ -643,11 +707,11 @@ def test_a_pass_says_which_rms_is_far_above_its_prediction(point, linear, gain):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("fly --filter", "add --noise STATE=VALUE"),
+        ("fly --filter", "add --noise NAME=VALUE"),
         ("fly --filter --noise speed=.3 --policy none", "give --policy exact"),
         ("fly --filter --noise speed=.3 --command speed=1:2", "cannot be combined with --filter"),
         ("export -o c --noise speed=.3", "add --filter"),
-        ("export -o c --filter", "add --noise STATE=VALUE"),
+        ("export -o c --filter", "add --noise NAME=VALUE"),
         ("export -o c --fade 1", "add --filter"),
     ],
 )

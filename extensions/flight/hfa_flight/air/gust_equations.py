@@ -16,7 +16,6 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import casadi as ca
-import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.aircraft import flow_rates, rotation, wind_axes
@@ -46,21 +45,25 @@ _NEEDED = {
 }
 _STATES = ("speed", "alpha", "beta", "pitch", "roll", "roll_rate", "pitch_rate", "yaw_rate")
 _RATES = {"p": "roll_rate", "q": "pitch_rate", "r": "yaw_rate"}
+#: Output that `in_gusts` adds -> the standard name of its value in the air: a pitot tube and vanes.
+IN_AIR = {"airspeed": "speed", "angle_of_attack": "alpha", "sideslip": "beta"}
 #: States whose rates depend on the motion over the ground.
 _OVER_GROUND = (
     *("roll", "pitch", "yaw", "heading", "altitude", "height"),
     *("north", "east", "distance", "position"),
 )
+#: Outputs that are relative to the ground.
+_OUTPUTS_OVER_GROUND = {"gamma", "climb_rate", "ground_speed", "track"}
 
 
-def gust_factors(model: Model, trim: Mapping[str, float]) -> dict[str, dict[str, float]]:
+def gust_factors(model: Model, values: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Return gust component u, v, w, p, q or r -> {disturbance: factor}, for those that a model
     declares.
 
     The value of a disturbance is the sum of factor times component. Disturbances to the north and
-    east are resolved along the heading of the trim.
+    east are resolved along the heading.
 
-    trim: state -> value at the trim. Without a yaw, the heading is 0
+    values: state -> number or expression. Without a yaw, the heading is 0
     """
     declared = {
         name: {added: _SIGN.get(name, 1.0)}
@@ -70,9 +73,8 @@ def gust_factors(model: Model, trim: Mapping[str, float]) -> dict[str, dict[str,
     if {"gust_north", "gust_east"} <= set(model.disturbances):
         heading = 0.0
         if "yaw" in model.states:
-            heading = trim.get("yaw", 0.0) * (conversion_factor(model.unit("yaw"), "rad") or 1.0)
-        cosine = float(np.cos(heading))
-        sine = float(np.sin(heading))
+            heading = values.get("yaw", 0.0) * (conversion_factor(model.unit("yaw"), "rad") or 1.0)
+        cosine, sine = ca.cos(heading), ca.sin(heading)
         # A declared forward or lateral gust has precedence over one by compass, and over headwind.
         declared.setdefault("u", {"gust_north": cosine, "gust_east": sine})
         declared.setdefault("v", {"gust_north": -sine, "gust_east": cosine})
@@ -135,10 +137,11 @@ def undeclared(model: Model, disturbance: str, what: str) -> str:
 
 @lru_cache(maxsize=16)
 def in_gusts(model: Model) -> Model:
-    """Return the model with added disturbances (`ADDED`) for undeclared gust components.
+    """Return the model with added disturbances (`ADDED`) for undeclared gust components, and the
+    outputs `IN_AIR`: speed and flow angles relative to the air, in all its disturbances.
 
-    A component is added only if the model has the states that the component needs, and no other
-    signal, such as an input, with the name of the disturbance. The states remain relative to the
+    A component or an output is added only if the model has the states that it needs, and no other
+    signal, such as an input, with its name. The states remain relative to the
     ground. Let V be the velocity and ω the angular velocity of the aircraft, and V_g the velocity
     (u, v, w) of the air, all resolved in body axes. Relative to the air, V_a = V - V_g and ω_a = ω
     + (p, q, r). Forces and moments are those of the model at V_a, ω_a. The model's equation V' =
@@ -155,52 +158,73 @@ def in_gusts(model: Model) -> Model:
         and not missing_states(model, name)
         and not kind_of_signal(model, ADDED[name])
     ]
-    if not added:
+    standard = _standard_states(model)
+    outputs = {
+        output: model.signals[standard[name].name]._replace(assumed=False)
+        for output, name in IN_AIR.items()
+        if {"speed", "alpha", "pitch", name} <= set(standard) and not kind_of_signal(model, output)
+    }
+    if not (added or outputs):
         return model
     speed = model.unit(state_of(model, "speed"))
     signals = {ADDED[name]: Signal("rad/s" if name in _RATES else speed) for name in added}
     return replace(
         model,
-        equations=_InGusts(model, tuple(added)),
+        equations=_InGusts(model, tuple(added), tuple(outputs)),
         disturbances={**model.disturbances, **signals},
+        outputs={**model.outputs, **outputs},
     )
 
 
 def seen_in_air(
-    model: Model, values: Mapping[str, Any], trim: Mapping[str, float], winds: Mapping[str, Any]
+    model: Model,
+    values: Mapping[str, Any],
+    trim: Mapping[str, float],
+    winds: Mapping[str, Any],
+    *,
+    is_over_ground: bool,
 ) -> dict[str, Any]:
     """Return state -> value that a policy sees in moving air, of the speed and the flow angles.
 
     The flow angles are relative to the air, as a vane measures them. The speed is the component of
-    the velocity over the ground along the path of the trim: a fast gain would react to the w²/2V
-    that an updraft w adds, to the speed over the ground if the path follows it and else to the
-    airspeed. The result is empty if the model has no speed, alpha and pitch as states, and without
-    winds.
+    the velocity along the path of the trim, without the w²/2V that an updraft w adds to the speed
+    over the ground if the path follows it, and else to the airspeed. Where nothing measures the
+    motion over the ground, it is relative to the horizontal wind: the wind itself is then unknown.
+    The result is empty if the model has no speed, alpha and pitch as states, and without winds.
 
     values: state -> value over the ground, as number or expression, of all states
     trim: state -> value at the trim
     winds: disturbance of `in_gusts(model)` -> value
+    is_over_ground: whether the speed is that over the ground
     """
     states = _standard_states(model)
     if not winds or not {"speed", "alpha", "pitch"} <= set(states):
         return {}
     motion = {name: values[state.name] * state.size for name, state in states.items()}
     at_trim = {name: trim[state.name] * state.size for name, state in states.items()}
-    velocity = _velocity(motion)
-    # velocity (u, v, w) of the air in level axes, in the unit of the speed
-    in_level_axes: list[Any] = [0.0, 0.0, 0.0]
-    moving = in_gusts(model)
-    factors = gust_factors(moving, trim)
+    wind = _wind(in_gusts(model), trim, winds)
+    velocity, to_level = _velocity(motion), _to_level_axes(motion)
+    flow = _flow(velocity - ca.mtimes(to_level.T, wind))
+    path = ca.mtimes(_to_level_axes(at_trim), _velocity(at_trim))
+    horizontal = ca.vertcat(wind[0], wind[1], 0.0) * (not is_over_ground)
+    flow["speed"] = ca.dot(ca.mtimes(to_level, velocity) - horizontal, path / ca.norm_2(path))
+    return {states[name].name: flow[name] / states[name].size for name in flow if name in states}
+
+
+def _wind(model: Model, values: Mapping[str, Any], winds: Mapping[str, Any]) -> Any:
+    """Return the velocity (u, v, w) of the air in level axes, (3,), in the unit of the speed.
+
+    values: state -> value, for the heading of winds by compass
+    winds: disturbance of the model -> value
+    """
+    unit = model.unit(_standard_states(model)["speed"].name)
+    factors = gust_factors(model, values)
+    wind: list[Any] = [0.0, 0.0, 0.0]
     for place, component in enumerate("uvw"):
         for name, factor in factors.get(component, {}).items():
-            unit = moving.disturbances[name].unit
-            size = conversion_factor(unit, model.unit(states["speed"].name)) or 1.0
-            in_level_axes[place] += factor * size * winds.get(name, 0.0)
-    to_level = _to_level_axes(motion)
-    flow = _flow(velocity - ca.mtimes(to_level.T, ca.vertcat(*in_level_axes)))
-    path = ca.mtimes(_to_level_axes(at_trim), _velocity(at_trim))
-    flow["speed"] = ca.dot(ca.mtimes(to_level, velocity), path / ca.norm_2(path))
-    return {states[name].name: flow[name] / states[name].size for name in flow if name in states}
+            size = conversion_factor(model.disturbances[name].unit, unit) or 1.0
+            wind[place] += factor * size * winds.get(name, 0.0)
+    return ca.vertcat(*wind)
 
 
 def _velocity(motion: Mapping[str, Any]) -> Any:
@@ -236,6 +260,7 @@ class _InGusts:
 
     model: Model
     added: tuple[str, ...]  # gust components that the model does not declare
+    outputs: tuple[str, ...]  # those of `IN_AIR` that it does not declare
 
     def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[Mapping[str, Any], Any]:
         """Return the rates by state and the outputs by name, by the equations in `in_gusts`.
@@ -263,9 +288,10 @@ class _InGusts:
         x_in_air = {name: getattr(x, name) for name in names.states}
         for name, state in standard.items():
             x_in_air[state.name] = motion_in_air[name] / state.size
-        rates_of_model, outputs = self.model.equations(
+        rates_of_model, outputs_in_air = self.model.equations(
             record(names.states)(*x_in_air.values()), u, p, declared
         )
+        outputs = dict(outputs_in_air)
 
         # From V' = a - ω_a x V_a of the model to V' = a - ω x V.
         acceleration = _acceleration(
@@ -278,7 +304,7 @@ class _InGusts:
         )
 
         # Angles and position change with V and ω, the speed and the flow angles with V'.
-        rates_over_ground, _ = self.model.equations(x, u, p, declared)
+        rates_over_ground, outputs_over_ground = self.model.equations(x, u, p, declared)
         over_ground = {state_of(self.model, name) or name for name in _OVER_GROUND}
         changed = {
             name: rates_over_ground[name] for name in self.model.states if name in over_ground
@@ -286,6 +312,16 @@ class _InGusts:
         for name, state in standard.items():
             if name in flow_rates_over_ground:
                 changed[state.name] = flow_rates_over_ground[name] / state.size
+
+        # Outputs in all moving air, and those that are relative to the ground.
+        values = {name: getattr(x, name) for name in names.states}
+        winds = {name: getattr(w, name) for name in names.disturbances}
+        wind = air + (_wind(self.model, values, winds) if self.outputs else 0.0)
+        flow = _flow(velocity - ca.mtimes(_to_level_axes(motion).T, wind))
+        for output in self.outputs:
+            outputs[output] = flow[IN_AIR[output]] / standard[IN_AIR[output]].size
+        for output in _OUTPUTS_OVER_GROUND & set(outputs):
+            outputs[output] = outputs_over_ground[output]
         return {**rates_of_model, **changed}, outputs
 
 

@@ -18,6 +18,7 @@ from hfa_aircraft.waveform import Waveform
 from hfa_flight.air.gust_equations import in_gusts, undeclared
 from hfa_flight.air.gusts import Gust
 from hfa_flight.air.held_step import in_samples, step_count
+from hfa_flight.air.sensors import Sensor, refuse_unmeasurable, sensors_of
 from hfa_flight.air.signals import TimeVector
 from hfa_flight.air.turbulence import Turbulence
 from hfa_support.errors import (
@@ -113,6 +114,7 @@ class ActuatorBank:
 _ERRORS = 0
 _NOISE = 1
 _AIR = 2
+_BIAS = 3
 
 #: Largest number of rows of a flight, limited by the memory of an ordinary computer.
 MOST_STEPS = 10_000_000
@@ -123,20 +125,20 @@ class Uncertainty:
     """Random quantities of the members of a simulation. By default there are none.
 
     errors: parameter -> relative standard deviation about the nominal value
-    noise: state of the linear model -> standard deviation of the sensor noise. The noise is drawn
-        every sample and constant during the sample
+    noise: what is measured, a linear state or an output -> `Sensor`, or the standard deviation of
+        its noise. The noise is drawn every sample and constant during the sample; a bias has its
+        size and a random sign
     turbulence: `Turbulence`, or None
 
-    Errors, noise and turbulence of member k = 0, 1, ... use three independent streams from (seed,
-    k), NumPy's `SeedSequence`. Adding errors, noise or turbulence does not change the draws of the
-    others.
+    Errors, noise, biases and turbulence of member k = 0, 1, ... use independent streams from (seed,
+    k), NumPy's `SeedSequence`. Adding one of them does not change the draws of the others.
 
     Raises BadInputError if a deviation is negative or `turbulence` has another type. `Scenario.on`
     checks the names.
     """
 
     errors: Mapping[str, float] = field(default_factory=dict)
-    noise: Mapping[str, float] = field(default_factory=dict)
+    noise: Mapping[str, Any] = field(default_factory=dict)
     turbulence: Turbulence | None = None
 
     def __post_init__(self) -> None:
@@ -146,7 +148,8 @@ class Uncertainty:
                 f"turbulence is {shown(self.turbulence)}; give hfa.Turbulence, such as "
                 "hfa.Turbulence('light', 1000.0)"
             )
-        for name, value in (*self.errors.items(), *self.noise.items()):
+        object.__setattr__(self, "noise", sensors_of(self.noise))
+        for name, value in self.errors.items():
             if not (is_finite(value) and value >= 0.0):
                 raise BadInputError(
                     f"the standard deviation of {name} is {shown(value)}; give a number of at "
@@ -165,17 +168,31 @@ class Uncertainty:
         return np.asarray(np.exp(sigma * random.standard_normal(len(sigma)) - sigma**2 / 2))
 
     def samples(
-        self, seed: int, member: int, count: int, names: tuple[str, ...]
-    ) -> np.ndarray | None:
-        """Return drawn sensor noise N(0, s²), (count, k), of the states `names`.
+        self, seed: int, member: int, count: int, names: tuple[str, ...], interval: float
+    ) -> np.ndarray:
+        """Return drawn errors of the sensors of `names`, (count, k), with biases of random sign.
 
-        Returns None if none of these states has noise.
+        A name without a sensor has no errors. In samples without a value they are nan.
+
+        interval: duration of a sample, s
         """
-        levels = np.array([self.noise.get(name, 0.0) for name in names])
-        if not levels.any():
-            return None
-        random = np.random.default_rng(SeedSequence(seed, spawn_key=(member, _NOISE)))
-        return levels * random.standard_normal((count, len(levels)))
+        sensors = [self.noise.get(name, Sensor(0.0)) for name in names]
+        noise, bias = np.array([(sensor.noise, sensor.bias) for sensor in sensors]).T
+        random, signs = (
+            np.random.default_rng(SeedSequence(seed, spawn_key=(member, stream)))
+            for stream in (_NOISE, _BIAS)
+        )
+        drawn = noise * random.standard_normal((count, len(names)))
+        drawn += bias * signs.choice([-1.0, 1.0], len(names))
+        for column, (name, sensor) in enumerate(zip(names, sensors, strict=True)):
+            whole, rest = in_samples(sensor.every, interval)
+            if rest:
+                raise BadInputError(
+                    f"the sensor of {name} has a value every {sensor.every:g} s; give a multiple "
+                    f"of the sample time, {interval:g} s"
+                )
+            drawn[np.arange(count) % max(whole, 1) > 0, column] = np.nan
+        return drawn
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -193,7 +210,8 @@ class Scenario(Reported):
     actuators: dynamics of the actuators, or None
     gust: motion of the air, or None
     uncertainty: random quantities, not yet drawn
-    samples: sensor noise, (N, k), constant during each sample, or None
+    samples: errors of the sensors, (N, k), constant during each sample, or None
+    sensed: what these sensors measure, (k,), by default the states of the linear model
     seed: seed of the drawn random quantities, or None if none are drawn
     air: disturbance of the model -> waveform, (1,)
     delay: delay of every command, s, a whole number of ticks
@@ -227,6 +245,7 @@ class Scenario(Reported):
     gust: Gust | None = None
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     samples: np.ndarray | None = None
+    sensed: tuple[str, ...] = ()
     seed: int | None = None
     air: Mapping[str, Waveform] = field(default_factory=dict)
     delay: float = 0.0
@@ -337,8 +356,7 @@ class Scenario(Reported):
         """
         for name in (*self.errors, *self.uncertainty.errors):
             refuse_unknown("unknown parameter", name, tuple(model.parameters))
-        for name in self.uncertainty.noise:
-            refuse_unknown("unknown noise of state", name, model.linear)
+        refuse_unmeasurable(model, self.uncertainty.noise)
         for name in self.air:
             refuse_unknown("unknown disturbance", name, tuple(model.disturbances))
         gusts = () if self.gust is None else self.gust.names
@@ -390,14 +408,23 @@ class Scenario(Reported):
             factors = uncertain.factors(seed, member).tolist()
             for name, factor in zip(uncertain.errors, factors, strict=True):
                 errors[name] = errors.get(name, 1.0) * factor
-        samples = None
-        if uncertain.noise:
-            samples = uncertain.samples(seed, member, self.sample_count, point.model.linear)
+        samples, sensed = None, point.model.linear
+        if any(sensor != Sensor(0.0) for sensor in uncertain.noise.values()):
+            sensed = tuple(dict.fromkeys((*sensed, *uncertain.noise)))
+            count, interval = self.sample_count, self.interval
+            samples = uncertain.samples(seed, member, count, sensed, interval)
         gust = self.gust
         if uncertain.turbulence is not None:
             air = SeedSequence(seed, spawn_key=(member, _AIR)).generate_state(1, np.uint64)
             gust = uncertain.turbulence.air(point, self.interval, self.sample_count, int(air[0]))
-        drawn = replace(self, errors=errors, gust=gust, uncertainty=Uncertainty(), samples=samples)
+        drawn = replace(
+            self,
+            errors=errors,
+            gust=gust,
+            uncertainty=Uncertainty(),
+            samples=samples,
+            sensed=sensed,
+        )
         return replace(drawn, seed=seed) if drawn.is_random else drawn
 
     def to_dict(self) -> dict[str, Any]:

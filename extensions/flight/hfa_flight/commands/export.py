@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hfa.options.advice import trimmed
-from hfa.options.argument_types import each_of, output_file, positive
+from hfa.options.argument_types import output_file, positive
 from hfa.options.command import Outcome, Request, command, provenance
 from hfa.options.parser import option, refuse
 from hfa.options.trims import GivenTrim, trim_input
@@ -30,11 +30,13 @@ from hfa_flight.options import (
     actuators_of,
     actuators_option,
     at_held_altitude,
+    bias_option,
     check_policy,
-    noise_deviation,
+    noise_option,
     noted_linear_model,
     policy_of_options,
     policy_option,
+    sensors_typed,
     turbulence_option,
 )
 from hfa_support.errors import BadInputError, printable
@@ -79,12 +81,8 @@ class ExportRequest(Request, PolicyOptions):
         "policy behind the Kalman filter of --noise and --turbulence, in C too, or in the FMU",
         rare=True,
     )
-    noise: Mapping[str, str] = option(
-        "standard deviation of the noise of a sensor of --filter, degrees for angles; repeatable",
-        "NAME=VALUE",
-        named=True,
-        rare=True,
-    )
+    noise: Mapping[str, str] = noise_option()
+    bias: Mapping[str, str] = bias_option()
     turbulence: Turbulence | None = turbulence_option()
     fade: float | None = option(
         "time in which the C code of --filter fades commands in where it is switched on in flight, "
@@ -141,10 +139,14 @@ def export(request: ExportRequest, given: GivenTrim) -> Outcome:
 def _check_filter(request: ExportRequest) -> None:
     """Raise BadInputError for options of a filter that have no effect or contradict others."""
     if not request.filter:
-        refuse(request, ("noise", "turbulence", "fade"), "applies only with --filter; add --filter")
+        refuse(
+            request,
+            ("noise", "bias", "turbulence", "fade"),
+            "applies only with --filter; add --filter",
+        )
         return
     if not request.noise:
-        raise BadInputError("--filter requires the noise of the sensors; add --noise STATE=VALUE")
+        raise BadInputError("--filter requires the noise of the sensors; add --noise NAME=VALUE")
     if request.kind == DEPLOYMENT:
         raise BadInputError("--filter cannot be combined with a deployment; remove --filter")
 
@@ -213,9 +215,9 @@ def _filtered(
     """Return a policy behind the filter of --noise and --turbulence."""
     from hfa_flight.policies.filter import filter
 
-    noise = each_of("--noise", given.model, request.noise, noise_deviation)
+    sensors = sensors_typed(given.model, request.noise, request.bias)
     air = at_held_altitude(request.turbulence, given.hold)
-    return filter(linear, noise, air).policy(policy, fade=request.fade)
+    return filter(linear, sensors, air).policy(policy, fade=request.fade)
 
 
 def _outcome_of(written: list[Path], given: GivenTrim, notes: Iterable[str] = ()) -> Outcome:

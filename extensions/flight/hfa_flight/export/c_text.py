@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.policies.deployment.policy import DeployedPolicy
 from hfa_flight.policies.estimate import (
     IMPOSSIBLE,
@@ -176,7 +177,7 @@ def c_filter_texts(policy: FilteredPolicy, origin: str) -> dict[str, str]:
     fields = {
         "origin": comment_lines(origin),
         "title": comment_lines(f"{model.title}, {policy.filter.text()}"),
-        "sensors": enumerators(units_of(model, policy.filter.sensors), "FILTER_"),
+        "sensors": enumerators(units_of(in_gusts(model), policy.filter.sensors), "FILTER_"),
         "inputs": enumerators(units_of(model, model.inputs), "FILTER_"),
         "dt": repr(policy.dt),
         "memory": memory_size(policy.filter),
@@ -196,9 +197,8 @@ def filter_sample(policy: FilteredPolicy) -> ca.Function:
     kalman, point = policy.filter, policy.point
     memory = ca.SX.sym("memory", memory_size(kalman))
     y = ca.SX.sym("y", len(kalman.sensors))
-    trim = np.array([getattr(point.states, name) for name in kalman.sensors])
     t = ca.SX(0.0)  # an exported law does not depend on time
-    u, later, _ = sample_of(policy, t, memory, y - trim)
+    u, later, _ = sample_of(policy, t, memory, y - ca.DM(kalman.at_trim))
     return ca.Function("sample", [memory, y], [ca.densify(point.u + u), later], {"cse": True})
 
 

@@ -14,7 +14,9 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.scenario import ActuatorBank, Scenario
+from hfa_flight.air.sensors import measured
 from hfa_flight.export.c_text import filter_sample
 from hfa_flight.policies.estimate import known_start, memory_size, memory_slices
 from hfa_flight.policies.filtered_policy import FilteredPolicy
@@ -111,10 +113,10 @@ class Steering(NamedTuple):
 
 def filtered_steering(model: Model, policy: FilteredPolicy) -> Steering:
     """Return the steering by a policy behind a filter, with the noise of its sensors as inputs."""
-    sensors = policy.filter.sensors
+    sensors = policy.sensors
     U = ca.SX.sym("U", len(model.inputs))  # commands of the last sample
     held = GivenInputs("held", U - ca.DM(policy.point.u))
-    arguments = [Channel(f"noise_{name}", model.unit(name)) for name in sensors]
+    arguments = [Channel(f"noise_{name}", in_gusts(model).unit(name)) for name in sensors]
     v = ca.vertcat(ca.SX.sym("noise", len(sensors)), U)
     return Steering(held, arguments, v, filtered=policy)
 
@@ -126,14 +128,18 @@ def _sampled(policy: FilteredPolicy, y: ca.SX, w: ca.SX, v: ca.SX) -> Sampled:
     w: symbols of the winds
     v: symbols of the noise of the sensors, then of the held commands
     """
-    kalman = policy.filter
-    sensors = kalman.sensors
-    measured = y[policy.point.model.state_places(sensors)] + v[: len(sensors)]
-    # An FMU begins with a memory of zeros, in place of that of known states.
-    memory = ca.SX.sym("memory", memory_size(kalman))
-    is_zero = memory[memory_slices(kalman).begun] == 0
-    before = ca.if_else(is_zero, ca.DM(known_start(kalman)), memory)
-    results = filter_sample(policy).call([before, measured])
+    kalman, model, count = policy.filter, policy.point.model, len(policy.sensors)
+    x = y[: len(model.states)] - ca.DM(policy.point.x)
+    u = v[count:] - ca.DM(policy.point.u)
+    winds = dict(zip(model.disturbances, ca.vertsplit(w), strict=True))
+    without_errors = measured(policy.point, policy.sensors, x, u, model.p, winds)
+    values = without_errors + ca.DM(kalman.at_trim) + v[:count]
+    # An FMU begins with a memory of zeros, in place of that of its states, which are known.
+    memory, places = ca.SX.sym("memory", memory_size(kalman)), memory_slices(kalman)
+    start = ca.SX(ca.DM(known_start(kalman)))
+    start[: len(kalman.states)] = x[model.state_places(kalman.states)]
+    before = ca.if_else(memory[places.begun] == 0, start, memory)
+    results = filter_sample(policy).call([before, values])
     function = ca.Function("sample", [y, ca.vertcat(w, v), memory], results)
     return Sampled(function, policy.dt, tuple(policy.point.u.tolist()))
 

@@ -40,8 +40,8 @@ class Estimate(NamedTuple):
 
     x: deviations from the trim, (n,)
     missed: number of samples in a row with impossible values, (1,)
-    begun: 0 before the first values, 1 after the first sample if the estimate began at its values,
-        else 2, (1,)
+    begun: 0 before the first values, 1 after the first sample if the filter was switched on at its
+        values, else 2, (1,)
     share: share of the policy's command that acts, (1,): an estimate that begins in flight fades
         commands in. Before the first values it is 0 in flight, and 1 if the states are known.
     last: last finite value of each sensor, (p,)
@@ -86,22 +86,26 @@ def memory_size(kalman: KalmanFilter) -> int:
     return int(memory_slices(kalman).P_of_gain.stop)
 
 
-def known_start(kalman: KalmanFilter) -> np.ndarray:
+def known_start(kalman: KalmanFilter, x: np.ndarray | None = None) -> np.ndarray:
     """Return the memory before a flight from known states, in which commands act at once.
 
     The memory of a filter that is switched on in flight is zero.
+
+    x: deviations of all states from the trim, (n,), or None for 0
     """
-    memory = np.zeros(memory_size(kalman))
-    memory[memory_slices(kalman).share] = 1.0
+    memory, places = np.zeros(memory_size(kalman)), memory_slices(kalman)
+    memory[places.share] = 1.0
+    if x is not None:
+        memory[places.x][: len(kalman.states)] = x[kalman.point.model.state_places(kalman.states)]
     return memory
 
 
 def estimate_in(kalman: KalmanFilter, memory: ca.SX) -> Estimate:
     """Return the estimate in a memory. Before the first sample both covariances are the filter's
-    stationary P.
+    stationary P, with unknown biases.
     """
     parts = Estimate(*(memory[part] for part in memory_slices(kalman)))
-    at_begin = _triangle(ca.SX(ca.DM(kalman.P)))
+    at_begin = _triangle(ca.SX(ca.DM(kalman.P_at_begin)))
     P, P_of_gain = (
         _symmetric(ca.if_else(parts.begun, triangle, at_begin), len(kalman.Phi))
         for triangle in (parts.P, parts.P_of_gain)
@@ -117,15 +121,15 @@ def updated(
     A missing or impossible value is left out. A value is missing if it is not finite, or if it
     equals the last one to the bit: it is frozen. The estimate begins anew at the values
     - of the first sample with values, if the filter is switched on in flight;
-    - of the first sample from known states, if a value is impossible;
-    - of the sample after one of these two, if a value is impossible;
+    - of the sample after it, if a value is impossible;
     - of the last of RESTARTS_AFTER samples in a row with impossible values, if most are impossible.
     From known states commands act at once; after any other begin they are faded in.
 
     fade: time in which commands are faded in, s
     """
-    gate = _gate(kalman, before, y)
-    x, P, P_of_gain = _corrected_by_values(kalman, before, y, gate.is_used)
+    values = _values(kalman, before.x, y)
+    gate = _gate(before, values)
+    x, P, P_of_gain = _corrected_by_values(before, values, gate.is_used)
     impossible, given = sum(gate.is_impossible, ca.SX(0)), sum(gate.is_given, ca.SX(0))
 
     # Samples in a row with impossible values. One without any value does not change the number.
@@ -133,19 +137,18 @@ def updated(
     is_wrong = ca.logic_and(missed >= RESTARTS_AFTER, 2 * impossible > given)
 
     # Does the estimate begin at these values, or wait for the first ones?
-    is_first, is_settled = before.begun == 0, before.begun == 2
-    is_switched_on = ca.logic_and(is_first, before.share == 0)  # in flight, without a value yet
+    # in flight, without a value yet
+    is_switched_on = ca.logic_and(before.begun == 0, before.share == 0)
     begins = ca.logic_or(
         ca.logic_and(is_switched_on, given > 0),
-        ca.logic_and(impossible > 0, ca.logic_or(ca.logic_not(is_settled), is_wrong)),
+        ca.logic_and(impossible > 0, ca.logic_or(before.begun == 1, is_wrong)),
     )
     waits = ca.logic_and(is_switched_on, ca.logic_not(begins))
-    begun = ca.if_else(waits, 0, ca.if_else(ca.logic_and(is_first, begins), 1, 2))
+    begun = ca.if_else(waits, 0, ca.if_else(ca.logic_and(is_switched_on, begins), 1, 2))
     x_at_values, P_at_values = _at_values(kalman, before, y, gate.is_given)
 
-    # Share of the command: at a begin that of the memory (0 in flight, 1 of known states), but 0
-    # if the estimate begins anew later.
-    share_at_begin = ca.if_else(is_settled, 0.0, before.share) if fade else 1.0
+    # Share of the command: 0 at a begin, but that of the memory in the sample after one.
+    share_at_begin = ca.if_else(before.begun == 2, 0.0, before.share) if fade else 1.0
     share_later = ca.fmin(before.share + kalman.dt / fade, 1.0) if fade else 1.0
 
     estimate = Estimate(
@@ -168,29 +171,45 @@ class _Gate(NamedTuple):
     is_impossible: list[ca.SX]
 
 
-def _gate(kalman: KalmanFilter, before: Estimate, y: ca.SX) -> _Gate:
-    """Return which of the measured deviations y, (p,), are used."""
+class _Value(NamedTuple):
+    """A measured value, the one expected at the prediction, its slopes (1, n) and its variance."""
+
+    y: ca.SX
+    expected: ca.SX
+    slopes: ca.SX
+    variance: float
+
+
+def _values(kalman: KalmanFilter, x: ca.SX, y: ca.SX) -> list[_Value]:
+    """Return the measured deviations y, (p,), with what is expected at predicted states x."""
+    at = ca.SX.sym("at", x.numel())
+    sensed = kalman.sensed(at)
+    slopes = ca.densify(ca.jacobian(sensed, at))
+    expected, slopes = ca.substitute([sensed, slopes], [at], [x])
+    variances = np.diag(kalman.R).tolist()
+    return [
+        _Value(y[place], expected[place], slopes[place, :], variance)
+        for place, variance in enumerate(variances)
+    ]
+
+
+def _gate(before: Estimate, values: list[_Value]) -> _Gate:
+    """Return which of the measured values are used."""
     gate = _Gate(is_given=[], is_used=[], is_impossible=[])
-    for place, (row, variance) in enumerate(_rows_and_variances(kalman)):
-        deviation = ca.sqrt(before.P[row, row] + variance)
-        innovation = ca.fabs(y[place] - before.x[row])
-        is_new = ca.logic_or(before.begun == 0, y[place] != before.last[place])  # not frozen
+    for place, value in enumerate(values):
+        variance = ca.mtimes([value.slopes, before.P, value.slopes.T]) + value.variance
+        innovation = ca.fabs(value.y - value.expected)
+        is_new = ca.logic_or(before.begun == 0, value.y != before.last[place])  # not frozen
         is_given = ca.logic_and(is_new, innovation <= _LARGEST_FINITE)  # false for NaN
-        is_used = ca.logic_and(is_given, innovation <= IMPOSSIBLE * deviation)
+        is_used = ca.logic_and(is_given, innovation <= IMPOSSIBLE * ca.sqrt(variance))
         gate.is_given.append(is_given)
         gate.is_used.append(is_used)
         gate.is_impossible.append(ca.logic_and(is_given, ca.logic_not(is_used)))
     return gate
 
 
-def _rows_and_variances(kalman: KalmanFilter) -> list[tuple[int, float]]:
-    """Return the row of the state that each sensor measures, and the variance of its noise."""
-    rows = [kalman.states.index(name) for name in kalman.sensors]
-    return list(zip(rows, np.diag(kalman.R).tolist(), strict=True))
-
-
 def _corrected_by_values(
-    kalman: KalmanFilter, before: Estimate, y: ca.SX, is_used: list[ca.SX]
+    before: Estimate, values: list[_Value], is_used: list[ca.SX]
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Return x, P and P_of_gain after the measured values that are used, one after the other.
 
@@ -199,24 +218,21 @@ def _corrected_by_values(
     x, P, P_of_gain = before.x, before.P, before.P_of_gain
     is_blind = sum(is_used, ca.SX(0)) == 0
     correction = _correction(x.numel())
-    for place, (row, variance) in enumerate(_rows_and_variances(kalman)):
-        used = is_used[place]
-        gain = P_of_gain[:, row] / (P_of_gain[row, row] + variance)
-        x = x + gain * ca.if_else(used, y[place] - x[row], 0.0)
-        P = _corrected(correction, P, row, variance, used * gain)
-        P_of_gain = _corrected(
-            correction, P_of_gain, row, variance, ca.logic_or(used, is_blind) * gain
-        )
+    for value, used in zip(values, is_used, strict=True):
+        with_value = ca.mtimes(P_of_gain, value.slopes.T)
+        gain = with_value / (ca.mtimes(value.slopes, with_value) + value.variance)
+        expected = value.expected + ca.mtimes(value.slopes, x - before.x)
+        x = x + gain * ca.if_else(used, value.y - expected, 0.0)
+        P = _corrected(correction, P, value, used * gain)
+        P_of_gain = _corrected(correction, P_of_gain, value, ca.logic_or(used, is_blind) * gain)
     return x, P, P_of_gain
 
 
-def _corrected(correction: ca.Function, P: ca.SX, row: int, variance: float, gain: ca.SX) -> ca.SX:
-    """Return the covariance after the correction by a value of the state `row`, with any gain.
-
-    variance: that of the value's noise
-    """
-    given = ca.vertcat(_triangle(P), P[:, row], P[row, row] + variance, gain)
-    return _symmetric(correction(given), P.shape[0])
+def _corrected(correction: ca.Function, P: ca.SX, value: _Value, gain: ca.SX) -> ca.SX:
+    """Return the covariance after the correction by a value, with any gain."""
+    with_value = ca.mtimes(P, value.slopes.T)
+    variance = ca.mtimes(value.slopes, with_value) + value.variance
+    return _symmetric(correction(ca.vertcat(_triangle(P), with_value, variance, gain)), P.shape[0])
 
 
 def _correction(n: int) -> ca.Function:
@@ -236,30 +252,45 @@ def _correction(n: int) -> ca.Function:
 def _at_values(
     kalman: KalmanFilter, before: Estimate, y: ca.SX, is_given: list[ca.SX]
 ) -> tuple[ca.SX, ca.SX]:
-    """Return x and P of an estimate that begins at the values that are given. Other states keep
-    their estimates.
+    """Return x and P of an estimate that begins in flight at the values that are given.
 
-    In flight the air is the most likely one in which the flow angles are those of the trim: with
-    slopes at other flow angles, the next values would give wrong winds.
+    A state has the value of its sensor, if that has no bias. The others are corrected from their
+    estimates, by values of which they are a part, as if their errors were of nominal size.
+
+    The air is the most likely one in which the flow angles are those of the trim: with slopes at
+    other flow angles, the next values would give wrong winds.
     """
-    k = len(kalman.states)
+    k, states = len(kalman.states), kalman.point.model.states
     air, flow = slice(k, None), kalman.sight[:, k:]
     # The most likely air of flow angles a in stationary turbulence: cov(air, a) cov(a, a)⁻¹ a.
     of_flow = kalman.climate @ flow.T @ np.linalg.pinv(flow @ kalman.climate @ flow.T)
-    # In flight: the estimate begins anew (2), or the filter is switched on (no command acts yet).
-    in_flight = ca.logic_or(before.begun == 2, before.share == 0)
     x, P = ca.SX(before.x), ca.SX(before.P)
-    # Air that is not correlated with the states, and states whose errors are those of the sensors.
-    P[:, air] = ca.if_else(in_flight, 0.0, P[:, air])
-    P[air, :] = P[:, air].T
-    P[air, air] = ca.if_else(in_flight, kalman.climate, before.P[air, air])
-    for place, (row, variance) in enumerate(_rows_and_variances(kalman)):
-        given = is_given[place]
+    P[:, air] = 0.0
+    P[air, :] = 0.0
+    P[air, air] = ca.DM(kalman.climate)
+    indirect = []  # places of values that are not those of a state
+    for place, (name, sensor) in enumerate(kalman.sensors.items()):
+        if name not in kalman.states or sensor.bias:
+            indirect.append(place)
+            continue
+        row, given = kalman.states.index(name), is_given[place]
         x[row] = ca.if_else(given, y[place], x[row])
         P[row, :] = ca.if_else(given, 0.0, P[row, :])
         P[:, row] = P[row, :].T
-        P[row, row] = ca.if_else(given, variance, P[row, row])
-    x[air] = ca.if_else(in_flight, -ca.mtimes(ca.DM(of_flow), x[:k]), 0.0)
+        P[row, row] = ca.if_else(given, sensor.noise**2, P[row, row])
+    x[air] = -ca.mtimes(ca.DM(of_flow), x[:k])
+    if not indirect:
+        return x, P
+    for row, name in enumerate(kalman.states):
+        is_direct = name in kalman.sensors and not kalman.sensors[name].bias
+        if not is_direct and kalman.C[indirect, row].any():
+            P[row, :] = 0.0
+            P[:, row] = 0.0
+            P[row, row] = states[name].nominal ** 2
+    wide, values = before._replace(x=x, P=P, P_of_gain=P), _values(kalman, x, y)
+    x, P, _ = _corrected_by_values(
+        wide, [values[place] for place in indirect], [is_given[place] for place in indirect]
+    )
     return x, P
 
 

@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from hfa_flight.air.scenario import Scenario
+from hfa_flight.air.sensors import Sensor
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.given import policy_and_scenario
@@ -38,7 +39,7 @@ class Filter(KalmanFilter):
 
 def filter(  # the field's word, although a builtin has it
     linear: LinearModel,
-    noise: Mapping[str, float],
+    noise: Mapping[str, float | Sensor],
     turbulence: Turbulence | str | None = None,
     dt: float = 0.01,
     *,
@@ -49,11 +50,13 @@ def filter(  # the field's word, although a builtin has it
 
       x⁺ = Φ x + Γ u + w,  y = C x + n,  P = Φ (P - P C'(C P C' + R)⁻¹ C P) Φ' + Q
 
-    x contains the states of the Dryden or von Karman filters of the turbulence.
+    x contains the states of the Dryden or von Karman filters of the turbulence, and the biases of
+    the sensors that have one, random walks of an hour.
 
     linear: linear model at the trim
-    noise: measured state -> standard deviation of its noise in a sample, in its unit, white from
-      sample to sample. A linear state without noise has no sensor
+    noise: what is measured, a linear state or an output of the model (airspeed, angle_of_attack and
+      sideslip of every aircraft in gusts) -> standard deviation of its noise in a sample, in its
+      unit, or `Sensor`. A linear state without noise has no sensor
     turbulence: turbulence as in `hfa fly`, such as "moderate:40000", or None for still air
     dt: sample time, s
     drift: linear state -> standard deviation of its unmodeled drift in one second. Default: .1

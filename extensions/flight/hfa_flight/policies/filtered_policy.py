@@ -108,12 +108,14 @@ class _Functions(NamedTuple):
         acts)
     propagated: (memory, predicted x, its slopes Φ) -> memory of the next sample
     seen: states of the filter -> linear states that a policy sees
+    sensed: states of the filter -> measured values
     deviations: memory -> standard deviations of the errors of the linear states
     """
 
     updated: BoundFunction
     propagated: BoundFunction
     seen: BoundFunction
+    sensed: BoundFunction
     deviations: BoundFunction
 
 
@@ -206,11 +208,12 @@ class FilteredPolicy(SampledPolicy):
         """
         self.reset()
         memory = self._memory
-        memory.estimate = known_start(self.filter)
+        memory.estimate = known_start(self.filter, deviations_of(self.point, X))
         memory.law = self._prepared_law()
         if isinstance(self.law, SampledPolicy):
-            rows = self.point.model.state_places(self.filter.sensors)
-            expected = self._estimated(memory, deviations_of(self.point, X)[rows])
+            x = memory.estimate[: len(self.filter.Phi)]
+            (expected_values,) = self._functions.sensed.at(x)
+            expected = self._estimated(memory, expected_values)
             self.law.begin(self.point.x + expected.x, expected.following)
 
     def _prepared_law(self) -> _Law:
@@ -237,7 +240,7 @@ class FilteredPolicy(SampledPolicy):
         y: measured values, (p,) in the order of `filter.sensors`, or by name. A value that is not
           finite or equals the last one is missing, as is one without its name
         """
-        sensors = self.filter.sensors
+        sensors = tuple(self.filter.sensors)
         if isinstance(y, Mapping):
             for name in y:
                 refuse_unknown("the unknown sensor", name, sensors)
@@ -248,8 +251,8 @@ class FilteredPolicy(SampledPolicy):
                 f"the policy received {measured.size} measured values; give {len(sensors)} "
                 f"({', '.join(sensors)})"
             )
-        trim = np.array([getattr(self.point.states, name) for name in sensors])
-        return np.asarray(self.point.u + self._command(self._memory, measured - trim))
+        deviations = measured - self.filter.at_trim
+        return np.asarray(self.point.u + self._command(self._memory, deviations))
 
     @property
     def estimate(self) -> dict[str, float]:
@@ -261,6 +264,13 @@ class FilteredPolicy(SampledPolicy):
         }
 
     @property
+    def biases(self) -> dict[str, float]:
+        """Sensor -> predicted bias at the next sample, of the sensors that have one."""
+        count, biased = len(self.filter.Phi), self.filter.biased
+        values = self._memory.estimate[count - len(biased) : count].tolist()
+        return dict(zip(biased, values, strict=True))
+
+    @property
     def unused(self) -> int:
         """Number of samples of the last flight of which a value was not used."""
         return self._memory.unused
@@ -269,11 +279,15 @@ class FilteredPolicy(SampledPolicy):
         """Return the function (tick, measured) -> inputs as deviations from trim, (m,)."""
         self._begin_flight(initial)
         memory = self._memory
-        memory.estimate = known_start(self.filter)
         if memory.law is None:  # `begin` was not called
+            memory.estimate = known_start(self.filter)
             memory.law = self._prepared_law()
-        rows = self.point.model.state_places(self.filter.sensors)
-        return self._held_between_samples(lambda _, measured: self._command(memory, measured[rows]))
+        return self._held_between_samples(lambda _, measured: self._command(memory, measured))
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """What the policy measures in a flight."""
+        return tuple(self.filter.sensors)
 
     def _command(self, memory: _Memory, y: np.ndarray) -> np.ndarray:
         """Return the command of a sample, as deviations from trim, (m,), and advance the memory.
@@ -400,6 +414,7 @@ class FilteredPolicy(SampledPolicy):
             updated=_bound("updated", [memory, y], results),
             propagated=_bound("propagated", [memory, x, Phi], [predicted.packed()]),
             seen=_bound("seen", [x], [kalman.seen(x)]),
+            sensed=_bound("sensed", [x], [kalman.sensed(x)]),
             deviations=_bound("deviations", [memory], [ca.sqrt(ca.diag(estimate.P)[:k])]),
         )
 

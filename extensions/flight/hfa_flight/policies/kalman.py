@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,6 +13,14 @@ import numpy as np
 
 from hfa_flight.air.gust_equations import in_gusts, seen_in_air
 from hfa_flight.air.gusts import state_of
+from hfa_flight.air.sensors import (
+    Sensor,
+    measurable,
+    measured,
+    measured_at_trim,
+    refuse_unmeasurable,
+    sensors_of,
+)
 from hfa_flight.air.turbulence import (
     AirFilter,
     Turbulence,
@@ -27,7 +36,7 @@ from hfa_support.errors import (
     refuse_unless_positive,
 )
 from hfa_support.matrices import spectral_radius
-from hfa_support.reporting.results import Result
+from hfa_support.reporting.results import Result, without_empty
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_of
 from trim.linear.nonsmooth import linearization_at
@@ -64,11 +73,12 @@ class _Plant(NamedTuple):
 class KalmanFilter(Result):
     """Stationary filter x⁺ = Φ x̂ + Γ u, x̂ = x + L (y - C x) of the deviations from a trim.
 
-    x are the n states: the k linear states and those of the turbulence filter.
+    x are the n states: the k linear states, those of the turbulence filter, and the biases of the
+    sensors that have one. C has the slopes at the trim of what is measured, h(x).
 
     point: the trim.
     dt: sample time, s.
-    noise: measured state -> standard deviation of its noise in a sample.
+    sensors: what is measured, a linear state or an output -> errors of its sensor.
     drift: linear state -> standard deviation of its unmodeled drift in one second.
     turbulence: turbulence that the filter assumes, or None for still air.
     A, B: model in continuous time, x' = A x + B u, (n, n), (n, m).
@@ -88,7 +98,7 @@ class KalmanFilter(Result):
 
     point: OperatingPoint
     dt: float
-    noise: Mapping[str, float]
+    sensors: Mapping[str, Sensor]
     drift: Mapping[str, float]
     turbulence: Turbulence | None
     A: np.ndarray
@@ -110,7 +120,7 @@ class KalmanFilter(Result):
     def of(
         cls,
         linear: LinearModel,
-        noise: Mapping[str, float],
+        noise: Mapping[str, float | Sensor],
         turbulence: Turbulence | str | None,
         dt: float,
         drift: Mapping[str, float],
@@ -125,16 +135,19 @@ class KalmanFilter(Result):
         if not noise:
             raise BadInputError("noise names no sensor; give the noise of at least one state")
         refuse_unless_positive("dt", dt, " s")
-        for about, given in (("noise", noise), ("drift", drift)):
-            for name, value in given.items():
-                refuse_unknown(f"{about} names the unknown state", name, linear.states)
-                refuse_unless_positive(f"the {about} of {name}", value)
+        sensors = sensors_of(noise)
+        refuse_unmeasurable(point.model, sensors)
+        for name, value in drift.items():
+            refuse_unknown("drift names the unknown state", name, linear.states)
+            refuse_unless_positive(f"the drift of {name}", value)
+        for name, sensor in sensors.items():
+            refuse_unless_positive(f"the noise of {name}", sensor.noise)
         if isinstance(turbulence, str):
             turbulence = turbulence_of(turbulence)
-        sensors = {name: float(noise[name]) for name in linear.states if name in noise}
-        drifts = {**_default_drifts(point, sensors), **drift}
-        plant = _plant(linear, sensors, drifts, turbulence, dt)
-        return cls._solved(plant, point, dt, sensors, drifts, turbulence)
+        in_order = {name: sensors[name] for name in measurable(point.model) if name in sensors}
+        drifts = {**_default_drifts(point, in_order), **drift}
+        plant = _plant(linear, in_order, drifts, turbulence, dt)
+        return cls._solved(plant, point, dt, in_order, drifts, turbulence)
 
     @classmethod
     def _solved(
@@ -142,7 +155,7 @@ class KalmanFilter(Result):
         plant: _Plant,
         point: OperatingPoint,
         dt: float,
-        noise: Mapping[str, float],
+        sensors: Mapping[str, Sensor],
         drift: Mapping[str, float],
         turbulence: Turbulence | None,
     ) -> Self:
@@ -150,16 +163,16 @@ class KalmanFilter(Result):
 
         It is computed in units of the states, `plant.scale`, and of the noise, `sigma`.
         """
-        sigma = np.array(list(noise.values()))
+        sigma = np.array([sensor.noise for sensor in sensors.values()])
         units = np.outer(plant.scale, plant.scale)
         A = plant.A * plant.scale / plant.scale[:, None]
         C = plant.C * plant.scale / sigma[:, None]
-        unobservable = _unobservable(plant, A, C, tuple(drift), tuple(noise))
+        unobservable = _unobservable(plant, A, C, tuple(drift), tuple(sensors))
 
         # Covariance that drift and turbulence add in a sample.
         Phi_in_units, of_drift = noise_of_sample(A, np.diag((plant.drift / plant.scale) ** 2), dt)
         of_air = np.zeros_like(A)
-        if turbulence is not None:  # only the states of the air, which follow the linear states
+        if len(A) > len(drift):  # only the states of air and biases, after the linear states
             block = (slice(len(drift), None),) * 2
             _, of_air[block] = noise_of_sample(A[block], (plant.noise / units)[block], dt)
         Q = of_air + of_drift
@@ -170,7 +183,7 @@ class KalmanFilter(Result):
         return cls(
             point=point,
             dt=dt,
-            noise=noise,
+            sensors=sensors,
             drift=drift,
             turbulence=turbulence,
             A=plant.A,
@@ -190,9 +203,26 @@ class KalmanFilter(Result):
         )
 
     @property
-    def sensors(self) -> tuple[str, ...]:
-        """Names of the measured states, in the order of y."""
-        return tuple(self.noise)
+    def biased(self) -> dict[str, float]:
+        """Sensor -> size of its bias, of the biases that are the last states."""
+        return {name: sensor.bias for name, sensor in self.sensors.items() if sensor.bias}
+
+    def sensed(self, x: ca.SX) -> ca.SX:
+        """Return the measured values at the states of the filter, (p,), as deviations from trim."""
+        return _sensed(self.point, self.states, self.sensors, self.winds, self.winds_at(x), x)
+
+    @cached_property
+    def at_trim(self) -> np.ndarray:
+        """Measured values at the trim, (p,)."""
+        return measured_at_trim(self.point, tuple(self.sensors))
+
+    @cached_property
+    def P_at_begin(self) -> np.ndarray:
+        """Covariance at the first sample: that of the stationary filter, but of unknown biases."""
+        P, first = self.P.copy(), len(self.P) - len(self.biased)
+        P[first:] = P[:, first:] = 0.0
+        P[first:, first:] = np.diag(np.square([*self.biased.values()]))
+        return P
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -226,7 +256,8 @@ class KalmanFilter(Result):
 
     def seen(self, x: ca.SX) -> ca.SX:
         """Return the deviations of the linear states, (k,), that a policy sees at the states x of
-        the filter, (n,): flow angles relative to the air, and the speed along the path of the trim.
+        the filter, (n,): flow angles relative to the air, and the speed along the path of the trim,
+        relative to the air too where no sensor measures the speed over the ground.
         """
         if not self.winds:
             return x[: len(self.states)]
@@ -234,7 +265,10 @@ class KalmanFilter(Result):
         deviations = dict(zip(self.states, ca.vertsplit(x[: len(self.states)]), strict=True))
         over_ground = {name: trim[name] + deviations.get(name, 0.0) for name in trim}
         winds = dict(zip(self.winds, ca.vertsplit(self.winds_at(x)), strict=True))
-        in_air = seen_in_air(self.point.model, over_ground, trim, winds)
+        ground = {state_of(self.point.model, "speed"), "ground_speed"} & set(self.sensors)
+        in_air = seen_in_air(
+            self.point.model, over_ground, trim, winds, is_over_ground=bool(ground)
+        )
         deviations |= {name: in_air[name] - trim[name] for name in in_air if name in deviations}
         return ca.vertcat(*deviations.values())
 
@@ -289,7 +323,8 @@ class KalmanFilter(Result):
         """Return the entries of the file, name -> value."""
         return {
             "dt": self.dt,
-            "noise": dict(self.noise),
+            "noise": {name: sensor.noise for name, sensor in self.sensors.items()},
+            **without_empty(bias=self.biased),
             "drift": dict(self.drift),
             "turbulence": None if self.turbulence is None else self.turbulence.text,
             "L": self.L,
@@ -301,10 +336,12 @@ class KalmanFilter(Result):
 
     def text(self) -> str:
         """Return one line on the filter: its sensors, its air and its certificate."""
-        missing = [name for name in self.states if name not in self.noise]
+        missing = [name for name in self.states if name not in self.sensors]
+        outputs = [name for name in self.sensors if name not in self.states]
         without = f", without a sensor of {', '.join(missing)}" if missing else ""
+        beside = f", with sensors of {', '.join(outputs)}" if outputs else ""
         air = "still air" if self.turbulence is None else level_text(self.turbulence)
-        default = _default_drifts(self.point, self.noise)
+        default = _default_drifts(self.point, self.sensors)
         given = [
             f"{self.drift[name]:g} {self.point.model.states[name].unit} of {name}"
             for name in self.states
@@ -312,20 +349,65 @@ class KalmanFilter(Result):
         ]
         exceptions = f", but {', '.join(given)}" if given else ""
         return (
-            f"Kalman filter for {air}, one sample every {1e3 * self.dt:g} ms{without}: spectral "
-            f"radius {self.radius:.5f}, Riccati residual {self.residual:.1e}, drift {DRIFT:g} of "
-            f"the noise a second{exceptions}"
+            f"Kalman filter for {air}, one sample every {1e3 * self.dt:g} ms{without}{beside}: "
+            f"spectral radius {near_one(self.radius)}, Riccati residual {self.residual:.1e}, drift "
+            f"{DRIFT:g} of the noise a second{exceptions}"
         )
 
 
-def _default_drifts(point: OperatingPoint, noise: Mapping[str, float]) -> dict[str, float]:
-    """Return linear state -> standard deviation of its drift in one second, unless it is given."""
-    model = point.model
+def near_one(radius: float) -> str:
+    """Return a spectral radius with as many digits as tell it from 1."""
+    digits = max(5, 1 - math.floor(math.log10(abs(radius - 1.0) or 1.0)))
+    return f"{radius:.{digits}f}" if digits < 17 else f"{radius!r}"
+
+
+def _sizes(point: OperatingPoint, sensors: Mapping[str, Sensor]) -> dict[str, float]:
+    """Return linear state -> noise of its sensor, or without one a part of its nominal value."""
+    states = point.model.states
     return {
-        # Without a sensor, the noise is taken as a fraction of the nominal value.
-        name: DRIFT * noise.get(name, _NOISE_WITHOUT_SENSOR * model.states[name].nominal)
-        for name in model.linear
+        name: sensors[name].noise
+        if name in sensors
+        else _NOISE_WITHOUT_SENSOR * states[name].nominal
+        for name in point.model.linear
     }
+
+
+def _default_drifts(point: OperatingPoint, sensors: Mapping[str, Sensor]) -> dict[str, float]:
+    """Return linear state -> standard deviation of its drift in one second, unless it is given."""
+    return {name: DRIFT * size for name, size in _sizes(point, sensors).items()}
+
+
+def _sensed(
+    point: OperatingPoint,
+    states: tuple[str, ...],
+    sensors: Mapping[str, Sensor],
+    names_of_winds: tuple[str, ...],
+    winds: ca.SX,
+    x: ca.SX,
+) -> ca.SX:
+    """Return the measured values, (p,), at states x of a filter, as deviations from the trim.
+
+    winds: (w,), at x
+    """
+    model, names = point.model, tuple(sensors)
+    X = ca.SX.zeros(len(point.x))
+    X[model.state_places(states)] = x[: len(states)]
+    # Symbols, on which no measured value may depend: the filter does not know what acts.
+    U = ca.SX.sym("U", len(model.inputs))
+    by_name = dict(zip(names_of_winds, ca.vertsplit(winds), strict=True))
+    values = ca.vertsplit(measured(point, names, X, U, model.p, by_name))
+    for name, value in zip(names, values, strict=True):
+        if ca.depends_on(value, U):
+            raise BadInputError(
+                f"the sensor of {name} depends on the inputs; add --servo, whose positions are "
+                "states"
+            )
+    biased = [name for name in names if sensors[name].bias]
+    states_of_biases = ca.vertsplit(x)[x.numel() - len(biased) :]
+    biases = dict(zip(biased, states_of_biases, strict=True))
+    return ca.vertcat(
+        *(value + biases.get(name, 0.0) for name, value in zip(names, values, strict=True))
+    )
 
 
 class _Loop(NamedTuple):
@@ -431,33 +513,50 @@ def _air(point: OperatingPoint, turbulence: Turbulence | None, dt: float) -> _Ai
     return _Air(full.A[block], full.noise[block], full.covariance[block], air.names, W, E)
 
 
+#: Time constant of a bias, s.
+_BIAS_TIME = 3600.0
+
+
+def _with_biases(air: _Air, sizes: np.ndarray) -> _Air:
+    """Return the air with a first-order process for each bias of a sensor, which no wind has."""
+    from scipy.linalg import block_diag
+
+    count, variances = len(sizes), np.diag(sizes**2)
+    return air._replace(
+        A=block_diag(air.A, -np.eye(count) / _BIAS_TIME),
+        noise=block_diag(air.noise, variances * 2.0 / _BIAS_TIME),
+        covariance=block_diag(air.covariance, variances),
+        W=np.hstack([air.W, np.zeros((len(air.W), count))]),
+        E=np.hstack([air.E, np.zeros((len(air.E), count))]),
+    )
+
+
 def _plant(
     linear: LinearModel,
-    noise: Mapping[str, float],
+    sensors: Mapping[str, Sensor],
     drift: Mapping[str, float],
     turbulence: Turbulence | None,
     dt: float,
 ) -> _Plant:
     """Return aircraft and air in continuous time: the linear states above those of the air."""
-    states = linear.point.model.states
-    air = _air(linear.point, turbulence, dt)
+    point = linear.point
+    biases = np.array([sensor.bias for sensor in sensors.values() if sensor.bias])
+    air = _with_biases(_air(point, turbulence, dt), biases)
     (k, m), of_air = linear.B.shape, len(air.A)
     n = k + of_air
     noise_of_both = np.zeros((n, n))
     noise_of_both[k:, k:] = air.noise
-    C = np.zeros((len(noise), n))
-    C[np.arange(len(noise)), [linear.states.index(name) for name in noise]] = 1.0
-    # Units of the linear states: the noise of their sensors, or without one a part of the nominal.
-    units = [
-        noise.get(name, _NOISE_WITHOUT_SENSOR * states[name].nominal) for name in linear.states
-    ]
+    x = ca.SX.sym("x", n)
+    winds = ca.mtimes(ca.DM(air.W), x[k:])
+    y = _sensed(point, tuple(linear.states), sensors, air.winds, winds, x)
+    slopes = ca.Function("slopes", [x], [ca.densify(ca.jacobian(y, x))])
     return _Plant(
         A=np.block([[linear.A, air.E], [np.zeros((of_air, k)), air.A]]),
         B=np.vstack([linear.B, np.zeros((of_air, m))]),
-        C=C,
+        C=slopes(0.0).full(),
         noise=noise_of_both,
         drift=np.append([*drift.values()], np.zeros(of_air)),
-        scale=np.append(units, np.sqrt(np.diag(air.covariance))),
+        scale=np.append([*_sizes(point, sensors).values()], np.sqrt(np.diag(air.covariance))),
         winds=air.winds,
         W=air.W,
     )

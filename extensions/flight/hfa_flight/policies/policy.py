@@ -88,9 +88,14 @@ class Policy(Reported):
         """Return the function (tick, measured) -> held inputs (h,) of a sampled policy, or None.
 
         initial: deviations of the states from the trim at which a flight begins, (n,), if known
-        measured: (n,), deviations of the states from the trim, with noise
+        measured: deviations from the trim of what `sensors` measure, with their errors
         """
         return None
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """What the policy measures in a flight, states and outputs; () for all states, (n,)."""
+        return ()
 
     @property
     def gain(self) -> np.ndarray | None:

@@ -144,7 +144,9 @@ def _air_text(scenario: Scenario) -> str:
     words = "" if scenario.gust is None else " in a gust"
     if turbulence is not None:
         words = f" in {level_text(turbulence)}"
-    return words + (" with noise" if any(scenario.uncertainty.noise.values()) else "")
+    return words + (
+        " with noise" if any(sensor.noise for sensor in scenario.uncertainty.noise.values()) else ""
+    )
 
 
 def _rms_figures(

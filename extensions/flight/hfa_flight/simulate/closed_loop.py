@@ -20,6 +20,7 @@ from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.gusts import ALPHA, ANGLE_OF_ATTACK, has_angle_of_attack
 from hfa_flight.air.held_step import slices_of
 from hfa_flight.air.scenario import Scenario
+from hfa_flight.air.sensors import measured
 from hfa_flight.policies.policy import SAME_TIME, Measurements, Policy
 from hfa_support.errors import BadInputError
 from trim.linear.nonsmooth import linearization_at
@@ -51,6 +52,13 @@ class Plant:
         parameters: those of an uncertain plant, else (0,)
         """
         raise NotImplementedError
+
+    def measured(
+        self, names: tuple[str, ...], x: ca.SX, u: ca.SX, winds: Winds, parameters: ca.SX
+    ) -> ca.SX:
+        """Return what sensors measure without errors, (p,); the arguments are those of `at`."""
+        p = parameters if self.uncertain else getattr(self, "model", self.point.model).p
+        return measured(self.point, names, x, u, p, winds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +148,7 @@ class LoopSignals(NamedTuple):
     limited: (n,), deviations that the envelope limits (`Plant.at`)
     winds: disturbance of the model that the scenario sets -> its value
     command: (m,), command of the policy
-    measured: (n,), states of the plant with sensor noise
+    measured: deviations of what the policy measures, with the errors of the sensors
     """
 
     rate: ca.SX
@@ -172,7 +180,7 @@ class HeldParts(NamedTuple):
 
     parameters: parameters of the plant that differ between flights
     policy: inputs that the policy holds, such as a gain
-    noise: (k,), noise of the measured states
+    noise: (k,), errors of the sensors `Scenario.sensed`
     gust: held inputs of the gust (`Gust.held_inputs`)
     begin: (1,), time from which these inputs are held, s, if commands step during the flight
     delay: (2 + 2 m,), times between which the delayed commands are interpolated, and the commands
@@ -222,10 +230,21 @@ class FlightLoop:
         signals = {name: getattr(self.scenario, name) for name in ("reference", "disturbance")}
         sizes = {name: signal.size for name, signal in signals.items() if signal is not None}
         if self.scenario.samples is not None:
-            sizes["noise"] = np.shape(self.scenario.samples)[1]
+            sizes["noise"] = np.shape(self.scenario.samples)[1] - len(self._sensed) + k
         for name, size in sizes.items():
             if size != k:
                 raise BadInputError(f"the {name} has {size} channels; give {k}, one for each state")
+        if not self.policy.sensors and (
+            self.scenario.samples is not None and np.isnan(self.scenario.samples).any()
+        ):
+            raise BadInputError(
+                "a sensor has a value only in some samples, which requires a filter; add --filter"
+            )
+
+    @property
+    def _sensed(self) -> tuple[str, ...]:
+        """What the sensors of the scenario measure, whose errors are `scenario.samples`."""
+        return self.scenario.sensed or self.plant.point.model.linear
 
     @cached_property
     def state_sizes(self) -> StateParts:
@@ -244,7 +263,7 @@ class FlightLoop:
         return HeldParts(
             parameters=len(model.parameters) if self.plant.uncertain else 0,
             policy=self.policy.held.shape[1],
-            noise=0 if scenario.samples is None else len(model.linear),
+            noise=0 if scenario.samples is None else len(self._sensed),
             gust=0 if scenario.gust is None else scenario.gust.held_inputs(0).size,
             begin=1 if self.breaks.size else 0,
             # Two times, and the commands of all inputs at both.
@@ -268,11 +287,11 @@ class FlightLoop:
             winds[name] = winds.get(name, 0.0) + waveform.at(t)
         reference = self._reference(t, inputs)
 
-        # The states with sensor noise, and the command that follows from them.
+        # The states with the errors of their sensors, and the command that follows from them.
         states = state.plant[rows]
-        sensed = states + inputs.noise if inputs.noise.numel() else states
-        measured = ca.SX(state.plant)
-        measured[rows] = sensed
+        noise = ca.vertsplit(inputs.noise) if inputs.noise.numel() else ()
+        errors = dict(zip(self._sensed, noise, strict=False))
+        sensed = states + _by_name(errors, plant.point.model.linear)
         measurements = Measurements(sensed - reference, sensed)
         command = self.policy.control(t, measurements, inputs.policy)
 
@@ -286,6 +305,10 @@ class FlightLoop:
             actuators_rate = scenario.actuators.rates(state.actuators, reachable)
 
         plant_rate, limited = plant.at(state.plant, u, winds, inputs.parameters)
+        values = state.plant + _by_name(errors, tuple(plant.point.model.states))
+        if names := self.policy.sensors:
+            values = plant.measured(names, state.plant, u, winds, inputs.parameters)
+            values += _by_name(errors, names)
         if scenario.disturbance is not None:
             plant_rate[rows] += scenario.disturbance.at(t)
         error = states - reference
@@ -298,7 +321,7 @@ class FlightLoop:
             limited=limited,
             winds=winds,
             command=command,
-            measured=measured,
+            measured=values,
         )
 
     def growing_modes(self) -> np.ndarray:
@@ -384,6 +407,11 @@ class FlightLoop:
         held = np.zeros(sum(self.held_sizes))
         self.hold(0, HeldParts(*(held[part] for part in slices_of(self.held_sizes))))
         return held
+
+
+def _by_name(values: Mapping[str, ca.SX], names: tuple[str, ...]) -> ca.SX:
+    """Return the values of some names, (k,), 0 for those without one."""
+    return ca.vertcat(*(values.get(name, 0.0) for name in names))
 
 
 def _delayed_command(t: ca.SX, delay: ca.SX) -> ca.SX:

@@ -285,7 +285,7 @@ class CompiledLoop:
 
     @cached_property
     def measured(self) -> BoundFunction:
-        """The function (t, y, held) -> states of the plant with sensor noise, (n,)."""
+        """The function (t, y, held) -> what the policy measures, with errors."""
         return BoundFunction(self._function("measured", self._now.measured))
 
     @cached_property

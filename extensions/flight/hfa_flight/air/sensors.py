@@ -1,0 +1,97 @@
+"""Sensors: what they measure of an aircraft in its air, and their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from hfa_aircraft.model import Model
+from hfa_flight.air.gust_equations import in_gusts
+from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
+from trim.point.operating_point import OperatingPoint
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """Errors of a sensor, in the unit of what it measures.
+
+    noise: standard deviation of a value, white from sample to sample
+    bias: size of a bias. A flight has it with a random sign; a filter estimates it, and takes the
+        size as its standard deviation at the beginning
+    every: time between values, s, a whole number of samples; 0 for a value in each sample
+
+    Raises BadInputError for a negative number.
+
+    >>> import hfa
+    >>> hfa.Sensor(0.3, bias=2.0).every
+    0.0
+    """
+
+    noise: float
+    bias: float = 0.0
+    every: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Raise BadInputError for a negative number."""
+        for name, value in vars(self).items():
+            if not (is_finite(value) and value >= 0.0):
+                raise BadInputError(f"the {name} is {shown(value)}; give a number of at least 0")
+
+
+def measurable(model: Model) -> tuple[str, ...]:
+    """Return what sensors may measure: linear states, and outputs of the model in moving air."""
+    return (*model.linear, *(name for name in in_gusts(model).outputs if name not in model.linear))
+
+
+def sensors_of(given: Mapping[str, Any]) -> dict[str, Sensor]:
+    """Return the sensors, by what they measure, of standard deviations of noise or `Sensor`."""
+    sensors = {}
+    for name, value in given.items():
+        try:
+            sensors[name] = value if isinstance(value, Sensor) else Sensor(value)
+        except BadInputError as error:
+            raise BadInputError(f"the sensor of {name}: {error}") from None
+    return sensors
+
+
+def refuse_unmeasurable(model: Model, sensors: Mapping[str, Sensor]) -> None:
+    """Raise BadInputError for a sensor of neither a linear state nor an output."""
+    for name in sensors:
+        refuse_unknown("unknown sensor of", name, measurable(model))
+
+
+def measured(
+    point: OperatingPoint,
+    names: tuple[str, ...],
+    x: ca.SX,
+    u: ca.SX,
+    p: Any,
+    winds: Mapping[str, Any],
+) -> ca.SX:
+    """Return what sensors measure without errors, (p,), as deviations from the trim in still air.
+
+    x, u: deviations of all states and of the inputs from the trim
+    p: parameters of the model
+    winds: disturbance of `in_gusts(model)` -> value
+    """
+    model, places = point.model, point.model.state_places
+    outputs = tuple(name for name in names if name not in model.states)
+    values = {name: x[places((name,))] for name in names if name not in outputs}
+    if outputs:
+        moving = in_gusts(model)
+        w = [winds.get(name, 0.0) for name in moving.disturbances]
+        at = ca.DM(point.x) + x, ca.DM(point.u) + u, p
+        _, in_air = moving.layout.expressions(at, outputs, w or None)
+        _, at_trim = moving.layout.expressions((point.x, point.u, model.p), outputs)
+        values |= zip(outputs, ca.vertsplit(in_air - at_trim), strict=True)
+    return ca.vertcat(*(values[name] for name in names))
+
+
+def measured_at_trim(point: OperatingPoint, names: tuple[str, ...]) -> np.ndarray:
+    """Return what sensors measure at a trim in still air, without errors, (p,)."""
+    _, y = in_gusts(point.model).layout.expressions((point.x, point.u, point.model.p), names)
+    return np.asarray(ca.DM(y)).ravel()
