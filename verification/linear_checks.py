@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,6 +12,7 @@ from controller.critic.critic import Critic
 from controller.riccati.balls import ball_matrix
 from controller.riccati.gare import Solution
 from controller.riccati.suboptimality import Suboptimality, suboptimality_of, without_bound
+from hfa_support.cached import cached_property
 from hfa_support.matrices import spectral_abscissa, spectral_radius
 from hfa_support.reporting.parts import Part
 from hfa_support.reporting.report import Check, at_least

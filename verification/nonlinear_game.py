@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import casadi as ca
@@ -14,6 +13,7 @@ from controller.critic.critic import Critic
 from controller.expansion.expansion import HIGHEST, LOWEST, Expansion, expand
 from controller.expansion.series import directions, homogeneous, least_squares, name_of
 from controller.riccati.gare import Solution
+from hfa_support.cached import cached_property
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.parts import Part

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from itertools import combinations_with_replacement
 
 import numpy as np
 
 from controller.game.zero_sum import Game
+from hfa_support.cached import cached_property
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 from hfa_support.reporting.report import Reported

@@ -6,13 +6,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hfa_aircraft.signals import UNNAMED, PlantNames, StatesAndInputs
 from hfa_support.arguments import ArrayLike
+from hfa_support.cached import cached_property
 from hfa_support.errors import (
     BadInputError,
     is_finite,

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import copyreg
 import math
+import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -36,6 +37,16 @@ ROUNDOFF = 2.0**-53
 TINY = 2.0**-250
 
 _LOCK = threading.RLock()
+
+
+def _new_lock() -> None:
+    """Replace the lock in a forked process, which has none of the threads that may hold it."""
+    global _LOCK
+    _LOCK = threading.RLock()
+
+
+if hasattr(os, "register_at_fork"):  # not on Windows
+    os.register_at_fork(after_in_child=_new_lock)
 
 
 @contextmanager

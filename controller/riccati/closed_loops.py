@@ -10,7 +10,6 @@ import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -40,6 +39,7 @@ from controller.riccati.lyapunov import (
     stabilizes,
 )
 from controller.riccati.rationals import disturbance_costs_nothing
+from hfa_support.cached import cached_property
 from hfa_support.matrices import spectral_abscissa, spectral_radius
 from trim.linear.margins import ClosedLoop, DiskMargin, disk_of, loop_of, spread
 

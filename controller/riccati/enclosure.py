@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -46,6 +46,7 @@ from controller.riccati.refusal import (
     why_at_boundary,
     why_no_value,
 )
+from hfa_support.cached import cached_property
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.results import Result
 

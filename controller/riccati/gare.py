@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
@@ -26,6 +25,7 @@ from controller.riccati.lyapunov import loop_with, stabilizes
 from controller.riccati.smallest_delta import DeltaMin, minimum_delta
 from hfa_aircraft.signals import PlantNames
 from hfa_support.arguments import ArrayLike
+from hfa_support.cached import cached_property
 from hfa_support.errors import BadInputError, NoSolutionError, numbers_in
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Roots, without_empty

@@ -1,13 +1,18 @@
 """Bounds by balls hold for all matrices in the balls, and balls are stored."""
 
 import copy
+import multiprocessing
 import pickle
+import threading
+import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from flint import arb, arb_mat, fmpq
 
 from controller.riccati.balls import (
+    BITS,
     ball_matrix,
     is_positive_definite,
     make_balls_picklable,
@@ -16,6 +21,7 @@ from controller.riccati.balls import (
     radii,
     symmetric,
 )
+from hfa import Game, solve
 
 make_balls_picklable()
 
@@ -92,3 +98,44 @@ def test_balls_that_are_not_finite_can_be_pickled():
     assert restored[1] < -1e300
     assert [ball.is_finite() for ball in restored] == [False] * 4
     assert [repr(ball.mid()) for ball in restored] == [repr(ball.mid()) for ball in balls]
+
+
+GAME = Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0])
+
+
+def test_a_thread_reads_what_another_one_computes():
+    """Within a `precision`, a thread reads the P that another one computes, which waits for the
+    precision: neither waits for ever.
+    """
+    enclosure = replace(solve(GAME).enclosure)  # P is computed anew
+    other = threading.Thread(target=lambda: enclosure.P, daemon=True)
+
+    def read():
+        with precision(BITS):
+            other.start()
+            time.sleep(0.1)  # until the other thread waits
+            return enclosure.P
+
+    reader = threading.Thread(target=read, daemon=True)
+    reader.start()
+    reader.join(timeout=10.0)
+    assert not reader.is_alive()
+
+
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
+def test_a_forked_process_does_not_wait_for_a_thread_of_its_parent():
+    """A process that is forked while another thread computes with balls solves a game."""
+    begun, ended = threading.Event(), threading.Event()
+
+    def compute():
+        with precision(BITS):
+            begun.set()
+            ended.wait()
+
+    threading.Thread(target=compute, daemon=True).start()
+    assert begun.wait(timeout=10.0)
+    process = multiprocessing.get_context("fork").Process(target=solve, args=(GAME,), daemon=True)
+    process.start()
+    process.join(timeout=20.0)
+    ended.set()
+    assert process.exitcode == 0

@@ -1,0 +1,25 @@
+"""Properties that are computed when they are first read."""
+
+from __future__ import annotations
+
+import functools
+from typing import TYPE_CHECKING, Any, TypeVar
+
+T = TypeVar("T")
+
+
+class cached_property(functools.cached_property[T]):
+    """`functools.cached_property` without the lock of Python 3.11, one for all instances.
+
+    Under that lock, a thread would wait for the precision of balls, and one that has this precision
+    for the lock; a process that is forked meanwhile would find it locked for ever. Two threads may
+    compute a property twice.
+    """
+
+    if not TYPE_CHECKING:
+
+        def __get__(self, instance: Any, owner: type | None = None) -> Any:
+            if instance is None:
+                return self
+            value = vars(instance)[self.attrname] = self.func(instance)
+            return value
