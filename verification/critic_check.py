@@ -273,10 +273,9 @@ def _reason(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> s
 
     is_right = is_gain_right(critic.K, exact, limit)
     mistake_in_K = "" if is_right else reason_for(exact, critic, limit)
-    if finding is None:
+    if finding is None or finding.bent > limit:  # the finding explains no errors of u
         return mistake_in_K
-    others = mistake_in_K or f"otherwise the policy is off by {finding.other_error:.2g}"
-    return f"{finding.says}; {others}"
+    return f"{finding.says}; {mistake_in_K}" if mistake_in_K else ""
 
 
 def _polynomial_section(critic: Critic) -> Section:

@@ -9,6 +9,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -125,7 +127,7 @@ def reason_for(exact: Solution, critic: Critic, limit: float) -> str:
     sizes = _sizes_of_states(exact)
     values = Compared.of("P", critic.P, exact, np.outer(sizes, sizes), limit)
     mistakes = itertools.chain(
-        _of_value(game, values), _of_weights(critic), _of_other_games(exact, values)
+        _of_weights(critic), _of_value(game, values), _of_other_games(exact, values)
     )
     return values.first(mistakes) or _gain_against_implied(exact, critic, critic.P, limit)
 
@@ -133,15 +135,16 @@ def reason_for(exact: Solution, critic: Critic, limit: float) -> str:
 def _reason_for_gain(exact: Solution, K: np.ndarray, limit: float) -> str:
     """Return a sentence that names the mistake in a wrong K, or ""."""
     gains = _gains(exact, K, limit)
-    return gains.first(itertools.chain(_of_gain(exact.game, gains), _of_other_games(exact, gains)))
+    return gains.first(itertools.chain(_of_gain(exact, gains), _of_other_games(exact, gains)))
 
 
 def _reason_for_policy(exact: Solution, critic: Critic, P: np.ndarray, limit: float) -> str:
     """Return a sentence on the wrong policy of a critic with a right P, or ""."""
     if critic.slope_gain is not None and critic.is_quadratic:  # K is R⁻¹B'P of this P
+        error = max(measure_of("K", exact).errors(critic.K))
         return (
             "P is right within the limit; the K that follows from it is off by"
-            f" {relative_error(critic.K, exact.K):.2g}: it needs more digits of P"
+            f" {error:.2g}: it needs more digits of P"
         )
     return (
         _beyond_quadratic(critic)
@@ -245,9 +248,13 @@ def _of_value(game: Game, values: Compared) -> Iterator[Mistake]:
         says = "every entry of P is 1/dt times the exact one: the cost of a step is that of dt s"
         yield Mistake(says, float(game.dt) * P)
     yield from _factors("value", "V is z'Pz, without a factor 1/2", values)
-    halves = np.where(np.eye(len(P), dtype=bool), 1.0, 0.5)
-    says = "the entries of P off the diagonal are twice too large: they must be W / 2"
-    yield Mistake(says, halves * P)
+    for too_large, factor in {
+        "2 times too large: they must be W / 2": 2.0,
+        "√2 times too large: they must be W / √2 of weights of √2 z_i z_j (svec)": math.sqrt(2.0),
+        "√2 times too small: they must be W / √2 of weights of √2 z_i z_j (svec)": math.sqrt(0.5),
+    }.items():
+        says = f"the entries of P off the diagonal are {too_large}"
+        yield Mistake(says, np.where(np.eye(len(P), dtype=bool), P, P / factor))
     order = _order_of_states(P, exact)
     places = np.argsort(order)
     yield Mistake(_order_text("state", order), P[np.ix_(places, places)])
@@ -288,13 +295,11 @@ def _factors_of_states(values: Compared) -> np.ndarray:
         return signs * np.sqrt(np.abs(np.diag(values.given) / np.diag(values.exact)))
 
 
-def _of_gain(game: Game, gains: Compared) -> Iterator[Mistake]:
-    """Yield the mistakes of K: factors, shape, R⁻¹, order, units."""
-    K, exact = gains.given, gains.exact
-    if not game.is_discrete:
-        without_R = "(B'P + N')" if game.N.any() else "B'P"
-        says = f"R⁻¹ is missing: this is {without_R}, and K is R⁻¹{without_R}"
-        yield Mistake(says, np.linalg.solve(game.R, K))
+def _of_gain(solution: Solution, gains: Compared) -> Iterator[Mistake]:
+    """Yield the mistakes of K: formula, factors, shape, order, units."""
+    game, K, exact = solution.game, gains.given, gains.exact
+    for says, wrong in _wrong_formulas(game, solution.P).items():
+        yield Mistake(f"{says} in the formula of K", exact + (K - wrong))
     yield from _factors("gain", "the policy is u = -K z", gains)
     yield from _unmoved(game, gains)
     if K.shape[0] == K.shape[1]:
@@ -308,6 +313,22 @@ def _of_gain(game: Game, gains: Compared) -> Iterator[Mistake]:
             yield Mistake(first + says, undone.T)
     yield from _one_entry(gains)
     yield from _multiples(game, gains)
+
+
+def _wrong_formulas(game: Game, P: np.ndarray) -> dict[str, np.ndarray]:
+    """Return gains by wrong formulas of the value z'P z: what is wrong -> the gain."""
+    one = np.eye(len(P))
+    wrong = {"P is missing": game.gain(one)}
+    right = game.B.T @ P @ (game.discount * game.A if game.is_discrete else one) + game.N.T
+    if not game.is_discrete:
+        return {"R⁻¹ is missing": right} | wrong
+    wrong["A is missing"] = replace(game, A=one).gain(P)
+    if game.discount != 1.0:
+        wrong["the discount is missing"] = replace(game, discount=1.0).gain(P)
+    with suppress(np.linalg.LinAlgError):
+        in_place = "R⁻¹ is in place of (R + B'PB)⁻¹"
+        wrong[in_place] = np.linalg.solve(game.R, right)
+    return wrong
 
 
 def _unmoved(game: Game, gains: Compared) -> Iterator[Mistake]:
@@ -339,11 +360,8 @@ def _multiples(game: Game, gains: Compared) -> Iterator[Mistake]:
             factors = np.sum(in_sizes * exact_in_sizes, axis) / np.sum(exact_in_sizes**2, axis)
             undone = K / np.expand_dims(factors, axis)
         # A single number is a multiple of any other: its row or column shows nothing.
-        if not (
-            np.isfinite(undone).all()
-            and factors.all()
-            and np.all(np.count_nonzero(exact, axis) > 1)
-        ):
+        are_shown = (np.count_nonzero(np.abs(exact_in_sizes) > SMALL, axis) > 1).all()
+        if not (np.isfinite(undone).all() and factors.all() and are_shown):
             continue
         listed = ", ".join(
             f"{name} {factor:.4g}" for name, factor in zip(names, factors, strict=True)
@@ -461,6 +479,7 @@ def _of_weights(critic: Critic) -> Iterator[Mistake]:
     factors = {
         "": np.ones(len(weights)),
         "lack the factor 2 of products z_i z_j": np.where(row == column, 1.0, 2.0),
+        "are those of products √2 z_i z_j (svec)": np.where(row == column, 1.0, math.sqrt(2.0)),
     }
     costs = {"": 1.0, "are of half the cost": 2.0}
     for order, factor, cost in itertools.product(orders, factors, costs):

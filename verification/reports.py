@@ -445,8 +445,9 @@ def verdicts_figure(verdicts: Mapping[str, Verdict]) -> Figure:
         ),
     }
     shown = {label: values for label, values in curves.items() if not np.all(np.isnan(values))}
-    for (label, values), style in zip(shown.items(), ("-", "--", "-.", ":"), strict=False):
-        axes.semilogy(positions, np.maximum(values, _ROUNDED), style, label=label)
+    # Marks alone: between two critics there is none.
+    for (label, values), mark in zip(shown.items(), "os^x", strict=False):
+        axes.semilogy(positions, np.maximum(values, _ROUNDED), mark, label=label)
     if any(np.nanmin(values, initial=np.inf) < _ROUNDED for values in shown.values()):
         axes.set_ylim(bottom=_ROUNDED)
         axes.text(0.0, 0.0, " rounding", transform=axes.transAxes, va="bottom", fontsize=7)

@@ -70,7 +70,9 @@ OF_P = [
     (lambda P: -P, "the value has the wrong sign"),
     (lambda P: P / 2, "the value is half the exact one"),
     (lambda P: 1000.0 * P, "every entry of P is 1000 times the exact one"),
-    (lambda P: P * (2.0 - np.eye(3)), "are twice too large"),
+    (lambda P: P * (2.0 - np.eye(3)), "are 2 times too large"),
+    (lambda P: P * np.where(np.eye(3) == 1.0, 1.0, 2.0**0.5), "√2 times too large"),
+    (lambda P: P * np.where(np.eye(3) == 1.0, 1.0, 0.5**0.5), "√2 times too small"),
     (lambda P: P[ORDER][:, ORDER], "the states are in the order 1, 3, 2"),
     (lambda P: P * np.outer(ANGLES, ANGLES), "states 2 and 3 are in degrees"),
     (lambda P: P * np.outer(FLIPPED, FLIPPED), "state 3 has the wrong sign"),
@@ -82,6 +84,10 @@ OF_W = [
     (
         lambda P: P[ROW, COLUMN] / 2,
         "lack the factor 2 of products z_i z_j and are of half the cost",
+    ),
+    (
+        lambda P: P[ROW, COLUMN] * np.where(ROW == COLUMN, 1.0, 2.0**0.5),
+        "those of products √2 z_i z_j (svec)",
     ),
     (lambda P: P.T[np.tril_indices(3)], "stored column by column and lack the factor 2"),
     (lambda P: weights_of(P)[np.argsort(ROW != COLUMN, kind="stable")], "with the squares first"),
@@ -341,6 +347,10 @@ def function(game, name, output):
         # the one output of a network on a plant with one input is read as u
         (function(ONE_INPUT, "f", lambda z, u, V: V), "if it is V: --network V=NAME"),
         (
+            function(TWO_INPUTS, "f", lambda z, u, V: 0.01 - u),
+            "not 0: a bias; the gain has the wrong sign",
+        ),
+        (
             function(ONE_INPUT, "V", lambda z, u, V: ca.sum1(ca.tanh(z))),
             "V of the network has no curvature at the trim",
         ),
@@ -351,6 +361,38 @@ def test_what_is_wrong_with_a_policy_or_a_value_is_named(case, says):
     game, critic = case
     assert "nonsmooth point" not in critic.origin
     assert says in verify(game, critic, flights=1).reason
+
+
+@pytest.mark.parametrize(
+    ("formula", "words"),
+    [
+        (lambda A, B, P, R, c: c * np.linalg.solve(R + c * B.T @ P @ B, B.T @ P), "A is missing"),
+        (lambda A, B, P, R, c: c * np.linalg.solve(R + c * B.T @ B, B.T @ A), "P is missing"),
+        (
+            lambda A, B, P, R, c: np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A),
+            "the discount is missing",
+        ),
+        (lambda A, B, P, R, c: c * np.linalg.solve(R, B.T @ P @ A), "R⁻¹ is in place of"),
+    ],
+)
+def test_a_wrong_formula_of_a_gain_in_steps_is_named(formula, words):
+    """A gain by a wrong formula of A, B, the exact P, R and the discount c has its reason."""
+    game = replace(SQUARE.sampled(0.1, 0.95), delta=np.inf)
+    K = formula(game.A, game.B, value(game), game.R, game.discount)
+    assert words in verify(game, from_gain(game, K)).reason
+
+
+def test_no_mistake_is_named_that_leaves_errors():
+    """Rows of one number are multiples of any other; a random network has a bias among its errors; the
+    error of a K that follows from P is that of the check that fails.
+    """
+    channels = Game(np.diag([1.0, -2.0]), np.eye(2), Q=np.eye(2), R=np.eye(2))
+    assert verify(channels, from_gain(channels, gain(channels) * [0.2, 3.0])).reason == ""
+    weights = np.random.default_rng(3).normal(size=(4, 3))
+    _, network = function(
+        TWO_INPUTS, "V", lambda z, u, V: ca.sum1(ca.tanh(ca.DM(weights) @ z + ca.DM([1, 2, 3, 4])))
+    )
+    assert verify(TWO_INPUTS, network, flights=1).reason == ""
 
 
 def test_a_nonsmooth_point_at_the_trim_is_the_first_finding():

@@ -45,10 +45,12 @@ class Finding(NamedTuple):
     says: sentence
     other_error: largest error of u without the finding, relative to the largest exact input in the
         box
+    bent: likewise, the largest difference from -K z with the K of the policy
     """
 
     says: str
     other_error: float = 0.0
+    bent: float = 0.0
 
 
 def finding_of_policy(
@@ -68,13 +70,13 @@ def finding_of_policy(
     bias = critic.u(np.zeros(len(box)))
     sizes = np.maximum(np.abs(exact.K) @ box, np.finfo(float).tiny)  # of the largest exact u
     # The exact u is -K z. The bias is a finding of its own, and subtracted.
-    errors = np.abs(u - bias + states @ exact.K.T) / sizes
+    errors, bends = (np.abs(u - bias + states @ K.T) / sizes for K in (exact.K, critic.K))
     if np.all(u == u[0]):
         return Finding("the policy never moves an input: u is the same in the whole box")
-    other_error = 0.0
+    other_error = bent = 0.0
     clips, unmoved = [], []  # sentences on clipped inputs, names of constant ones
-    for name, unit, values, error in zip(
-        exact.names.inputs, exact.names.input_units, u.T, errors.T, strict=True
+    for name, unit, values, error, bend in zip(
+        exact.names.inputs, exact.names.input_units, u.T, errors.T, bends.T, strict=True
     ):
         inside = values[::2]  # at the states that are no corners
         if inside.min() == inside.max():
@@ -83,6 +85,7 @@ def finding_of_policy(
         levels = _clip_levels(inside)
         is_clipped = np.isin(values, levels)
         other_error = max(other_error, float(error[~is_clipped].max(initial=0.0)))
+        bent = max(bent, float(bend[~is_clipped].max(initial=0.0)))
         if levels:
             at = " and ".join(f"{level:.4g}" for level in levels) + _unit_text(unit)
             share = percent(100.0 * float(is_clipped[::2].mean()))
@@ -95,9 +98,9 @@ def finding_of_policy(
     if not facts:
         return _squashed(critic, exact, box, limit)
     says = "; ".join(facts)
-    return Finding(
-        f"{says}; otherwise the policy is exact" if other_error <= limit else says, other_error
-    )
+    if other_error <= limit:
+        says = f"{says}; otherwise the policy is exact"
+    return Finding(says, other_error, bent)
 
 
 def _clip_levels(values: np.ndarray) -> list[float]:
