@@ -7,7 +7,6 @@ from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from controller.game.zero_sum import Game
 from controller.riccati.balls import midpoints, precision
@@ -319,7 +318,9 @@ class Search:
         """Return A, G, Q, W and C of `StepEquation` at w = 1/δ², with a disturbance of weight 1."""
         A, B, Q, R, N = self.matrices
         E = math.sqrt(w) * self.E
-        return A, np.hstack([B, E]), Q, block_diag(R, -np.eye(E.shape[1])), np.hstack([N, 0.0 * E])
+        coupling = 0.0 * B.T @ E
+        W = np.block([[R, coupling], [coupling.T, -np.eye(E.shape[1])]])
+        return A, np.hstack([B, E]), Q, W, np.hstack([N, 0.0 * E])
 
     def proved(self, w: float, frequency: float | None) -> Distances | str:
         """Return the distances at a w = 1/δ² that is proved to have a value, or why it has none.
