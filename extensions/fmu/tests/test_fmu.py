@@ -2,11 +2,9 @@
 
 import json
 import math
-import os
 import re
 import shutil
 import subprocess
-import sys
 import zipfile
 from functools import cache
 from pathlib import Path
@@ -20,7 +18,6 @@ from scipy.integrate import solve_ivp
 import hfa
 
 COMPILER = shutil.which("cc") or ""
-REFERENCE = os.environ.get("REFERENCE_FMUS")
 pytestmark = [
     pytest.mark.skipif(not COMPILER, reason="there is no C compiler"),
     pytest.mark.usefixtures("folder"),
@@ -170,17 +167,6 @@ def test_trim_and_linear_model_of_a_pendulum(has_derivatives, version):
     assert ("exact, by the FMU" in said) == has_derivatives != ("steps 2e-06" in said)
 
 
-def test_the_trim_of_least_effort_needs_no_second_derivatives():
-    """With torque and angle free, of all equilibria the one without torque is found.
-
-    An FMU has no second derivatives, by which such trims of equations are found.
-    """
-    model = hfa.load_model(fmu())
-    point = hfa.trim(model, free=["torque", "body_angle"], start={"body_angle": 0.5, "torque": 2.0})
-    assert point["torque"] == pytest.approx(0.0, abs=1e-6)
-    assert point["body_angle"] == pytest.approx(0.0, abs=1e-6)
-
-
 def test_names_that_become_alike_are_told_apart():
     """body.angle and body_angle have different names, and a note says which is which."""
     text = description().replace('name="rate"', 'name="body_angle"')
@@ -233,14 +219,6 @@ def test_an_exported_fmu_has_the_trim_and_model_of_its_aircraft():
     scale = np.abs(ours.A).max()
     np.testing.assert_allclose(theirs.A[np.ix_(rows, rows)], ours.A, rtol=1e-7, atol=1e-9 * scale)
     np.testing.assert_allclose(theirs.B[np.ix_(rows, columns)], ours.B, rtol=1e-6, atol=1e-7)
-
-
-def test_the_game_of_an_fmu_is_solved():
-    """`solve`, `verify` and `sweep`, which need numbers and no equations, accept an FMU."""
-    aircraft, cost = ("--aircraft", fmu()), ("--Q", "1,1", "--R", "1")
-    assert run("solve", *aircraft, *cost, "-o", "K.npz").code == 0
-    assert run("verify", *aircraft, *cost, "--weights", "K.npz").out.startswith("PASS")
-    assert run("sweep", *aircraft, "--hold", "length=1:3:1").code == 0
 
 
 @pytest.mark.slow
@@ -313,15 +291,6 @@ def test_a_failure_of_the_library_is_refused_in_one_line(fault, version, monkeyp
     given = ["--free", "torque", "--free", "rate_dot"] if "body_angle" in words else []
     result = run(*words.split(), *given, "--aircraft", fmu(fault, version))
     assert_refused(result, 2, said)
-
-
-def test_a_sweep_has_no_trim_where_the_library_fails():
-    """The library returns an error beyond 1 rad = 57 deg: of 50 and 60 deg, only 50 has a trim."""
-    given = ("--aircraft", fmu("error"), "--free", "torque", "--hold", "body_angle=50:60:10")
-    result = run("sweep", *given, "-o", "sweep.npz")
-    assert "returns error" in result.out
-    angles = np.isfinite(np.load("sweep.npz")["A"]).all(axis=(1, 2))
-    assert angles.tolist() == [True, False]
 
 
 @pytest.mark.parametrize(
@@ -486,25 +455,6 @@ def rates_of(model):
     return ca.Function("rates", symbols, [rates])
 
 
-def test_rates_beyond_an_event_have_the_damping_there():
-    """rate' = -(9.81 / 2) sin(angle) - damping rate, with doubled damping beyond an event at .5."""
-    model = hfa.load_model(fmu("event"))
-    rates = rates_of(model)
-    for angle, damping in ((0.3, 0.5), (0.6, 1.0), (0.3, 0.5)):
-        found = rates([angle, 1.0], 0.0, model.p).full()[1, 0]
-        assert found == pytest.approx(-9.81 / 2.0 * math.sin(angle) - damping, abs=1e-12)
-
-
-def test_values_do_not_depend_on_what_was_evaluated_before():
-    """The damping of the FMU is doubled beyond .5 and stays so down to .1, a hysteresis. The damping
-    at an angle of .3 is nevertheless the same after a trim at .6.
-    """
-    model = hfa.load_model(fmu("event memory"))
-    for angle, damping in ((0.3, 0.5), (0.6, 1.0), (0.3, 0.5)):
-        point = hfa.trim(model, hold={"body_angle": angle}, free=["torque"])
-        assert point.linearize().A["rate", "rate"] == pytest.approx(-damping, abs=1e-8)
-
-
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_derivative_that_is_not_listed_and_a_missing_unit_are_noted(version):
     """Notes name body.angle, which is no state because ModelStructure does not list its derivative, and
@@ -580,63 +530,6 @@ def test_the_fmu_that_casadi_exports_is_read():
     np.testing.assert_allclose(linear.B, [[0.0], [2.0]], atol=1e-12)
 
 
-OF_PYTHON = """
-import math
-from pythonfmu3 import Float64, Fmi3Causality as C, Fmi3Initial as I, Fmi3Slave
-from pythonfmu3 import Fmi3Variability as V, ModelExchange
-
-class Swing(Fmi3Slave, ModelExchange):
-    def __init__(self, **given):
-        super().__init__(**given)
-        self.time, self.angle, self.rate, self.torque, self.length = 0.0, 0.3, 0.0, 0.0, 2.0
-        self.der_angle = self.der_rate = 0.0
-        usual, exact = {"variability": V.continuous}, {"start": 0.0, "initial": I.exact}
-        for one in (
-            Float64("time", causality=C.independent, **usual),
-            Float64("angle", causality=C.output, **usual, **exact),
-            Float64("der_angle", causality=C.local, derivative=1, **usual),
-            Float64("rate", causality=C.output, **usual, **exact),
-            Float64("der_rate", causality=C.local, derivative=3, **usual),
-            Float64("torque", causality=C.input, start=0.0, **usual),
-            Float64("length", causality=C.parameter, variability=V.tunable, start=2.0),
-        ):
-            self.register_variable(one)
-
-    def get_continuous_state_derivatives(self):
-        self.der_angle = self.rate
-        pull = 9.81 / self.length * math.sin(self.angle)
-        self.der_rate = self.torque - pull - 0.5 * self.rate
-        return [self.der_angle, self.der_rate]
-"""
-
-
-def test_the_fmu_that_pythonfmu3_builds_is_read():
-    """A is that of a pendulum written in Python, which divides by its length and is therefore never
-    called at zeros.
-    """
-    pytest.importorskip("pythonfmu3", reason="pythonfmu3 is not installed")
-    Path("swing.py").write_text(OF_PYTHON)
-    words = [sys.executable, "-m", "pythonfmu3", "build", "-f", "swing.py"]
-    subprocess.run(words, check=True, timeout=120, capture_output=True)
-    trimmed = run("linearize", "--aircraft", "Swing.fmu", "--hold", "length=1", "--json")
-    A = json.loads(trimmed.out)["A"]
-    np.testing.assert_allclose(A, [[0.0, 1.0], [-9.81, -0.5]], atol=1e-8)
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("optimize --initial body_angle=5 --Q 1,1 --R 1", "the equations call a compiled function"),
-        ("export -o folder", "cannot be written as C"),
-        ("solve --Q 1,1 --R 1 --order 3", "has no power series"),
-    ],
-)
-def test_commands_that_need_equations_refuse_an_fmu(words, said):
-    """Best flights, exported code and power series of an FMU are refused in one line."""
-    assert_refused(run(*words.split(), "--aircraft", fmu(), "-q"), 2, said)
-    assert not Path("folder").exists()
-
-
 def test_a_data_file_executes_no_fmu():
     """A .toml file of parameters that names an FMU as its aircraft is refused, since the FMU's library
     would be executed.
@@ -650,29 +543,6 @@ def test_a_file_that_is_no_archive_is_refused():
     """A file named .fmu that is no zip archive is refused."""
     Path("text.fmu").write_text("no archive")
     assert_refused(run("trim", "--aircraft", "text.fmu"), 2, "not a readable zip file")
-
-
-@pytest.mark.skipif(REFERENCE is None, reason="REFERENCE_FMUS names no folder of reference FMUs")
-def test_reference_fmus_are_read_or_refused():
-    """VanDerPol and Dahlquist have the known A at the equilibrium; BouncingBall has no trim.
-
-    The folder REFERENCE_FMUS contains the FMUs of github.com/modelica/Reference-FMUs as NAME.fmu,
-    of FMI 2.0 or 3.0. No package of PyPI contains them.
-    """
-    for name, A in (("VanDerPol", [[0.0, 1.0], [-1.0, 1.0]]), ("Dahlquist", [[-1.0]])):
-        model = hfa.load_model(f"{REFERENCE}/{name}.fmu")
-        linear = hfa.linearize(model, hfa.trim(model))
-        assert linear.A.tolist() == pytest.approx(np.array(A), abs=1e-8)
-    assert_refused(run("trim", "--aircraft", f"{REFERENCE}/BouncingBall.fmu"), 1, "no trim")
-
-
-def test_a_sheet_without_limits_is_written():
-    """No variable of the pendulum has two limits, so the sheet has no picture."""
-    result = run("trim", "--aircraft", fmu(), "-o", "sheet.html")
-    assert (result.code, "<svg" in Path("sheet.html").read_text("utf-8")) == (0, False)
-    assert_refused(
-        run("trim", "--aircraft", fmu(), "--picture", "x.png"), 2, "no variable has both"
-    )
 
 
 @pytest.mark.slow
