@@ -11,7 +11,7 @@ import threading
 import time
 
 from hfa.exit_codes import BAD_INPUT, DONE, TERMINATED
-from hfa_support.version import identity
+from hfa_support.origin import code
 
 #: Time in which Python can end a run after a signal, s.
 _GRACE = 5.0
@@ -25,8 +25,9 @@ def main() -> int:
     if the package cannot be imported.
     """
     if sys.argv[1:2] == ["--version"]:  # before anything else is loaded
+        version = code()
         with contextlib.suppress(OSError):  # of a closed or full output, reported below
-            os.write(1, f"hfa {identity()}\n".encode())
+            os.write(1, f"hfa {version}\n".encode())
             return DONE
     if os.name == "posix":
         _watch()
@@ -43,9 +44,9 @@ def main() -> int:
             file=sys.stderr,
         )
         return BAD_INPUT
-    code = run()
+    exit_code = run()
     gc.freeze()  # Python then skips the final garbage collection
-    return code
+    return exit_code
 
 
 def _watch() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -44,6 +44,7 @@ from hfa_support.errors import (
     refuse_unknown,
     shown,
 )
+from hfa_support.origin import fingerprint, instructions
 from hfa_support.public_arguments import check_fields
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.text import with_unit
@@ -191,6 +192,25 @@ class Model(Reported):
         if self.source.reload is None:
             return super().__reduce__()
         return self.source.reduced({name: p.start for name, p in self.parameters.items()})
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Hash of all that decides results: signals, rates, outputs, and declarations.
+
+        Where the model has a file, its hash stands for what equations call and for functions of the
+        declarations.
+        """
+        in_file = {"domain", "trimming", "about"} if self.source.digest else set()
+        other = {"source", "equations"} | in_file
+        declared = {
+            each.name: getattr(self, each.name) for each in fields(self) if each.name not in other
+        }
+        vectors = self.layout.symbols(*VECTORS)
+        *given, w = vectors
+        results = map(ca.densify, self.layout.expressions(given, tuple(self.outputs), w))
+        called = ca.Function.name if in_file else None
+        graph = instructions(ca.Function("equations", vectors, [*results]), called)
+        return fingerprint((declared, graph, self.source.digest))
 
     # Names and units.
 

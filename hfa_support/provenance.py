@@ -10,9 +10,10 @@ from datetime import UTC, datetime
 from typing import Any
 
 from hfa_support.errors import BadInputError, shown
+from hfa_support.origin import code
 from hfa_support.reporting.results import Result
 from hfa_support.reporting.text import with_unit
-from hfa_support.version import VERSION, identity
+from hfa_support.version import VERSION
 
 #: Hexadecimal digits of a parameter hash.
 _HASH_DIGITS = 12
@@ -113,7 +114,7 @@ class Provenance(Result):
         """Return the entries of the file, name -> value."""
         entries = super()._entries()
         del entries["flight"]
-        return entries | {"version": identity()}
+        return entries | {"version": code()}
 
 
 def parameter_hash(values: Any) -> str:

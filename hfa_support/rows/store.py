@@ -21,9 +21,9 @@ import numpy as np
 
 from hfa_support.errors import BadInputError, missing_package, on_one_line, shown, warn
 from hfa_support.files import read_json, resolved
+from hfa_support.origin import toolchain
 from hfa_support.progress import Progress
 from hfa_support.rows.workers import open_workers
-from hfa_support.version import identity
 
 #: Attributes of a store that belong to the run that created it, not to the job.
 _ATTRIBUTES_OF_RUN = ("toolchain", "provenance")
@@ -235,7 +235,7 @@ def _template(job: RowJob, provenance: Mapping[str, Any] | None) -> dict[str, An
     from zarr.codecs import Crc32cCodec, ZstdCodec
     from zarr.storage import MemoryStore
 
-    template = job.template.assign_attrs(toolchain=identity())
+    template = job.template.assign_attrs(toolchain=toolchain())
     if provenance is not None:
         template = template.assign_attrs(provenance=dict(provenance))
     codecs = {"compressors": (ZstdCodec(), Crc32cCodec())}
@@ -276,9 +276,9 @@ def _refuse_another(path: Path, job: RowJob) -> None:
             f"{path} is the store of another {job.what}; give the options of that {job.what}, or "
             "another path"
         )
-    if begun != identity():
+    if begun != toolchain():
         raise BadInputError(
-            f"{path} was started by version {on_one_line(begun)}, but this is {identity()}; "
+            f"{path} was started by version {on_one_line(begun)}, but this is {toolchain()}; "
             "finish the store with the former version, or start a new store"
         )
     other = _differing_file(path, expected)

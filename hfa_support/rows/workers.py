@@ -22,7 +22,7 @@ from itertools import islice
 from typing import Any
 
 from hfa_support.errors import BadInputError, NoSolutionError, missing_package
-from hfa_support.version import identity
+from hfa_support.origin import toolchain
 
 #: Submitted tasks per worker of a cluster: one is computed while the next is sent.
 _TASKS_PER_THREAD = 2
@@ -74,7 +74,7 @@ def _run_in(
 
     in_flight: number of tasks that are submitted and not finished
     """
-    ours = identity()
+    ours = toolchain()
     waiting = iter(tasks)
     keys: dict[Future[Any], int] = {}
 
@@ -94,10 +94,10 @@ def _call_same_code(theirs: str, function: Callable[..., Any], *arguments: Any) 
     """Return what a function returns in this worker. Raises BadInputError if the worker has another
     version of the project than the process that submits tasks, `theirs`.
     """
-    if identity() != theirs:
+    if (ours := toolchain()) != theirs:
         raise BadInputError(
-            f"a worker has hfa {identity()}, but this process has {theirs}; install one of them on "
-            "both, and start the workers again"
+            f"a worker has hfa {ours}, but this process has {theirs}; install one of them on both, "
+            "and start the workers again"
         )
     return function(*arguments)
 
@@ -200,7 +200,7 @@ def _cluster(address: str) -> Iterator[Run]:
             except (AttributeError, ImportError) as error:  # our function is unknown there
                 raise BadInputError(
                     f"a worker of the Dask scheduler at {address} has another version of hfa "
-                    f"({error}); install {identity()} there, and start the workers again"
+                    f"({error}); install {toolchain()} there, and start the workers again"
                 ) from error
             except (KilledWorker, CancelledError, CommClosedError) as error:
                 raise NoSolutionError(

@@ -13,7 +13,7 @@ from cli import SCRIPT, hfa, hfa_process
 from project import FOLDERS, ROOT
 
 from hfa.main import BAD_INPUT, DONE, FAILED
-from hfa_support.version import PACKAGES, identity
+from hfa_support.origin import PACKAGES, code
 
 
 @pytest.mark.slow
@@ -172,4 +172,4 @@ code = main()
 print(code, *{"argparse", "hfa.main", "hfa_support.errors", "numpy", "typing"} & {*sys.modules})
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert done.stdout.splitlines() == [f"hfa {identity()}", "0"]
+    assert done.stdout.splitlines() == [f"hfa {code()}", "0"]

@@ -19,7 +19,7 @@ import scipy
 from json_places import leaves, replaced
 from sealed_certificate import sealed
 
-from hfa_support.version import identity
+from hfa_support.origin import toolchain
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "tests" / "nets"
@@ -133,7 +133,7 @@ def certificate_of(words, folder):
     name, *subject = words
     content = json.loads((FOLDER / "certificates" / name).read_text("utf-8"))
     check = ["prove", "--check", "changed.json", *subject]
-    content["toolchain"] = identity()
+    content["toolchain"] = toolchain()
     found = {"unchanged": _exit_of(content, check, folder)}
     for part in ("statement", "witness"):
         entries = list(leaves({part: content[part]}))

@@ -58,7 +58,7 @@ class SweepAttributes(StatesAndInputs, Result):
         return {
             **self.plan.entries(),
             "warnings": self.plan.warnings,
-            "plan": self.plan.text,
+            "plan": self.plan.fingerprint,
             "states": self.state_names,
             "state_units": self.state_units,
             "inputs": self.input_names,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
@@ -14,6 +13,7 @@ import numpy as np
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, numbers_in, shown
+from hfa_support.origin import Identified
 from hfa_support.reporting.results import without_empty
 from trim.point.condition import (
     TrimCondition,
@@ -150,7 +150,7 @@ class Task(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class SweepPlan:
+class SweepPlan(Identified):
     """Points of a sweep: the values of named variables of one model, in the units of the model.
 
     axes: variable -> its values, as a list or as `Steps`. The points are all combinations, in which
@@ -228,28 +228,6 @@ class SweepPlan:
                     f"{name} is {' to '.join(described)} in the sweep; give values between "
                     f"{limits.between(name)}"
                 )
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, SweepPlan) and self.text == other.text
-
-    @property
-    def text(self) -> str:
-        """Plan as JSON text. Plans with equal texts have the same points and results."""
-        axes = {}
-        for name, values in self.axes.items():
-            axes[name] = asdict(values) if isinstance(values, Steps) else list(values)
-        parameters = self.model.parameters.items()
-        deciding = {
-            "axes": axes,
-            "units": {name: signal.unit for name, signal in self.model.signals.items()},
-            "parameters": {name: signal.start for name, signal in parameters},
-            "dynamics": self.model.name,
-            "source": [self.model.source.text, self.model.source.digest],
-            "listed": self.listed,
-            "condition": self.condition.changes,
-            "start": None if self.start is None else self.start.to_dict(),
-        }
-        return json.dumps(deciding)
 
     @property
     def variables(self) -> tuple[str, ...]:

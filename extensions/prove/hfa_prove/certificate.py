@@ -17,8 +17,8 @@ from hfa_prove.fields import Fields, naming
 from hfa_prove.statements.schedule import ScheduleStatement, ScheduleWitness
 from hfa_support.errors import BadInputError, file_faults, on_one_line
 from hfa_support.files import regular_file, write_text
+from hfa_support.origin import toolchain
 from hfa_support.reporting.results import jsonable
-from hfa_support.version import identity
 
 SCHEMA = "hfa.certificate/11"
 #: Entries of a file besides the statement and the witness. They are not part of the claim.
@@ -99,7 +99,7 @@ def write_certificate(
     content = {
         "schema": SCHEMA,
         "kind": KIND,
-        "toolchain": identity(),
+        "toolchain": toolchain(),
         "statement": statement.content(),
         "witness": witness.content(),
     }
@@ -153,9 +153,9 @@ def read_sealed(path: Path) -> tuple[dict[str, Any], dict[str, str]]:
             "statement again"
         )
     made_by = content.get("toolchain")
-    if made_by != identity():
+    if made_by != toolchain():
         raise BadInputError(
-            f"{path} was made by hfa {on_one_line(str(made_by))}, but this is {identity()}; prove "
+            f"{path} was made by hfa {on_one_line(str(made_by))}, but this is {toolchain()}; prove "
             "the statement again, or check it with that version"
         )
     return content, written

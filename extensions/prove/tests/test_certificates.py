@@ -55,7 +55,7 @@ def test_a_certificate_of_other_code_is_refused(tmp_path, monkeypatch):
     path = tmp_path / "schedule.json"
     origin = {"version": "1", "command": "hfa prove schedule", "date": "today"}
     write_certificate(path, found().statement, found().witness, origin)
-    monkeypatch.setattr("hfa_prove.certificate.identity", lambda: "0.4.0+0123456789ab")
+    monkeypatch.setattr("hfa_prove.certificate.toolchain", lambda: "0.4.0+0123456789ab")
     with pytest.raises(BadInputError, match=r"made by hfa .*, but this is 0\.4\.0\+0123456789ab"):
         read_certificate(path, FLOAT)
 

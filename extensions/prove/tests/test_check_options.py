@@ -62,7 +62,7 @@ CASES = [(path, *each) for path, listed in CHANGED.items() for each in listed.it
 @pytest.fixture(autouse=True)
 def identity(monkeypatch):
     """Let the program be the one that made the stored certificate."""
-    monkeypatch.setattr("hfa_prove.certificate.identity", lambda: "0.4.0")
+    monkeypatch.setattr("hfa_prove.certificate.toolchain", lambda: "0.4.0")
 
 
 @pytest.fixture

@@ -82,7 +82,7 @@ def test_an_abandoned_job_leaves_no_worker():
 
 def test_a_worker_with_other_code_is_refused(monkeypatch):
     """A worker whose sources differ from those of the process that submits tasks is refused."""
-    monkeypatch.setattr(module, "identity", lambda: "0.4.0+0123456789ab")
+    monkeypatch.setattr(module, "toolchain", lambda: "0.4.0+0123456789ab")
     with open_workers(2) as run, pytest.raises(BadInputError, match=r"worker has hfa .*; install"):
         list(run(_square, [(0, (1,))]))
 

@@ -305,7 +305,7 @@ def format_2_store(tmp_path):
     path = tmp_path / "format-2.zarr"
     path.mkdir()
     (path / ".zgroup").write_text('{"zarr_format": 2}')
-    attributes = {**row_job().template.attrs, "toolchain": zarr_store.identity()}
+    attributes = {**row_job().template.attrs, "toolchain": zarr_store.toolchain()}
     (path / ".zattrs").write_text(json.dumps(attributes))
     (path / "square").mkdir()
     description = {

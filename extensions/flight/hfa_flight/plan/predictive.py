@@ -258,11 +258,7 @@ def predictive(
         budget = 0.5 * grid.dt
     controller = RecedingHorizon(planner, end, budget)
     controller.rehearse()
-    identity = {
-        "predictive": [problem.identity, end_game.delta, margin, budget],
-        "holds": grid.at(0).seconds.tolist(),
-    }
-    return Predictive("predictive", problem.point, grid.dt, problem, controller, identity=identity)
+    return Predictive("predictive", problem.point, grid.dt, problem, controller)
 
 
 def _end_of(scaled: ScaledProblem, dt: float, end_game: Game) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ from controller.riccati.gare import solve
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.policies.policy import deviations_of
-from hfa_flight.simulate.envelope import envelope_data, flight_envelope
+from hfa_flight.simulate.envelope import flight_envelope
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.reporting.results import Matrix
 from trim.linear.linear_model import LinearModel
@@ -80,11 +80,6 @@ class FlightProblem:
     def inputs(self) -> tuple[str, ...]:
         """Names of the moving inputs."""
         return self.linear.inputs
-
-    @property
-    def identity(self) -> list[Any]:
-        """JSON data of the problem, from which a policy results for a model and a trim."""
-        return [self.inputs, self.Q, self.R, envelope_data(self.envelope, moving_air=False)]
 
     @cached_property
     def places(self) -> list[int]:

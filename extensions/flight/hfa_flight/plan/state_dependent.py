@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
 
@@ -271,10 +271,7 @@ def state_dependent(
     step = sample_time_of_plans(scaled, dt)
     scaled_E = np.array(at_trim.E) / of_states[:, None]
     policy = RiccatiPolicy(scaled, step, scaled_E, at_trim.delta, P, limit_weight)
-    identity = {"state-dependent": [problem.identity, at_trim.delta, at_trim.E, limit_weight, step]}
-    return StateDependent(
-        "state-dependent", problem.point, step, problem, policy, identity=identity
-    )
+    return StateDependent("state-dependent", problem.point, step, problem, policy)
 
 
 #: Largest difference of a command and its nearest one that is rounding, in nominal values.
@@ -302,7 +299,7 @@ class KeptInside(Policy):
     policy: Policy
     problem: FlightProblem
     nearest: NearestInputs
-    changed: list[int]
+    changed: list[int] = field(compare=False)
     tick: float = 0.0
     delay: float = 0.0
     ticks_per_sample: int = 1
@@ -478,5 +475,4 @@ def keep_inside(
         problem,
         nearest,
         changed=[0],
-        identity={"kept inside": [policy.identity, problem.identity]},
     )

@@ -185,11 +185,8 @@ class FilteredPolicy(SampledPolicy):
             )
         if isinstance(law, SampledPolicy):
             law = replace(law, tick=kalman.dt)  # the filter calls it once a sample
-        identity = {"filter": storable(kalman), "fade": fade, **law.identity}
         name = f"{law.name} behind a filter"
-        return cls(
-            name, kalman.point, kalman.dt, filter=kalman, law=law, fade=fade, identity=identity
-        )
+        return cls(name, kalman.point, kalman.dt, filter=kalman, law=law, fade=fade)
 
     def __post_init__(self) -> None:
         """Begin at the trim."""

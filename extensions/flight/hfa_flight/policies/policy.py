@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, Self
-from uuid import uuid4
 
 import casadi as ca
 import numpy as np
@@ -49,7 +47,6 @@ class Policy(Reported):
     name: name in reports
     held: (N, h), inputs of the policy that are constant during a tick: row k during tick k, and the
       last row afterwards
-    identity: JSON data that identify the policy, by default unlike those of any other policy
     sizes: numbers of inputs and of states of the linear model, or None if they are those of a trim
     predicts: whether the linear model is flown with the policy too, as a prediction
     """
@@ -58,7 +55,6 @@ class Policy(Reported):
 
     name: str
     held: np.ndarray = field(default_factory=lambda: np.zeros((1, 0)), kw_only=True)
-    identity: Mapping[str, Any] = field(default_factory=lambda: {"id": uuid4().hex}, kw_only=True)
     sizes: tuple[int, int] | None = field(init=False, repr=False, default=None)
 
     def refuse_other_sizes(self, point: OperatingPoint) -> None:
@@ -144,8 +140,7 @@ class GainPolicy(Policy):
                 f"the gain has shape {np.shape(self.K)}; give a matrix of finite numbers, "
                 "inputs x states"
             )
-        identity = {"K": K, "feedforward": storable(self.feedforward)}
-        fields = {"K": K, "sizes": K.shape, "held": K.ravel("F")[None], "identity": identity}
+        fields = {"K": K, "sizes": K.shape, "held": K.ravel("F")[None]}
         for name, value in fields.items():
             object.__setattr__(self, name, value)
 
@@ -230,9 +225,8 @@ def function_policy(
     """
     limits = Limits.of(point.model, tuple(point.model.inputs))
     trim = point.u
-    identity = {"function": hashlib.sha256(function.serialize().encode()).hexdigest()}
     lowest, highest = limits.lowest - trim, limits.highest - trim
-    return FunctionPolicy(name, function, lowest, highest, declared, identity=identity)
+    return FunctionPolicy(name, function, lowest, highest, declared)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -270,8 +264,7 @@ def open_loop(commands: CommandSteps, inputs: tuple[str, ...]) -> OpenLoop:
     columns = [inputs.index(name) for name in commands.names]
     held = np.zeros((1 + len(commands.times), len(inputs)))
     held[1:, columns] = commands.values
-    identity = {"u": held, "times": commands.times}
-    return OpenLoop("none", held=held, times=np.asarray(commands.times), identity=identity)
+    return OpenLoop("none", held=held, times=np.asarray(commands.times))
 
 
 class NextSample(NamedTuple):

@@ -194,10 +194,4 @@ def scheduled_gains(
         LinearTable(breakpoints, np.array([point.inputs for point in trims])),
         commands,
     )
-    identity = {
-        "breakpoints": schedule.breakpoints,
-        "gains": schedule.gains,
-        "trims": path.states.values,
-        "commands": path.to_dict(),
-    }
-    return ScheduledGainPolicy(name, schedule, path, identity=identity)
+    return ScheduledGainPolicy(name, schedule, path)

@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import math
 import threading
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import casadi as ca
 import numpy as np
 
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_aircraft.signals import VECTORS
 from hfa_aircraft.uncertain import ParameterSpread
 from hfa_flight.air.gusts import ALPHA, limited_names
 from hfa_flight.air.scenario import Scenario, Uncertainty, with_errors
 from hfa_flight.needs import ALL, refuse_share
 from hfa_flight.policies.policy import Policy
 from hfa_flight.simulate.closed_loop import FlightLoop, NonlinearPlant
-from hfa_flight.simulate.envelope import envelope_data, refuse_start, share_at_limits
+from hfa_flight.simulate.envelope import refuse_start, share_at_limits
 from hfa_flight.simulate.flight import Flight, fly_within
 from hfa_flight.simulate.simulation import CompiledLoop
 from hfa_support.errors import BadInputError, refuse_unless_whole
 from hfa_support.native.bound import MAKING
+from hfa_support.origin import Identified
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Reported
 from hfa_support.rows.store import RowJob, fill_store, template_variable
@@ -70,7 +67,7 @@ STORED = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MonteCarlo(Reported):
+class MonteCarlo(Identified, Reported):
     """Plan of N flights (members), each with its own draw of one scenario.
 
     Plans with the same results compare equal. A member depends only on the seed and its number, so
@@ -99,7 +96,7 @@ class MonteCarlo(Reported):
     scenario: Scenario
     envelope: Limits
     spread: ParameterSpread | None = None
-    share: float = ALL
+    share: float = field(default=ALL, compare=False)
 
     def __post_init__(self) -> None:
         """Raise BadInputError if the plan cannot be simulated."""
@@ -150,43 +147,6 @@ class MonteCarlo(Reported):
         if self.spread is None:
             return []
         return self.spread.aircraft(self.model, self.members, self.seed)
-
-    @cached_property
-    def identity(self) -> str:
-        """JSON text of all that determines the results, such as seed, scenario and policy."""
-        data = {
-            "members": self.members,
-            "seed": self.seed,
-            "parameters": {name: signal.start for name, signal in self.model.parameters.items()},
-            "dynamics": self.model.name,
-            "model": _equations_identity(self.model),
-            "states": self.point.states._asdict(),
-            "inputs": self.point.inputs._asdict(),
-            "control_limits": [(signal.min, signal.max) for signal in self.model.inputs.values()],
-            "policy": {"name": self.policy.name, **self.policy.identity},
-            "scenario": self.scenario.to_dict(),
-            "uncertainty": asdict(self.scenario.uncertainty),
-            "envelope": envelope_data(self.envelope, self.scenario.moving_air),
-        }
-        if self.spread is not None:
-            data["spread"] = asdict(self.spread)
-        return json.dumps(data, default=lambda value: np.asarray(value).tolist())
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, MonteCarlo) and self.identity == other.identity
-
-    def __hash__(self) -> int:
-        return hash(self.identity)
-
-
-def _equations_identity(model: Model) -> tuple[str, ...]:
-    """Return path and hash of a model's file, or without a file a hash of its expressions."""
-    if model.source.text:
-        return model.source.text, model.source.digest
-    vectors = model.layout.symbols(*VECTORS)
-    *given, w = vectors
-    rates, _ = model.layout.expressions(given, (), w)
-    return (hashlib.sha256(ca.Function("f", vectors, [rates]).serialize().encode()).hexdigest(),)
 
 
 def member_loop(plan: MonteCarlo) -> CompiledLoop:
@@ -367,6 +327,6 @@ def _template(plan: MonteCarlo) -> Any:
         "state_units": list(model.units(states)),
         "inputs": list(inputs),
         "input_units": list(model.units(inputs)),
-        "plan": plan.identity,
+        "plan": plan.fingerprint,
     }
     return xarray.Dataset(arrays, coordinates, about)

@@ -23,6 +23,7 @@ from hfa_prove.enclosure.splines import is_table, tables_of
 from hfa_prove.fields import Fields, Stored, entry, part, require
 from hfa_prove.hfa import aircraft_of
 from hfa_support.errors import BadInputError, shown
+from hfa_support.origin import instructions
 
 #: Largest difference of a trim from the stated one, in nominal values of its unknowns.
 SAME_TRIM = 1e-6
@@ -120,19 +121,9 @@ def digest_of(function: ca.Function, what: str) -> str:
             f"{what} has {scalar.n_instructions()} operations, but at most {LARGEST} are "
             "supported; give a smaller one"
         )
-    hashed = hashlib.sha256()
-    for index in range(scalar.n_instructions()):
-        code = scalar.instruction_id(index)
-        places = (*scalar.instruction_input(index), -1, *scalar.instruction_output(index))
-        content = ""
-        if code == ca.OP_CONST:
-            content = float(scalar.instruction_constant(index)).hex()
-        elif code == ca.OP_CALL:
-            called = scalar.instructions_sx()[index].which_function()
-            # CasADi adds derivatives that it has computed to the stored form of a table
-            content = repr(tables_of(called)) if is_table(called) else called.serialize()
-        hashed.update(f"{code} {places} {content};".encode())
-    return hashed.hexdigest()
+    return instructions(
+        scalar, lambda called: repr(tables_of(called)) if is_table(called) else called.serialize()
+    )
 
 
 def _read_limits(file: Fields, name: str, known: Any) -> dict[str, tuple[float, float]]:

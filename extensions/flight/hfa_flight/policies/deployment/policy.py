@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -170,8 +169,5 @@ def policy_about(deployed: Deployed, point: OperatingPoint, name: str) -> Deploy
 
     name: name of the policy in reports
     """
-    text = deployed.command.serialize()
-    digest = hashlib.sha256(text.encode()).hexdigest()
-    identity = {"deployment": [digest, deployed.deployment.timing]}
     held = np.zeros((1, len(point.model.inputs)))  # the sampler returns them in flight
-    return DeployedPolicy(name, deployed, point, held=held, identity=identity)
+    return DeployedPolicy(name, deployed, point, held=held)

@@ -1,0 +1,303 @@
+"""Origin of a result: the code that computed it, and all of which it was computed.
+
+It is the key of stores, certificates, workers and caches.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from functools import cache, cached_property
+from types import FunctionType, MethodType
+
+from hfa_support.version import VERSION
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from typing import Any
+
+    import casadi as ca
+
+#: Packages of the distribution, of which extensions may be missing.
+PACKAGES = (
+    *("controller", "hfa", "hfa_aircraft", "hfa_model", "hfa_support", "trim", "verification"),
+    *("hfa_daveml", "hfa_flight", "hfa_fmu", "hfa_identify", "hfa_jsbsim", "hfa_page", "hfa_prove"),
+)
+#: Kinds of files that decide results. Line ends of texts and other files, as an editor's copies, do
+#: not.
+_SOURCES = (".py", ".toml", ".json", ".csv", ".in", ".c", ".m")
+#: Distributions whose versions may change a number.
+_NUMERICAL = ("casadi", "numpy", "python-flint", "scipy")
+#: Time before which the modules of this process were on disk, ns.
+_BEGAN = time.time_ns()
+
+
+@cache
+def _sources() -> tuple[dict[str, str], str]:
+    """Return the source files, path -> name, and a hash of them."""
+    import hashlib
+    from importlib.util import find_spec
+
+    digest, paths = hashlib.sha256(), {}
+    for package in PACKAGES:
+        spec = find_spec(package)
+        if spec is None or spec.origin is None:
+            continue
+        top = os.path.dirname(spec.origin)
+        for folder, folders, names in os.walk(top):
+            folders[:] = sorted({*folders} - {"__pycache__"})
+            for name in sorted(names):
+                path = os.path.join(folder, name)
+                if name.startswith(".") or not name.endswith(_SOURCES) or not os.path.isfile(path):
+                    continue
+                with open(path, "rb") as file:
+                    content = file.read().replace(b"\r\n", b"\n")
+                paths[path] = f"{package}/{os.path.relpath(path, top)}".replace(os.sep, "/")
+                digest.update(f"{paths[path]} {len(content)}\n".encode() + content)
+    return paths, digest.hexdigest()[:12]
+
+
+@cache
+def _of_this_process() -> str:
+    """Return a text that is unlike that of any other process."""
+    from uuid import uuid4
+
+    return uuid4().hex[:12]
+
+
+def _is_changed(path: str) -> bool:
+    """Return whether a file is not as it was when this process began."""
+    try:
+        found = os.stat(path)
+    except OSError:
+        return True
+    return max(found.st_mtime_ns, found.st_ctime_ns) > _BEGAN
+
+
+def code() -> str:
+    """Return the version with a hash of the loaded sources, "0.4.0+1f3c5a7b9d0e".
+
+    After a change of the files, a process that began before runs code of both: its results are
+    unlike those of any other, "0.4.0+changed.1f3c5a7b9d0e". The files are read when the process
+    first asks, in about 30 ms.
+    """
+    paths, digest = _sources()
+    if any(map(_is_changed, paths)):
+        return f"{VERSION}+changed.{_of_this_process()}"
+    return f"{VERSION}+{digest}"
+
+
+@cache
+def _libraries() -> str:
+    """Return the versions of the numerical libraries, and of packages with entry points of ours."""
+    from importlib.metadata import PackageNotFoundError, entry_points, version
+
+    from hfa_support.entry_points import AIRCRAFT, COMMANDS, CRITICS
+
+    versions = {}
+    for name in _NUMERICAL:
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:  # installed without metadata
+            versions[name] = "unknown"
+    for group in (AIRCRAFT, COMMANDS, CRITICS):
+        for entry in entry_points(group=group):
+            if entry.dist is not None and entry.module.partition(".")[0] not in PACKAGES:
+                versions[entry.dist.name] = entry.dist.version
+    return ", ".join(f"{name} {versions[name]}" for name in sorted(versions))
+
+
+def toolchain() -> str:
+    """Return what computes here: `code`, the numerical libraries, and packages of plug-ins."""
+    return f"{code()} ({_libraries()})"
+
+
+def fingerprint(value: Any) -> str:
+    """Return a hash of a value, equal in all processes for values with equal parts.
+
+    Parts are the compared fields with which a dataclass is made, the arguments to which an object
+    reduces itself for copies, the attributes of other objects of this program, the instructions of
+    CasADi functions, and the functions of this program with what they enclose. A function of the
+    user is unlike any in another process.
+    """
+    import hashlib
+
+    digest = hashlib.sha256()
+    for part in _parts(value):
+        digest.update(f"{len(part)} {part};".encode())
+    return digest.hexdigest()
+
+
+class Identified:
+    """Base class of dataclasses (`eq=False`) that are equal if their compared fields are."""
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Hash of all compared fields: a new one decides results unless it says otherwise."""
+        return fingerprint([type(self), *_compared(self)])
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Identified) and self.fingerprint == other.fingerprint
+
+    def __hash__(self) -> int:
+        return hash(self.fingerprint)
+
+
+def _compared(value: Any) -> list[tuple[str, Any]]:
+    """Return the fields of a dataclass that decide results, (name, value) each."""
+    from dataclasses import fields
+
+    names = [each.name for each in fields(value) if each.compare and each.init]
+    return [(name, getattr(value, name)) for name in names]
+
+
+def _parts(value: Any) -> Iterator[str]:
+    """Yield texts that tell a value from all others."""
+    if value is None or isinstance(value, (str, bool)):
+        yield repr(value)
+    elif isinstance(value, (int, float, complex)):
+        yield repr(int(value) if isinstance(value, float) and value.is_integer() else value)
+    elif isinstance(value, FunctionType):
+        yield from _parts_of_function(value)
+    elif isinstance(value, MethodType):
+        yield value.__name__
+        yield from _parts(value.__self__)
+    elif isinstance(value, type):
+        yield f"{value.__module__}.{value.__qualname__}"
+    elif hasattr(value, "fingerprint"):  # computed once
+        yield value.fingerprint
+    elif type(value).__module__.startswith("casadi"):
+        yield from _parts_of_casadi(value)
+    else:
+        yield type(value).__qualname__
+        yield from _parts_of_object(value)
+
+
+def _parts_of_object(value: Any) -> Iterator[str]:
+    """Yield the texts of a collection, an array or another object."""
+    from collections.abc import Mapping
+    from dataclasses import is_dataclass
+    from enum import Enum
+    from functools import partial
+    from pathlib import PurePath
+
+    import numpy as np
+
+    inside: Any
+    if isinstance(value, (np.ndarray, np.generic)):
+        yield repr(np.shape(value))
+        is_plain = np.asarray(value).dtype.kind in "fc"
+        inside = np.asarray(value).tobytes().hex() if is_plain else np.ravel(value).tolist()
+    elif isinstance(value, Mapping):
+        inside = [*value.items()]
+    elif isinstance(value, (set, frozenset)):
+        inside = sorted(map(fingerprint, value))
+    elif isinstance(value, (list, tuple, range)):
+        inside = value
+    elif isinstance(value, (Enum, PurePath, bytes)):
+        inside = str(value)
+    elif isinstance(value, partial):
+        inside = (value.func, value.args, value.keywords)
+    elif is_dataclass(value):
+        inside = _compared(value)
+    elif (reduced := _reduced(value)) is not None:
+        inside = reduced
+    elif _is_ours(type(value).__module__):
+        inside = sorted(vars(value).items())
+    else:
+        inside = _unlike_any_other(value)
+    if isinstance(inside, str):
+        yield inside
+        return
+    yield str(len(inside))
+    for part in inside:
+        yield from _parts(part)
+
+
+def _reduced(value: Any) -> Any:
+    """Return what an object reduces itself to for copies, or None if it does not."""
+    if type(value).__reduce__ is object.__reduce__:
+        return None
+    try:
+        return value.__reduce__()
+    except TypeError:  # of a compiled type
+        return None
+
+
+def _parts_of_function(function: Any) -> Iterator[str]:
+    """Yield the texts of a function: of the user's, ones unlike those of any other process."""
+    if not _is_ours(function.__module__):
+        yield _unlike_any_other(function)
+        return
+    yield f"{function.__module__}.{function.__qualname__} {function.__code__.co_firstlineno}"
+    cells = [cell.cell_contents for cell in function.__closure__ or ()]
+    for part in (cells, function.__defaults__, function.__kwdefaults__):
+        yield from _parts(part)
+
+
+def _parts_of_casadi(value: Any) -> Iterator[str]:
+    """Yield the texts of a CasADi function, expression or matrix."""
+    import casadi as ca
+
+    if isinstance(value, ca.SX):
+        value = ca.Function("f", ca.symvar(value), [ca.densify(value)])
+    if isinstance(value, ca.DM):
+        yield from _parts(value.full())
+    elif isinstance(value, ca.Function):
+        yield value.name() + instructions(value)
+    else:
+        yield _unlike_any_other(value)
+
+
+def instructions(function: ca.Function, of_call: Callable[[ca.Function], str] | None = None) -> str:
+    """Return a hash of the instructions of a CasADi function and of all digits of its constants.
+
+    of_call: text of a function that it calls, such as a table, by default its serialized form
+    """
+    import hashlib
+
+    import casadi as ca
+
+    if not function.is_a("SXFunction"):
+        if not function.is_a("MXFunction") or function.find_functions():
+            return hashlib.sha256(_of_call(function).encode()).hexdigest()
+        function = function.expand()
+    hashed = hashlib.sha256()
+    for index in range(function.n_instructions()):
+        operation = function.instruction_id(index)
+        places = (*function.instruction_input(index), -1, *function.instruction_output(index))
+        content = ""
+        if operation == ca.OP_CONST:
+            content = float(function.instruction_constant(index)).hex()
+        elif operation == ca.OP_CALL:
+            called = function.instructions_sx()[index].which_function()
+            content = (of_call or _of_call)(called)
+        hashed.update(f"{operation} {places} {content};".encode())
+    return hashed.hexdigest()
+
+
+def _of_call(called: ca.Function) -> str:
+    """Return the serialized form of a function, or a text unlike others of one that calls Python.
+
+    Of a table, CasADi adds derivatives to this form when they are computed.
+    """
+    try:
+        return str(called.serialize())
+    except RuntimeError:
+        return _unlike_any_other(called)
+
+
+def _is_ours(module: str) -> bool:
+    """Return whether a module is one of this program, so that `code` covers it."""
+    return module.partition(".")[0] in PACKAGES
+
+
+def _unlike_any_other(value: Any) -> str:
+    """Return a text that is that of this object alone."""
+    kept = _NAMED.setdefault(id(value), (value, len(_NAMED)))
+    return f"{_of_this_process()}.{kept[1]}"
+
+
+#: Objects without parts, by their addresses, which stay theirs.
+_NAMED: dict[int, tuple[Any, int]] = {}
