@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,6 @@ from hfa_support.errors import (
     refuse_unless_positive,
     shown,
 )
-from hfa_support.matrices import quadratic_forms
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector, storable
 from hfa_support.reporting.text import Table, shown_unit, shown_value
@@ -134,8 +132,6 @@ def late_error(exact: Feedforward, K: np.ndarray, inputs: Waveform) -> Waveform:
 
 #: Usual time over which means are computed, s.
 DURATION = 20.0
-#: Times at which means over the duration are computed.
-_TIME_COUNT = 2001
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -193,7 +189,10 @@ class Tracking(Result, Reported):
 
         None if this is unknown: without an aircraft, or for a state that is no variable of a trim.
         """
-        return None if self._deciding_trim is None else self._deciding_trim.is_reachable
+        if self._deciding_trim is None:
+            reference = self.exact.reference
+            return None if (reference.varies | (reference.constant != 0.0)).any() else True
+        return self._deciding_trim.is_reachable
 
     def late_error(self, inputs: Waveform) -> Waveform:
         """Return the error z(t), (n,), of u = -K z + inputs after the transients.
@@ -206,20 +205,14 @@ class Tracking(Result, Reported):
 
     def _rms(self, error: Waveform) -> np.ndarray:
         """Return the root mean square of each channel over `duration`, (n,)."""
-        squares = error.sampled(self._times) ** 2
-        return np.sqrt(np.trapezoid(squares, self._times, axis=0) / self.duration)
+        return np.sqrt(np.diag(error.moments(self.duration)))
 
     def _cost(self, error: Waveform, inputs: Waveform) -> float:
         """Return the mean cost rate over `duration` of z = error and u = inputs - K z."""
-        z = error.sampled(self._times)
-        u = inputs.sampled(self._times) - z @ self.K.T
-        rates = quadratic_forms(np.hstack([z, u]), self.game.weights)
-        return float(np.trapezoid(rates, self._times) / self.duration)
-
-    @cached_property
-    def _times(self) -> np.ndarray:
-        """Times at which means are computed, s."""
-        return np.linspace(0.0, self.duration, _TIME_COUNT)
+        m, n = self.K.shape
+        z_and_u = error.through(np.vstack([np.eye(n), -self.K]))
+        z_and_u += inputs.through(np.vstack([np.zeros((n, m)), np.eye(m)]))
+        return float((self.game.weights * z_and_u.moments(self.duration)).sum())
 
     @property
     def _deciding_trim(self) -> CommandedTrim | None:
@@ -276,7 +269,7 @@ class Tracking(Result, Reported):
         """Return whether the commands are reachable, with the reason: "yes, as a trim of ..."."""
         deciding_trim = self._deciding_trim
         if deciding_trim is None:
-            return "unknown, no aircraft was given"
+            return "yes, the trim" if self.reachable else "unknown, without a trimmed aircraft"
         if deciding_trim.unheld:
             return f"unknown, {deciding_trim.unheld} is no variable of a trim"
         if deciding_trim.is_reachable:

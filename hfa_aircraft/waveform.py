@@ -115,6 +115,20 @@ class Waveform(Result, Reported):
             self.constant + other.constant, self.slope + other.slope, tuple(waves.values())
         )
 
+    def moments(self, duration: float) -> np.ndarray:
+        """Return the mean of s(t) s(t)' from 0 to a duration in s, (n, n), by its closed form."""
+        # s = sum of c t^p exp(jωt); (c, p, ω), with a pair of conjugate terms for each harmonic
+        terms: list[tuple[Any, int, float]] = [(self.constant, 0, 0.0), (self.slope, 1, 0.0)]
+        for h in self.harmonics:
+            phasor = 0.5 * (h.cosine - 1j * h.sine)
+            terms += [(phasor, 0, h.frequency), (phasor.conj(), 0, -h.frequency)]
+        total = np.zeros((self.size, self.size))
+        for one, p, rate in terms:
+            for other, q, other_rate in terms:
+                mean = _mean_of_wave(p + q, (rate - other_rate) * duration)
+                total += (np.outer(one, other.conj()) * mean * duration ** (p + q)).real
+        return total
+
     def through(self, matrix: np.ndarray) -> Waveform:
         """Return the waveform M s(t), (m,).
 
@@ -132,6 +146,20 @@ class Waveform(Result, Reported):
             for h in self.harmonics
         )
         return Waveform(self.slope, np.zeros(len(self.slope)), waves)
+
+
+#: Phase, rad, below which the mean of a wave is summed as a power series.
+_SMALL_PHASE = 1.0
+
+
+def _mean_of_wave(power: int, phase: float) -> complex:
+    """Return ∫ s^p exp(j φ s) ds from 0 to 1, for p = 0, 1 or 2."""
+    if abs(phase) < _SMALL_PHASE:
+        return sum((1j * phase) ** k / (math.factorial(k) * (k + power + 1)) for k in range(20))
+    end, mean = complex(math.cos(phase), math.sin(phase)), 0j
+    for order in range(power + 1):  # by parts
+        mean = (end - order * mean - (order == 0)) / (1j * phase)
+    return mean
 
 
 #: A number without sign, as people write it: 7, .5, 1e-3.
@@ -171,6 +199,10 @@ def channel(text: str) -> Waveform:
         elif term["wave"]:
             frequency = float(term["frequency"] or 1)
             sine, cosine = (amplitude, 0.0) if term["wave"] == "sin" else (0.0, amplitude)
+            if frequency == 0.0:
+                constant += cosine
+                begin = term.end()
+                continue
             waves.append(Harmonic(frequency, np.array([sine]), np.array([cosine])))
         else:
             constant += amplitude

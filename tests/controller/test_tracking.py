@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 import hfa
 from hfa import track
+from hfa_aircraft.waveform import channel
 from hfa_flight import Waveform
 
 COMMAND = {"speed": "7+0.01t+2sin(0.5t)", "alpha": 0.1, "dihedral": 0.5}
@@ -81,6 +82,22 @@ def test_a_ramp_is_judged_at_its_end():
     far = track(linear, solution, command, duration=400.0)
     assert not far.reachable
     assert far.trims[0].command == {"dihedral": pytest.approx(2.0)}
+
+
+@pytest.mark.parametrize("text", ["0.1sin(3.14159t)", "2+0.3t-sin(7t)+cos(0.001t)", "cos(0t)"])
+def test_means_are_those_of_the_signal_whatever_its_frequency(text):
+    """Mean squares over 2,000 s are those of a quadrature in 8,000 parts; cos(0 t) is a constant."""
+    wave, ends = channel(text), np.linspace(0.0, 2000.0, 8001)
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    times = ends[:-1, None] + 0.125 * (nodes + 1.0)
+    squares = wave.sampled(times.ravel()).reshape(times.shape) ** 2
+    assert wave.moments(2000.0).item() == pytest.approx((squares @ weights).mean() / 2, rel=1e-11)
+    assert wave.oscillates.any() == ("sin" in text)
+
+
+def test_the_trim_itself_is_reachable():
+    """A command of 0 asks for the trim, which needs no other."""
+    assert tracking(15.0, {"dihedral": 0.0}).reachable
 
 
 @pytest.mark.parametrize(

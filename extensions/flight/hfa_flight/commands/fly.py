@@ -70,7 +70,11 @@ if TYPE_CHECKING:
 
 
 def tracking_of(
-    linear: LinearModel, game: Game, policy: Policy, reference: Mapping[str, Waveform]
+    linear: LinearModel,
+    game: Game,
+    policy: Policy,
+    reference: Mapping[str, Waveform],
+    duration: float,
 ) -> Tracking:
     """Return the tracking of a reference by the gain of a policy and the feedforward of a game.
 
@@ -83,7 +87,8 @@ def tracking_of(
         )
     from controller.tracking import tracked
 
-    return tracked(linear, solve(game), policy.gain, stacked(reference, linear.states))
+    commands = stacked(reference, linear.states)
+    return tracked(linear, solve(game), policy.gain, commands, duration)
 
 
 def with_tracking_errors(
@@ -319,7 +324,8 @@ def _planned(
                 "--duration"
             )
     limits = each_of("--envelope", given.model, request.envelope, span)
-    policy, reference, tracking = _steering(request, given, point, commands, limits)
+    steering = _steering(request, given, point, commands, limits, scenario.duration)
+    policy, reference, tracking = steering
     if reference is not None:
         scenario = replace(scenario, reference=reference)
     if request.keep_inside:
@@ -349,11 +355,13 @@ def _steering(
     point: OperatingPoint,
     commands: Mapping[str, list[tuple[float, float]]],
     limits: Mapping[str, tuple[float, float]],
+    duration: float,
 ) -> _Steering:
     """Return the policy that the options specify, with its reference and tracking.
 
     commands: name -> steps (time, value) of --command
     limits: state -> (lowest, highest) of --envelope
+    duration: of the flight, s
     """
     model = given.model
     if request.flown == NONE:
@@ -378,7 +386,7 @@ def _steering(
     if not signals:
         return _Steering(policy, reference)
     game = weighted_game(given_weights(request, model), linear).game
-    tracking = tracking_of(linear, game, policy, signals)
+    tracking = tracking_of(linear, game, policy, signals, duration)
     policy = GainPolicy(policy.name, tracking.K, tracking.inputs)
     return _Steering(policy, tracking.exact.reference, tracking)
 
