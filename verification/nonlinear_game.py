@@ -11,7 +11,8 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.expansion.expansion import HIGHEST, LOWEST, Expansion, expand
-from controller.expansion.series import directions, homogeneous, least_squares, name_of
+from controller.expansion.series import homogeneous, middle, name_of
+from controller.expansion.taylor import PowerSeries
 from controller.riccati.gare import Solution
 from hfa_support.cached import cached_property
 from hfa_support.errors import BadInputError
@@ -32,9 +33,6 @@ ORDER = 4
 #: An entry whose largest contribution to V in the set V2 <= 1 is below this fraction of that of its
 #: degree is compared with this fraction: it may consist of rounding.
 _SMALL = 1e-5
-#: Rays for each coefficient of a critic that is a function, and their seed.
-_RAYS = 1.5
-_SEED = 7
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +193,7 @@ def compare_with_nonlinear(
     widths = np.sqrt(np.diag(np.linalg.inv(solution.P)))  # of the set V2 <= 1
     show = progress or (lambda *_: None)
     show(0, 3, "power series")
-    terms = _terms(critic, widths)
+    terms = _terms(critic)
     # A policy of degree d follows from a value of degree d + 1.
     order = max(degree + (of == "u") for of, degrees in terms.items() for degree in degrees)
     expansion = expand(linear, solution, min(max(order, LOWEST), HIGHEST))
@@ -266,21 +264,18 @@ def _degree_error(
     )
 
 
-def _terms(critic: Critic, widths: np.ndarray) -> dict[str, dict[int, np.ndarray]]:
-    """Return "V" or "u" -> degree -> the critic's weights of all M monomials, (1, M) or (m, M).
-
-    widths: typical sizes of the states, (n,)
-    """
+def _terms(critic: Critic) -> dict[str, dict[int, np.ndarray]]:
+    """Return "V" or "u" -> degree -> the critic's weights of all M monomials, (1, M) or (m, M)."""
     terms = {}
     degree_of_value = ORDER
     if critic.weights is not None and critic.basis is not None:
         terms["V"] = _terms_of_weights(critic)
         degree_of_value = max(terms["V"])
     elif critic.value is not None:
-        terms["V"] = _terms_of_function(critic.value, range(LOWEST, ORDER + 1), widths)
+        terms["V"] = _terms_of_function(critic.value, range(LOWEST, ORDER + 1))
     if _is_policy_given(critic):
         # A policy follows from the slopes of V, so that its degree is one below that of V.
-        terms["u"] = _terms_of_function(critic.policy, range(1, degree_of_value), widths)
+        terms["u"] = _terms_of_function(critic.policy, range(1, degree_of_value))
     return terms
 
 
@@ -299,30 +294,10 @@ def _terms_of_weights(critic: Critic) -> dict[int, np.ndarray]:
     return terms
 
 
-def _terms_of_function(
-    function: ca.Function, degrees: range, widths: np.ndarray
-) -> dict[int, np.ndarray]:
-    """Return the Taylor coefficients of a function at 0: degree -> those of M monomials, (k, M).
-
-    The terms of degree d are d^d/dt^d function(t z) / d! at t = 0.
-
-    widths: typical sizes of the states, (n,), by which the fit scales them
-    """
+def _terms_of_function(function: ca.Function, degrees: range) -> dict[int, np.ndarray]:
+    """Return the Taylor coefficients of a function at 0: degree -> those of M monomials, (k, M)."""
     if not function.is_a("SXFunction"):
         raise BadInputError("the network is too wide for its power series")
-    n = function.numel_in(0)
-    t = ca.SX.sym("t")
-    z = ca.SX.sym("z", n)
-    derivative = function(t * ca.DM(widths) * z)
-    terms = {}
-    for degree in range(1, degrees[-1] + 1):
-        derivative = ca.jacobian(derivative, t)
-        if degree not in degrees:
-            continue
-        along_ray = ca.substitute(derivative, t, 0) / math.factorial(degree)
-        of_degree = ca.Function("terms", [z], [ca.densify(along_ray)])
-        basis = homogeneous(n, degree)  # its weights are fitted in random directions
-        rays = directions(n, math.ceil(_RAYS * basis.size) + n, _SEED)
-        fitted = least_squares(basis.psi(rays), np.array(of_degree(rays.T)).T)
-        terms[degree] = fitted.T / np.prod(widths**basis.exponents, axis=1)
-    return terms
+    ring = PowerSeries(function.numel_in(0), degrees[-1])
+    results = ring.values(function, ring.variables())
+    return {d: middle(np.array([ring.of_degree(row, d) for row in results])) for d in degrees}

@@ -11,18 +11,19 @@ import casadi as ca
 import numpy as np
 
 from controller.expansion.series import (
-    Rays,
-    Series,
-    coefficient,
-    directions,
-    gradient,
-    homogeneous,
+    BITS_OF_SERIES,
     in_coordinates,
+    middle,
     monomial_scales,
+    nominal_size,
     polynomial,
+    relative_radius,
+    root_of,
+    series_of_game,
 )
 from controller.game.basis import TO_DEGREE, Basis, basis as named_basis
 from controller.game.zero_sum import Game
+from controller.riccati.balls import ball_matrix, precision
 from controller.riccati.gare import Solution
 from hfa_support.errors import BadInputError, NoSolutionError, shown
 from hfa_support.reporting.report import Report, Reported
@@ -144,15 +145,13 @@ def _are_same(given: np.ndarray, exact: np.ndarray) -> bool:
 #: Permitted degrees of a value.
 LOWEST = min(TO_DEGREE)
 HIGHEST = max(TO_DEGREE)
+#: Largest bound of the errors of coefficients that are returned as doubles, relative to the largest
+#: of their degree.
+LARGEST_ERROR = 1e-9
 #: Share of the cost of a flight by which a value may differ from it in `Expansion.radii`.
 PERMITTED_ERROR = 0.05
-#: Largest number of coefficients of one degree.
-MOST_COEFFICIENTS = 2500
-#: Largest relative residual of the equation that counts as rounding.
-LARGEST_RESIDUAL = 1e-10
-#: Number and seed of the rays on which the residuals are computed.
-_RAYS = 100
-_SEED = 1992
+#: Largest number of coefficients of one degree, whose linear equation is solved in balls.
+MOST_COEFFICIENTS = 800
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -171,6 +170,12 @@ class Expansion(Result, Reported):
     root: (n, n), lower triangular, P = root root'. The terms are polynomials of y = root'z.
     value_terms: V2, V3, ..., as weights (M,) of the monomials of y, scaled by `monomial_scales`
     policy_terms: u1, u2, ..., as weights (m, M) of the same monomials
+    weights: weights W of V = W'ψ(z), (M,), of the monomials in `basis`
+    policy_weights: weights of u, (m, M), of all monomials of degree 1 to `order` - 1, sorted by
+        degree, and in a degree as by `homogeneous` (z1², z1 z2, z2²)
+    nominal: nominal values of the states, (n,)
+    error: proved bound of the error of the terms before they are rounded, relative to the largest
+        of their degree, or to V2 and u1 at nominal deviations
 
     >>> import hfa, numpy as np
     >>> linear = hfa.paper.level_model(hfa.aircraft(), np.radians(15.0))
@@ -186,6 +191,10 @@ class Expansion(Result, Reported):
     root: np.ndarray
     value_terms: tuple[np.ndarray, ...]
     policy_terms: tuple[np.ndarray, ...]
+    weights: Vector
+    policy_weights: Matrix
+    error: float
+    nominal: np.ndarray
 
     @property
     def game(self) -> Game:
@@ -201,25 +210,6 @@ class Expansion(Result, Reported):
     def basis(self) -> Basis:
         """Monomials of V, "quadratic", "cubic", "quartic" or "quintic"."""
         return named_basis(TO_DEGREE[self.order], self.states)
-
-    @cached_property
-    def weights(self) -> Vector:
-        """Weights W of V = W'ψ(z), (M,), of the monomials in `basis`."""
-        terms = enumerate(self.value_terms, LOWEST)
-        return np.concatenate([self._in_z(term[None], degree)[0] for degree, term in terms])
-
-    @cached_property
-    def policy_weights(self) -> Matrix:
-        """Weights of u, (m, M), of all monomials of degree 1 to `order` - 1.
-
-        The monomials are sorted by degree, and in a degree as by `homogeneous` (z1², z1 z2, z2²).
-        """
-        terms = enumerate(self.policy_terms, 1)
-        return np.hstack([self._in_z(term, degree) for degree, term in terms])
-
-    def _in_z(self, weights: np.ndarray, degree: int) -> np.ndarray:
-        """Return the weights of monomials of z, (k, M), for those of scaled monomials of y."""
-        return in_coordinates(weights * monomial_scales(self.states, degree), degree, self.root.T)
 
     @cached_property
     def radii(self) -> tuple[Radius, ...]:
@@ -239,11 +229,11 @@ class Expansion(Result, Reported):
             "W": self.weights,
             "policy_weights": self.policy_weights,
             "radii": self.radii,
-            "residual": self.residual,
+            "error": self.error,
         }
 
     def report(self) -> Report:
-        """Return a report of the degree, the residual and the radii."""
+        """Return a report of the degree and the radii."""
         import controller
 
         return controller.expansion_report(self)
@@ -253,35 +243,6 @@ class Expansion(Result, Reported):
         import controller
 
         return controller.expansion_figure(self)
-
-    @cached_property
-    def residuals(self) -> dict[int, float]:
-        """Residual of the terms of each degree in the equation above, degree -> number.
-
-        The result is the largest residual at random points with z'Pz = 1, relative to the largest
-        sum of the magnitudes of the products in these terms.
-        """
-        n = self.states
-        rays = Rays(self.rates, self.order - 1)
-        y = directions(n, _RAYS, _SEED)  # |y|² = z'Pz = 1
-        z = np.linalg.solve(self.root.T, y.T)
-        inputs: list[np.ndarray] = []  # u1, u2, ... on the rays
-        gradients: list[np.ndarray] = []  # ∂V2/∂z, ∂V3/∂z, ... on the rays
-        residuals = {}
-        terms = zip(self.value_terms, self.policy_terms, strict=True)  # (V2, u1), (V3, u2), ...
-        for degree, (value_term, policy_term) in enumerate(terms, LOWEST):
-            gradients.append(self.root @ gradient(y, degree, value_term).T)  # ∂V/∂z = root ∂V/∂y
-            psi = homogeneous(n, degree - 1).psi(y) * monomial_scales(n, degree - 1)
-            inputs.append(policy_term @ psi.T)
-            sums, sizes = coefficient(self.game, rays, z, inputs, gradients)
-            largest = float(sizes.max())
-            residuals[degree] = float(np.abs(sums).max()) / largest if largest else 0.0
-        return residuals
-
-    @property
-    def residual(self) -> float:
-        """Largest residual of the equation, relative to the sizes of its terms."""
-        return max(self.residuals.values())
 
     def value_to(self, degree: int) -> ca.Function:
         """Return the CasADi Function z (n,) -> V2 + ... up to a degree."""
@@ -323,15 +284,16 @@ def expand(linear: LinearModel, solution: Solution, order: int) -> Expansion:
     """Return the value and the policies of the nonlinear game about a trim, to a degree.
 
     The terms follow one degree at a time from the Hamilton-Jacobi-Isaacs equation (Al'brekht's
-    method). V2 and u1 are those of the solution.
+    method), by a linear equation each, which is solved in balls: all coefficients are proved. V2
+    and u1 are those of the solution.
 
     linear: linear model at the trim; its model has the nonlinear equations
     solution: exact solution of the game on this linear model
     order: degree D of the value, 2 to 5; the policies have the degree D - 1
 
     Raises BadInputError for another order, for too many coefficients, for equations with tables or
-    with a switch at the trim, and for a game of another linear model. Raises NoSolutionError if P
-    is singular, or if rounding dominates the result.
+    with a switch or another point without a power series at the trim, and for a game of another
+    linear model. Raises NoSolutionError if P is singular, or the coefficients are not decided.
     Source: E. G. Al'brekht, On the optimal stabilization of nonlinear systems, J. Appl. Math. Mech.
     25 (1961); A. J. van der Schaft, IEEE Trans. Automatic Control 37 (1992) 770-784.
 
@@ -339,24 +301,41 @@ def expand(linear: LinearModel, solution: Solution, order: int) -> Expansion:
     >>> linear = hfa.paper.level_model(hfa.aircraft(), np.radians(15.0))
     >>> solution = hfa.solve(hfa.paper.published_game(linear))
     >>> expansion = hfa.expand(linear, solution, order=3)
-    >>> expansion.weights.shape, expansion.residual < 1e-12
+    >>> expansion.weights.shape, expansion.error < 1e-12
     ((77,), True)
     """
     _check_order(len(solution.P), order)
     rates = deviation_rates(linear, solution.game)
-    series = Series(solution, Rays(rates, order - 1), order)
-    for _ in range(LOWEST + 1, order + 1):
-        series.add_degree()
-    expansion = Expansion(
-        order, solution, rates, series.root, tuple(series.value), tuple(series.policy)
+    root = root_of(solution.P)
+    value, policy = series_of_game(solution, rates, order)
+    with precision(BITS_OF_SERIES):
+        z_of_y = np.array(ball_matrix(root.T).inv().tolist())
+        value_in_y = [in_coordinates(term[None], d, z_of_y) for d, term in enumerate(value, LOWEST)]
+        policy_in_y = [in_coordinates(term, d, z_of_y) for d, term in enumerate(policy, 1)]
+    # V2 = |y|² and u1 are the least of what matters where a state has its nominal value.
+    nominal = linear.model.nominal(linear.states)
+    size, gain = nominal_size(root, nominal), float(np.abs(middle(policy_in_y[0])).max())
+    errors = [relative_radius(w, size**-k) for k, w in enumerate(value_in_y)]
+    errors += [relative_radius(w, gain * size**-k) for k, w in enumerate(policy_in_y)]
+    error = max(errors)
+    if not error <= LARGEST_ERROR:
+        raise NoSolutionError(
+            f"the coefficients to degree {order} are not decided: they are enclosed within "
+            f"{error:.2g} of the largest; choose a lower order"
+        )
+    n = len(root)
+    return Expansion(
+        order,
+        solution,
+        rates,
+        root,
+        tuple(middle(w)[0] / monomial_scales(n, d) for d, w in enumerate(value_in_y, LOWEST)),
+        tuple(middle(w) / monomial_scales(n, d) for d, w in enumerate(policy_in_y, 1)),
+        weights=middle(np.concatenate(value)),
+        policy_weights=middle(np.hstack(policy)),
+        error=error,
+        nominal=nominal,
     )
-    for degree, residual in expansion.residuals.items():
-        if not residual <= LARGEST_RESIDUAL:
-            raise NoSolutionError(
-                f"the terms of degree {degree} leave a residual of {residual:.2g}, above "
-                f"{LARGEST_RESIDUAL:g}, because of rounding; choose a lower order"
-            )
-    return expansion
 
 
 def _check_order(n: int, order: int) -> None:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def expansion_report(expansion: Expansion) -> Report:
-    """Return a report of the degree, the residual and the radii of V2 and of V."""
+    """Return a report of the degree and the radii of V2 and of V."""
     names = expansion.game.names
     radii = expansion.radii
     columns = [name_of_value(radius.degree) for radius in radii]
@@ -33,7 +33,7 @@ def expansion_report(expansion: Expansion) -> Report:
     return Report(
         title=(
             f"Nonlinear game: {name_of_value(expansion.order)} has {expansion.basis.size}"
-            f" coefficients, residual {expansion.residual:.2g}"
+            f" coefficients, proved within {expansion.error:.1g}"
         ),
         parts=(
             f"Flights of both players, without input limits, cost what V predicts within"

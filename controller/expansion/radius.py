@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from controller.expansion.expansion import PERMITTED_ERROR, Expansion
-from controller.expansion.series import directions, homogeneous, monomial_scales
+from controller.expansion.series import directions, homogeneous, monomial_scales, nominal_size
 from controller.game.basis import TO_DEGREE
 from hfa_aircraft.batch_simulation import (
     FAR_OF_EXPANSION,
@@ -143,6 +143,8 @@ _SEED = 2015
 #: Ratio of two sizes between which the search stops, and the factor if a flight contradicts.
 _RATIO_AT_END = 1.1
 _REDUCTION = 0.95
+#: Size, relative to that of nominal values, from which flights need not be flown inward.
+_SMALLEST = 0.01
 #: Largest ratio of the found size to the first one, and its inverse.
 _LARGEST_RATIO = 2.0**30
 
@@ -168,6 +170,7 @@ def radii_of(expansion: Expansion) -> tuple[Radius, ...]:
 
     All flights use the policies of the expansion. For each value, the set is found by bisection
     with flights from its boundary in the directions of the largest terms and in random directions,
+    and from sets inside it, at each of which those of the next larger one end,
     and then confirmed by flights from 200 random states on its boundary, and from states ever
     closer to those with the largest errors.
 
@@ -224,6 +227,7 @@ class _Search:
         n = expansion.states
         drawn = directions(n, _CANDIDATES, _SEED)
         flown = [drawn[:_RANDOM_DIRECTIONS]]
+        self._nominal = nominal_size(expansion.root, expansion.nominal)
         self._largest_terms: dict[int, float] = {}  # degree -> largest |V_d| on z'Pz = 1
         for degree, term in enumerate(expansion.value_terms[1:], _QUADRATIC + 1):  # V3, V4, ...
             values = np.abs(homogeneous(n, degree).psi(drawn) @ (monomial_scales(n, degree) * term))
@@ -250,7 +254,7 @@ class _Search:
 
         The size is doubled while flights agree, or halved until they do, and then bisected.
         """
-        size = first = self._guess(degree)
+        size = first = min(self._guess(degree), self._nominal)
         first_agrees = self._agrees(first, degree)
         factor = 2.0 if first_agrees else 0.5
         while self._agrees(size * factor, degree) == first_agrees:
@@ -274,13 +278,23 @@ class _Search:
         """
         nonzero = {d: largest for d, largest in self._largest_terms.items() if largest > 0.0}
         if not nonzero:
-            return 1.0
+            return math.inf
         d = min((d for d in nonzero if d > degree), default=max(nonzero))
         return (PERMITTED_ERROR / nonzero[d]) ** (1.0 / (d - 2))
 
     def _agrees(self, size: float, degree: int) -> bool:
-        """Return whether all flights from states of a size, along the directions, agree."""
-        return bool(np.all(self._errors(size * self.directions, degree) <= PERMITTED_ERROR))
+        """Return whether all flights from states of a size, along the directions, agree, and from
+        smaller ones, which those from the size end at.
+        """
+        sizes = self._inward(size)
+        y = (sizes[:, None, None] * self.directions).reshape(-1, self.expansion.states)
+        return bool(np.all(self._errors(y, degree) <= PERMITTED_ERROR))
+
+    def _inward(self, size: float) -> np.ndarray:
+        """Return sizes from a size inward, each of which flights from the one before end at."""
+        smallest = min(size, _SMALLEST * self._nominal)
+        count = 1 + math.ceil(math.log(smallest / size) / (0.5 * math.log(OF_EXPANSION)))
+        return size * OF_EXPANSION ** (0.5 * np.arange(count))
 
     def _errors(self, y: np.ndarray, degree: int) -> np.ndarray:
         """Return the error of the value for each flight from y, (N,), inf if it diverges."""

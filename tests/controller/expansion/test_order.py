@@ -31,7 +31,7 @@ def test_the_written_file_is_a_critic_with_the_values_of_the_expansion(written):
     expansion = expand(model_at(15.0), solve(game), order=3)
     data = json.loads(written.read_text())
     assert (data["order"], data["basis"]) == (3, "cubic")
-    assert data["residual"] <= 1e-12
+    assert data["error"] <= 1e-12
     sizes = [(each["degree"], each["c"], *each["extents"]) for each in data["radii"]]
     known = [(each.degree, each.c, *each.extents) for each in expansion.radii]
     assert sizes == [pytest.approx(each, rel=1e-6) for each in known]

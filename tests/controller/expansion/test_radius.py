@@ -100,3 +100,31 @@ def test_linear_plant_agrees_everywhere():
     linear = hfa.LinearModel.of([[0.0, 1.0], [-1.0, 0.3]], [[0.0], [1.0]])
     solution = hfa.solve(hfa.game(linear, Q=[1.0, 1.0], R=[2.0], delta=5.0))
     assert [radius.c for radius in expand(linear, solution, order=3).radii] == [math.inf, math.inf]
+
+
+def dip(x, u, p, w):
+    """Return a lift with a smooth loss between .25 and .55, in which there is a second equilibrium."""
+    lost = ca.exp(-(((x.a - 0.4) / 0.08) ** 2))
+    return {
+        "a": -2.0 * x.a + x.q + 1.9 * x.a * lost,
+        "q": -4.0 * x.a + 7.0 * x.a * lost - x.q + 3.0 * u.u,
+    }, {}
+
+
+@pytest.mark.parametrize("unit", [1.0, 1000.0])
+def test_a_set_ends_where_flights_stay_at_another_equilibrium(unit):
+    """Flights from far beyond a loss of lift come back to it and stay there, at .42 in place of 0: no
+    set that is said to agree reaches it, also in other units.
+    """
+    a = Signal(nominal=0.1 * unit)
+
+    def equations(x, u, p, w):
+        rates, _ = dip(x._replace(a=x.a / unit, q=x.q / unit), u, p, w)
+        return {name: unit * rate for name, rate in rates.items()}, {}
+
+    model = Model("dip", {"a": a, "q": a}, {"u": Signal()}, equations, trim={"a": 0.0, "q": 0.0})
+    linear = hfa.linearize(model, hfa.trim(model))
+    game = hfa.game(linear, Q=np.eye(2) / unit**2, R=[1.0], delta=np.inf)
+    for degree in (2, 3):
+        for radius in expand(linear, hfa.solve(game), degree).radii:
+            assert 0.05 < radius.extents[0] / unit < 0.42
