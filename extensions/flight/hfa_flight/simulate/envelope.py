@@ -285,24 +285,25 @@ def control_excesses(model: Model, inputs: np.ndarray) -> tuple[ControlExcess, .
     return tuple(found)
 
 
-#: Largest cost-to-go z'Pz at the end of a flight that has returned, relative to its largest before
-#: and to the whole cost, flown and to go.
+#: Largest cost-to-go z'Pz at the end of a flight that has returned, relative to the whole cost,
+#: flown and to go, and to the largest cost-to-go before.
 TOLERANCE = 0.05
+SHARE_OF_LARGEST = 0.2
 #: Deviations in nominal values at which the aircraft is at its trim, whatever the cost.
 _AT_TRIM_DEVIATION = 1e-9
 RULE = (
     "A flight has returned to the trim if its linear cost-to-go z'Pz at the end is at most "
-    f"{100 * TOLERANCE:g} % of its cost and of the largest z'Pz before."
+    f"{100 * TOLERANCE:g} % of its cost, and {100 * SHARE_OF_LARGEST:g} % of the largest before."
 )
 
 
 def has_returned(model: Model, z: np.ndarray, P: np.ndarray, spent: float) -> bool:
     """Return whether a flight has returned to the trim at its end.
 
-        z'Pz <= TOLERANCE min(spent + z'Pz, largest z'Pz before), or |z| <= 1e-9 nominal values in
-        every state
+        z'Pz <= .05 (spent + z'Pz) and z'Pz <= .2 largest z'Pz before, or |z| <= 1e-9 nominal
+        values in every state
 
-    The cost alone grows also at another equilibrium.
+    The cost alone grows also at an equilibrium far from the trim.
 
     model: the aircraft
     z: deviations of the linear states during the flight, (N, k)
@@ -312,7 +313,8 @@ def has_returned(model: Model, z: np.ndarray, P: np.ndarray, spent: float) -> bo
     nominal = model.nominal(model.linear)
     with np.errstate(over="ignore", invalid="ignore"):  # a flight may diverge
         to_go = quadratic_forms(z, P)
-        decayed = has_decayed(to_go[-1], min(spent + to_go[-1], to_go.max()), TOLERANCE)
+        decayed = has_decayed(to_go[-1], spent + to_go[-1], TOLERANCE)
+        decayed &= has_decayed(to_go[-1], to_go.max(), SHARE_OF_LARGEST)
     return bool(decayed or (np.abs(z[-1]) <= _AT_TRIM_DEVIATION * nominal).all())
 
 
