@@ -6,12 +6,9 @@ Any other element is refused.
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import lru_cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,10 +17,9 @@ from hfa_aircraft.signals import AIRSPEEDS
 from hfa_jsbsim.aircraft import Equations
 from hfa_jsbsim.airframe import SLUG_TO_LB
 from hfa_jsbsim.catalog import access, of_component, without_numbers
-from hfa_jsbsim.control_system import KINDS
 from hfa_jsbsim.engines import EngineFile
 from hfa_jsbsim.parts import Parts
-from hfa_jsbsim.properties import IDLE, MOTION, Note, Writer, is_zero
+from hfa_jsbsim.properties import IDLE, MOTION, Note, Writer
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import BadInputError, shortened
 
@@ -184,9 +180,14 @@ def _of_engine(file: EngineFile) -> Iterator[str]:
 _LONGEST_BLADES = 40.0
 
 
-#: Elements that JSBSim reads: for each kind of element, the names of its children, and those that
-#: do not affect forces in steady flight.
-DATA = Path(__file__).with_name("elements.json")
+#: Element -> elements in it that affect the forces and that no code here reads.
+_UNSUPPORTED = {
+    "fdm_config": ("planet",),
+    "rocket_engine": ("thrust_table",),
+    "tank": ("grain_config",),
+    "thruster": ("pointing",),
+    "turboprop_engine": ("CombustionEfficiency_N1",),
+}
 #: Elements and attributes with descriptive text or names of files.
 _DESCRIPTIVE = {
     *("description", "documentation", "comment", "note", "notes", "reference", "author", "license"),
@@ -202,8 +203,6 @@ _WITHOUT_FORCE = (
     *("atmosphere/turb-rate", "atmosphere/turb-rhythmicity", "atmosphere/turbulence/milspec/"),
     *("position/terrain-elevation", "inertia/print-mass-properties", "simulation/write-state-file"),
 )
-#: JSBSim's properties that are 0 until a file or a pilot sets them.
-_ZERO_UNTIL_SET = ("fcs/", "gear/tailhook", "gear/wing-fold")
 #: JSBSim's properties that a file may set without effect, and the reason.
 _WITHOUT_EFFECT = {
     **dict.fromkeys(
@@ -226,10 +225,11 @@ _UNSET_COMMAND = (
     "nothing in the files sets these commands; --free NAME solves for one, --hold NAME=VALUE sets "
     "it"
 )
-_UNSET_FROZEN = "nothing in the files sets these, and loops depend on them: they keep their values"
+_UNSET_FROZEN = (
+    "nothing in the files sets these, and with other values they need what is unsupported"
+)
 _NO_BURN = "omitted: fuel burn, so tank contents are constant"
-_NO_FORCE = "as no force in flight depends on them"
-_NOT_READ = "as JSBSim ignores them too"
+_NO_FORCE = "omitted, as no force in flight depends on them"
 
 
 def notes_on_omitted(parts: Parts, equations: Equations) -> list[Note]:
@@ -239,7 +239,7 @@ def notes_on_omitted(parts: Parts, equations: Equations) -> list[Note]:
     affects the forces.
     """
     notes = _notes_on_writers(parts, equations)
-    notes += _notes_on_constants(parts, equations)
+    notes += _notes_on_constants(equations)
     if any(file.feeds and file.kind != "electric_engine" for file in parts.engines):
         notes.append(Note(_NO_BURN, rank=MOTION))
     for component, what, is_always in equations.properties.left_out.values():
@@ -248,13 +248,13 @@ def notes_on_omitted(parts: Parts, equations: Equations) -> list[Note]:
         statement = _ALWAYS_OMITTED if is_always else _HOW_TO_MAKE_STATES
         notes.append(Note(statement, subject, component.where, MOTION))
     for root in parts.folders.documents:
-        for element, reason in _omitted(root):
+        for element in _omitted(root):
             subject = f"<{shortened(element.name)}>"
-            notes.append(Note(f"omitted, {reason}", subject, f"{element.file}:", IDLE))
+            notes.append(Note(_NO_FORCE, subject, f"{element.file}:", IDLE))
     return notes
 
 
-def _notes_on_constants(parts: Parts, equations: Equations) -> list[Note]:
+def _notes_on_constants(equations: Equations) -> list[Note]:
     """Return notes on properties that nothing sets and on which a force or an output depends."""
     properties, used, notes = equations.properties, equations.used_symbols(), []
     for full_name, (symbol, start, where) in properties.constants.items():
@@ -262,92 +262,28 @@ def _notes_on_constants(parts: Parts, equations: Equations) -> list[Note]:
             notes.append(Note(_UNSET_FROZEN, f"{shortened(full_name)} ({start:g})", where))
         if symbol.element_hash() not in used:
             continue
-        is_zero_until_set = full_name.startswith(_ZERO_UNTIL_SET) and not of_component(full_name)
-        if access(full_name, parts.thrusters) and not is_zero_until_set:
-            raise BadInputError(
-                f"{where}: {shortened(full_name)} is a property that JSBSim computes internally, "
-                "which is not supported; use another property"
-            )
         is_input = equations.constants[full_name] in equations.inputs
         statement = _UNSET_COMMAND if is_input else _UNSET_CONSTANT
         notes.append(Note(statement, f"{shortened(full_name)} ({start:g})", where))
     return notes
 
 
-@lru_cache
-def _elements() -> dict[str, Any]:
-    """Return kind of element -> its entries in `DATA`: read, idle and attributes."""
-    data: dict[str, Any] = json.loads(DATA.read_text())
-    return data["elements"]
+def _omitted(root: Element) -> Iterator[Element]:
+    """Yield each element that was not read, except descriptions.
 
-
-def _omitted(root: Element) -> Iterator[tuple[Element, str]]:
-    """Yield (element, reason) for each element that was not read but may be omitted.
-
-    Raises BadInputError if an element or attribute that was not read may affect the forces.
+    Raises BadInputError for one that affects the forces.
     """
     pending = [root]
     while pending:
         element = pending.pop()
-        _refuse_unsupported_attributes(element)
         for child in reversed(element.children):
             if child.taken:
                 pending.append(child)
-                continue
-            reason = _reason_to_omit(element, child)
-            if reason:  # "" is a comment, which needs no note
-                yield child, reason
-
-
-def _reason_to_omit(parent: Element, child: Element) -> str:
-    """Return the reason why a child element that was not read may be omitted, "" for comments."""
-    name = child.name
-    if name in _DESCRIPTIVE:
-        return ""
-    if name in KINDS or name in ("function", "table", "t") or parent.name == "channel":
-        return _NO_FORCE  # it sets properties that are not read
-    is_named = parent.name in ("function", "table", "t")
-    if is_named and not any(inner.taken for inner in parent.children):
-        return _NO_FORCE  # the parent was found by its name, but not evaluated
-    if any(other.name == name and other.taken for other in parent.children):
-        # Another child of this name was read. Of most kinds, JSBSim reads only the first.
-        return _NOT_READ if name not in _READ_REPEATEDLY else _NO_FORCE
-    known = _elements().get(parent.name)
-    if known is None:
-        raise child.error(
-            f"<{shortened(name)}> in <{shortened(parent.name)}> is not supported; remove this"
-            " element"
-        )
-    if name in known["idle"]:
-        return _NO_FORCE
-    if name in known["read"]:
-        raise child.error(
-            f"<{shortened(name)}> in <{parent.name}> affects the forces and is not supported;"
-            " remove this element"
-        )
-    return _NOT_READ
-
-
-#: Elements of which JSBSim reads all. Of other kinds it reads the first.
-_READ_REPEATEDLY = {
-    "property",
-    "output",
-    "test",
-    "location",
-    "pointmass",
-    "tank",
-    "engine",
-    "channel",
-}
-
-
-def _refuse_unsupported_attributes(element: Element) -> None:
-    """Raise BadInputError for an attribute that JSBSim evaluates and this package does not."""
-    known = _elements().get(element.name, {})
-    for name in element.attributes.keys() - element.attributes.taken:
-        if name in known.get("attributes", ()):
-            fault = f"the attribute {shortened(name)} of <{element.name}> is not supported"
-            raise element.error(f"{fault}; remove it")
+            elif child.name in _UNSUPPORTED.get(element.name, ()):
+                fault = f"<{child.name}> in <{element.name}> affects the forces"
+                raise child.error(f"{fault} and is not supported; remove this element")
+            elif child.name not in _DESCRIPTIVE:
+                yield child
 
 
 def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
@@ -355,11 +291,8 @@ def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
     # The notes concern pilot commands that the files also set, and settings without effect.
     properties = equations.properties
     notes = []
-    for name, writers in properties.writers.items():
+    for name, in_files in equations.set_in_files.items():
         access_rights = access(name, parts.thrusters)
-        in_files = [writer for writer in writers if writer.is_of_file]
-        if not access_rights or not in_files:
-            continue
         if access_rights == "R" and name in properties.names_read:
             raise _refusal(in_files[-1], f"{shortened(name)} is a read-only JSBSim property")
 
@@ -375,7 +308,7 @@ def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
 
         # Settings whose effect is not supported.
         if of_component(name):
-            if not all(is_zero(writer.compute()) for writer in in_files):  # 0: no failure
+            if name not in properties.names_read:
                 fault = (
                     f"{shortened(name)} is a failure or limit of a component, which cannot be set"
                 )
@@ -387,7 +320,7 @@ def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
                 f"{shortened(name)} moves a force in JSBSim and cannot be set here",
             )
 
-        is_also_of_pilot = "-cmd-norm" in name and len(writers) > len(in_files)
+        is_also_of_pilot = "-cmd-norm" in name and len(properties.writers[name]) > len(in_files)
         if is_also_of_pilot and name in properties.names_read:
             notes.append(Note(_SET_TWICE, shortened(name), in_files[-1].where))
     return notes

@@ -13,7 +13,7 @@ from hfa_aircraft.rigid.aircraft import wind_axes
 from hfa_jsbsim.air import Motion
 from hfa_jsbsim.airframe import Loads, Metrics
 from hfa_jsbsim.functions import function_value
-from hfa_jsbsim.properties import LoopError, Note, Properties, Writer, is_zero
+from hfa_jsbsim.properties import Note, Properties, Writer, is_zero
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import shortened
 
@@ -276,14 +276,14 @@ class Reactions:
         name = f"{_prefix(element)}/{_magnitude_name(element)}"
         if function is None:
             return self._properties.read_or(name, 0.0, element.where)
-        try:
-            return function_value(function, self._properties)
-        except LoopError as error:
+        value = function_value(function, self._properties)
+        if error := self._properties.loop_in(value):
             statement = f"this external {element.name} is omitted"
             name = shortened(element.attributes.get("name", ""))
             note = Note(statement, f"{name} ({error.cause})", element.where)
             self._properties.notes.append(note)
             return 0.0
+        return value
 
     def _read(self, names: list[str], element: Element) -> ca.SX:
         """Return the values of properties as a column, by default their initial values."""

@@ -11,8 +11,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from hfa_aircraft.rigid.aircraft import (
+    GRAVITY,
     STATES,
     acceleration,
     angular_acceleration,
@@ -32,7 +34,7 @@ from hfa_jsbsim.air import (
     state_properties,
 )
 from hfa_jsbsim.airframe import Body, Loads, Mass, mass_of
-from hfa_jsbsim.catalog import access
+from hfa_jsbsim.catalog import access, of_component
 from hfa_jsbsim.control_system import add_control_systems
 from hfa_jsbsim.engines import OF_ENGINES, STEP, Effect, EngineFile, MountedEngine, spool_error
 from hfa_jsbsim.functions import function_value, property_definitions, table_value
@@ -40,12 +42,14 @@ from hfa_jsbsim.parts import LOADED, Parts
 from hfa_jsbsim.powerplant import add_engine
 from hfa_jsbsim.properties import (
     BEFORE_ALL,
+    FilterState,
     Note,
     Properties,
     Writer,
     canonical,
-    depends_on_time,
+    contains,
     identifier,
+    is_zero,
 )
 from hfa_jsbsim.surfaces import (
     PilotInput,
@@ -70,6 +74,21 @@ _COMMANDS = {
 _TURNED_BY = {"roll_rate": "aileron", "pitch_rate": "elevator", "yaw_rate": "rudder"}
 #: Name of a command, which programs around JSBSim set.
 _NAME_OF_COMMAND = re.compile("(cmd|command)[^/]*$")
+#: JSBSim's properties that are 0 until a file or a pilot sets them.
+_ZERO_UNTIL_SET = ("fcs/", "gear/tailhook", "gear/wing-fold")
+#: Ranges of states in the flights in which a force must not depend on the time, and their number.
+_FLIGHTS = {
+    "speed": (200.0, 500.0),
+    "alpha": (-0.02, 0.12),
+    "pitch": (-0.1, 0.2),
+    "altitude": (0.0, 20000.0),
+    "throttle": (0.0, 1.0),
+}
+_FLIGHT_COUNT = 200
+#: Times after the start of a flight, s.
+_LATE = (1e6, 1e9)
+#: Most rates in a sentence.
+_MOST_RATES = 3
 #: Levers with constant positions, by default 0. A gear position of 1 means down.
 LEVERS = {
     "flap": "fcs/flap-cmd-norm",
@@ -103,7 +122,7 @@ class Equations:
         """
         self.parts = parts
         self.notes: list[Note] = []
-        self.properties = Properties(parts.choices.filters)
+        self.properties = Properties(parts.choices.filters, self._is_native)
         #: Property that the user made an input -> name of the input.
         self.chosen: dict[str, str] = {}
         self.starts: dict[str, float] = {}
@@ -112,6 +131,7 @@ class Equations:
         #: Property that a <property> of the files declares -> file and line.
         self.declared: dict[str, str] = {}
         self.replaced_commands: list[ca.SX] = []
+        self._replacements: list[tuple[ca.SX, ca.SX]] = []
         self._functions: dict[str, Element] = {}
         self._declare_symbols()
 
@@ -141,9 +161,10 @@ class Equations:
         self._set_rates_and_outputs(x, aerodynamics.loads(), external)
         self._add_filters()
         self._solve_rates_of_angles()
-        self._name_constants()
         self._refuse_wind()
-        self._remove_time()
+        self.set_in_files = dict(self._set_in_files())
+        self._refuse_unknowns()
+        self._name_constants()
         if (
             aerodynamics.hysteresis is not None
             and "aero/stall-hyst-norm" in self.properties.names_read
@@ -204,13 +225,14 @@ class Equations:
             self.inputs[name] = PilotInput(ca.SX.sym(name), limits=(-math.inf, math.inf))
         self.parameters = {name: ca.SX.sym(name) for name in self._parameter_names()}
         self.gusts = {name: ca.SX.sym(name) for name in GUSTS}
-        self._time = ca.SX.sym("time")
         # Forces may depend on the rates of alpha and beta: `_solve_rates_of_angles` replaces these.
         self.rate_symbols = [ca.SX.sym("alpha_rate"), ca.SX.sym("beta_rate")]
 
     def _define_motion(self, x: SimpleNamespace) -> None:
         """Define the properties of time, state, angular velocity and rates of alpha and beta."""
         properties = self.properties
+        fault = "the rates depend on simulation/sim-time-sec, which is not supported"
+        self._time = properties.unknown(BadInputError(f"{self.parts.path}: {fault}"))
         properties.define("simulation/sim-time-sec", self._time)
         for name, value in state_properties(x, self.motion, self.parts.wings).items():
             properties.define(name, value)
@@ -520,17 +542,38 @@ class Equations:
                 self.outputs[f"spool_error{file.number}"] = spool_error(file)
 
     def _add_filters(self) -> None:
-        """Add the filter states of the control system with their time derivatives."""
-        # Computing a derivative may append further states, which the loop then reaches.
-        for state in self.properties.filters:
-            name = state.symbol.name()
-            if state.writer is None:
-                raise state.component.error(
-                    f"the output of <{state.component.name}> cannot be computed; remove this "
-                    "component"
-                )
-            self.states[name] = state.symbol
-            self.rates[name] = ca.SX(self.properties.value_of(state.writer, name, ""))
+        """Add the states of the control system that move a force, or with ?filters=states all, with
+        their time derivatives.
+        """
+        properties = self.properties
+        pending = properties.filters
+        while reached := [state for state in pending if self._is_reached(state)]:
+            for state in reached:
+                if state.writer is None:
+                    raise state.component.error(
+                        f"the output of <{state.component.name}> cannot be computed; remove this "
+                        "component"
+                    )
+                name = state.symbol.name()
+                self.states[name] = state.symbol
+                self.rates[name] = ca.SX(properties.value_of(state.writer, name, ""))
+                if not properties.has_filter_states:
+                    properties.take_up(state.component)
+            # Computing a derivative may append further states, and reaches others.
+            pending = [each for each in properties.filters if each.symbol.name() not in self.states]
+        self._idle = [integral.symbol for integral in pending]
+        properties.filters = [each for each in properties.filters if each not in pending]
+
+    def _is_reached(self, state: FilterState) -> bool:
+        """Return whether a state of the control system is one of the aircraft: with the properties
+        as the files set them, it moves, and moves a force.
+        """
+        properties = self.properties
+        if properties.has_filter_states or state.writer is None:
+            return True
+        if is_zero(properties.in_files(properties.value_of(state.writer, "", ""))):
+            return False
+        return contains(properties.in_files(ca.vertcat(*self.rates.values())), state.symbol)
 
     def _solve_rates_of_angles(self) -> None:
         """Solve for the time derivatives of alpha and beta, on which forces may depend."""
@@ -561,9 +604,6 @@ class Equations:
         axes = [axis for axis, command in _TURNED_BY.items() if command not in used]
         turning = ca.vertcat(*(self.rates[axis] for axis in axes))  # that no command changes
         for full_name, constant in constants.items():
-            # Loops depend on a frozen constant, which keeps its value: the parameter does nothing.
-            if full_name in self.properties.frozen:
-                self._substitute(constant.symbol, ca.SX(constant.start))
             taken = (*self.states, *self.inputs, *self.parameters, *self.outputs)
             name = identifier(full_name, "constant", taken)
             self.constants[full_name] = name
@@ -587,28 +627,118 @@ class Equations:
                     f"parameters {', '.join(WINDS)}"
                 )
 
-    def _remove_time(self) -> None:
-        """Set the simulation time to 0. If rates contain it, add a note.
+    def _is_native(self, full_name: str) -> bool:
+        """Return whether JSBSim computes a property that is not 0 until a file or pilot sets it."""
+        is_zero_until_set = full_name.startswith(_ZERO_UNTIL_SET) and not of_component(full_name)
+        return bool(access(full_name, self.parts.thrusters)) and not is_zero_until_set
 
-        Raises BadInputError if the time changes the rates in a typical steady flight.
+    def _set_in_files(self) -> Iterator[tuple[str, list[Writer]]]:
+        """Yield JSBSim's own properties, with the writers of the files that are ever executed."""
+        properties = self.properties
+        for name, writers in list(properties.writers.items()):
+            if not access(name, self.parts.thrusters):
+                continue
+            in_files = []
+            for writer in (each for each in writers if each.is_of_file):
+                if "/malfunction/" in name and writer.component is None:
+                    continue  # JSBSim ignores the value of a <property>
+                on = ca.SX(1.0) if writer.is_on is None else writer.is_on()
+                if of_component(name):  # 0: no failure
+                    on = on * properties.value_of(writer, name, writer.where)
+                if is_zero(properties.in_files(on)):
+                    properties.frozen |= {
+                        full_name
+                        for full_name, constant in properties.constants.items()
+                        if contains(on, constant.symbol)
+                    }
+                else:
+                    in_files.append(writer)
+            if in_files:
+                yield name, in_files
+
+    def _refuse_unknowns(self) -> None:
+        """Raise BadInputError if a force depends on what is unknown, with the properties as they
+        stand in the files; otherwise remove it.
+        """
+        properties = self.properties
+        for _ in range(2):  # values of the past may contain each other
+            for symbol, present, _ in properties.presents():
+                self._substitute(symbol, present)
+        for integral in self._idle:
+            self._substitute(integral, ca.SX(0.0))
+        self._freeze()
+        self._remove_time()
+        faults = []
+        for unknown in properties.unknowns:
+            values = ca.vertcat(*self.rates.values(), *self.outputs.values())
+            if not contains(values, unknown.symbol):
+                continue
+            if properties.hide(values, unknown):
+                self._freeze()
+                continue
+            moved = [name for name, rate in self.rates.items() if contains(rate, unknown.symbol)]
+            moved = moved or [*self.outputs]
+            rates = ", ".join(moved[:_MOST_RATES]) + ", ..." * (len(moved) > _MOST_RATES)
+            path = properties.path_of(unknown)
+            faults.append(f"{unknown.error} (it changes {rates}{path and ' by '}{path})")
+        if faults:
+            raise BadInputError("; ".join(dict.fromkeys(faults)))
+
+    def _remove_time(self) -> None:
+        """Replace the time where it decides nothing after the start of a flight, or where no rate
+        depends on it in drawn flights, with a note.
         """
         rates = ca.vertcat(*self.rates.values())
-        if ca.depends_on(rates, self._time):  # the expressions contain it, perhaps without effect
-            symbols = [*self.states.values(), *(given.symbol for given in self.inputs.values())]
-            symbols += [*self.parameters.values(), *self.gusts.values()]
-            if depends_on_time(rates, self._time, symbols):
-                raise BadInputError(
-                    f"{self.parts.path}: the rates depend on simulation/sim-time-sec, which is not "
-                    "supported; remove this property"
-                )
+        if not contains(rates, self._time):
+            return
+        others = ca.vertcat(
+            *(each for each in ca.symvar(rates) if not ca.is_equal(each, self._time))
+        )
+        late = [ca.substitute(rates, self._time, time) for time in _LATE]
+        if len({ca.Function("rates", [others], [each]).serialize() for each in late}) == 1:
+            self._substitute(self._time, ca.SX(_LATE[1]))
+            return
+        draw = np.random.default_rng(0).uniform
+        starts = {each.symbol.name(): each.start for each in self.properties.constants.values()}
+        usual = {
+            "gravity": GRAVITY["english"],
+            **dict.fromkeys(("mixture", "advance"), 1.0),
+            **starts,
+        }
+        flights = np.zeros((others.numel(), _FLIGHT_COUNT))
+        for row, symbol in zip(flights, ca.vertsplit(others), strict=True):
+            name = symbol.name()
+            row[:] = usual.get(name, float(name.startswith("engine")))
+            if name.startswith(("rpm", "tank")):
+                row[:] = draw(100.0, 2000.0, _FLIGHT_COUNT)
+            elif name in _FLIGHTS:
+                row[:] = draw(*_FLIGHTS[name], _FLIGHT_COUNT)
+        function = ca.Function("rates", [self._time, others], [rates])
+        at = [np.asarray(function(time, flights)) for time in (0.0, *draw(0.0, 1e4, 8))]
+        if all(np.array_equal(at[0], later, equal_nan=True) for later in at[1:]):
             statement = (
-                "simulation/sim-time-sec is always 0, but forces depend on it at some states"
+                f"simulation/sim-time-sec is always 0, but forces depend on it at some states (in "
+                f"none of {_FLIGHT_COUNT} drawn at 200 to 500 ft/s, alpha -1 to 7 deg)"
             )
             self.notes.append(Note(statement))
-        self._substitute(self._time, ca.SX(0.0))
+            self._substitute(self._time, ca.SX(0.0))
+
+    def resolved(self, value: Any) -> ca.SX:
+        """Return a value with the replacements of the time derivatives and outputs."""
+        value = ca.SX(value)
+        for symbol, replacement in self._replacements:
+            value = ca.substitute(value, symbol, replacement)
+        return value
+
+    def _freeze(self) -> None:
+        """Replace the frozen constants by their values in the files."""
+        for full_name in self.properties.frozen:
+            constant = self.properties.constants[full_name]
+            self._substitute(constant.symbol, ca.SX(constant.start))
 
     def _substitute(self, symbol: ca.SX, value: ca.SX) -> None:
         """Replace a symbol by a value in all time derivatives and outputs."""
+        self._replacements.append((symbol, value))
         names = [*self.rates, *self.outputs]
         values = ca.vertcat(*self.rates.values(), *self.outputs.values())
         changed = ca.vertsplit(ca.substitute(values, symbol, value))

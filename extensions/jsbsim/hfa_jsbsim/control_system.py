@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -123,17 +124,21 @@ def add_control_systems(
     order = 0
     for section in sections:
         for channel in section.all("channel"):
+            execute = channel.attributes.get("execute", "")
             for component in channel.children:
                 if component.name in KINDS:
                     order += 2  # the other units of a surface are set directly after it
-                    _add_component(component, properties, commands, order)
+                    _add_component(component, properties, commands, order, execute)
     _join_units(properties)
 
 
-def _add_component(component: Element, properties: Properties, commands: ca.SX, order: int) -> None:
-    """Define the properties that a component sets, which its name and its outputs name."""
-    if component.name == "distributor":
-        raise component.error("<distributor> is not supported; use a <switch> for each property")
+def _add_component(
+    component: Element, properties: Properties, commands: ca.SX, order: int, execute: str
+) -> None:
+    """Define the properties that a component sets, which its name and its outputs name.
+
+    execute: property of the channel, which is executed while it is not 0, or ""
+    """
     name = component.attributes.get("name", "")
     names = [name if "/" in name else f"fcs/{lower_dashes(name)}"]
     outputs = [child for child in component.children if child.name == "output"]
@@ -144,21 +149,43 @@ def _add_component(component: Element, properties: Properties, commands: ca.SX, 
                 "remove the sign"
             )
     names += [output.text for output in outputs]
+    if component.name == "distributor":
+        component.take_all()
+        set_here = (child for case in component.children for child in case.children)
+        names += [child.text for child in set_here if child.name == "property"]
 
     def compute() -> Any:
-        """Return the output, and mark the component as read, unless a loop prevents its use."""
+        """Return the output, and mark the component as read."""
         component.take()
         for child in component.all("output"):
             child.take()
-        try:
-            return _output(component, properties, commands)
-        except LoopError:
-            component.taken = False
-            raise
+        return _output(component, properties, commands)
 
     writer = Writer(compute, component.where, order, component, is_of_file=True)
     for output_name in dict.fromkeys(names):
-        properties.add_writer(output_name, writer)
+        own = _if_executed(writer, output_name, execute, properties) if execute else writer
+        properties.add_writer(output_name, own)
+
+
+def _if_executed(writer: Writer, name: str, execute: str, properties: Properties) -> Writer:
+    """Return the writer of a component of a channel that is executed while a property is not 0.
+
+    execute: name of this property
+    """
+    before = properties.writer(name)
+
+    def is_on() -> ca.SX:
+        """Return whether the channel is executed."""
+        return ca.SX(properties.read(execute, writer.where)) != 0.0
+
+    def compute() -> Any:
+        """Return the output, or without execution the value before."""
+        kept = properties.initial(name)
+        if before is not None:
+            kept = properties.value_of(before, name, writer.where)
+        return ca.if_else(is_on(), properties.value_of(writer, name, writer.where), kept)
+
+    return replace(writer, compute=compute, is_on=is_on)
 
 
 def _join_units(properties: Properties) -> None:
@@ -205,11 +232,9 @@ def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
     elif component.name in _COMPONENTS:
         value = _COMPONENTS[component.name](component, properties)
     else:
-        fault = (
-            f"<{shortened(component.name)}> has no steady-state output, but a force depends on "
-            "this output"
-        )
-        raise component.error(f"{fault}; remove this dependence")
+        component.take_all()
+        fault = f"<{shortened(component.name)}> has no steady-state output"
+        return properties.unknown(component.error(f"{fault}; remove this dependence"))
     return _clipped(component, properties, value)
 
 
@@ -217,10 +242,12 @@ def _clipped(component: Element, properties: Properties, value: Any) -> Any:
     """Return a value within the limits of <clipto>."""
     # As in JSBSim, the limits are ignored if one is missing or if they are exchanged.
     limits = component.find("clipto")
-    if limits is None or limits.find("min") is None or limits.find("max") is None:
+    if limits is None or None in (limits.find("min"), limits.find("max")):
         return value
     if limits.attributes.get("type") == "cyclic":
-        raise limits.error("a cyclic <clipto> has no steady-state value; remove this <clipto>")
+        limits.take_all()
+        fault = "a cyclic <clipto> has no steady-state value; remove this <clipto>"
+        return properties.unknown(limits.error(fault))
     low, high = (parameter(limits, name, properties, 0.0) for name in ("min", "max"))
     clipped = saturated(ca.SX(value), low, high)
     if is_constant(low) and is_constant(high):
@@ -288,7 +315,17 @@ def _deadband(component: Element, properties: Properties) -> Any:
 def _actuator(component: Element, properties: Properties) -> Any:
     """Return the output of an <actuator>: its input after lag, deadband and bias."""
     # Rate limits and hysteresis are omitted with a note.
-    value = _lagged(component, "lag", input_of(component, properties), properties)
+    value = input_of(component, properties)
+    failed = {kind: _failure(component, properties, kind) for kind in ("zero", "hardover", "stuck")}
+    value = ca.if_else(failed["zero"], 0.0, value) if failed["zero"] is not None else value
+    if failed["hardover"] is not None:
+        end = (
+            0.0
+            if component.find("clipto") is None
+            else component.need("clipto").need("max").number()
+        )
+        value = ca.if_else(failed["hardover"], end * ca.sign(value), value)
+    value = _lagged(component, "lag", value, properties)
     if component.find("rate_limit") is not None:
         properties.leave_out(component, "its rate limit", is_always=True)
     width = component.value_of("deadband_width", 0.0)
@@ -301,7 +338,19 @@ def _actuator(component: Element, properties: Properties) -> Any:
             "hysteresis is omitted; in JSBSim these actuators may stop this far from their command"
         )
         properties.notes.append(Note(statement, f"{name} by {0.5 * play:g}", component.where))
-    return value + component.value_of("bias", 0.0)
+    value = value + component.value_of("bias", 0.0)
+    # A stuck actuator keeps its output, at the start of a flight 0.
+    return value if failed["stuck"] is None else ca.if_else(failed["stuck"], 0.0, value)
+
+
+def _failure(component: Element, properties: Properties, kind: str) -> ca.SX | None:
+    """Return whether an actuator has a failure, or None if nothing sets it."""
+    name = component.attributes.get("name", "")
+    full_name = f"{name if '/' in name else f'fcs/{lower_dashes(name)}'}/malfunction/fail_{kind}"
+    writer = properties.writer(full_name)
+    if writer is None or writer.component is None:  # JSBSim ignores the value of a <property>
+        return None
+    return ca.SX(properties.read(full_name, component.where)) != 0.0
 
 
 def _lagged(component: Element, name: str, value: Any, properties: Properties) -> Any:
@@ -316,7 +365,7 @@ def _lagged(component: Element, name: str, value: Any, properties: Properties) -
         properties.leave_out(component, "its lag is omitted")
         return value
     rate = properties.value(child.text, child)
-    state = properties.add_state(component)
+    state = properties.add_state(component, value)
     properties.set_rate(state, lambda: rate * (value - state))
     return state
 
@@ -347,8 +396,8 @@ def _washout(component: Element, properties: Properties) -> Any:
         properties.leave_out(component, "its output is 0, as for a constant input")
         component.find("input")  # counts as read
         return 0.0
-    state = properties.add_state(component)
     value = input_of(component, properties)
+    state = properties.add_state(component, value)
     properties.set_rate(state, lambda: rate * (value - state))
     return value - state
 
@@ -374,7 +423,7 @@ def _lead_lag(component: Element, properties: Properties) -> Any:
         return value * c2 / c4
     differentiates = "differentiates the input, which is not supported; give a value other than 0"
     _refuse_zero(component, "c3", c3, differentiates)
-    state = properties.add_state(component)
+    state = properties.add_state(component, value)
     # (c1 s + c2) / (c3 s + c4) = c1 / c3 + (c2 - c1 c4 / c3) / (c3 s + c4); a state for the latter
     properties.set_rate(state, lambda: (c2 / c3 - c1 * c4 / c3**2) * value - c4 / c3 * state)
     return c1 / c3 * value + state
@@ -398,18 +447,9 @@ def _switch(component: Element, properties: Properties) -> Any:
                 "attribute value, or remove the <test>"
             )
         holds = _holds(test, properties)
-        # 1 or 0 with the values in the files, or None if the test depends on states or inputs.
-        at_start = properties.at_start(holds)
-        if is_constant(holds) and not at_start:
+        if is_zero(holds):
             continue
-        try:
-            of_test = properties.value(test.attributes["value"], test)
-        except LoopError:  # a loop only while the test is true
-            if at_start != 0.0:
-                raise
-            properties.freeze(holds)  # so that the test stays false
-            continue
-        value = of_test if is_constant(holds) else ca.if_else(holds, of_test, value)
+        value = ca.if_else(holds, properties.value(test.attributes["value"], test), value)
     return value
 
 
@@ -455,8 +495,7 @@ def _controller(component: Element, properties: Properties, commands: ca.SX) -> 
     # - <pid>: kp u + ki ∫ u dt + kd u'
     # - <pid> of type "standard": kp (u + ki ∫ u dt + kd u')
     # - <integrator>: the formula of a <pid> with ki = c1
-    # The integral is 0 unless filters are states. u' is <pvdot>, or 0 without it.
-    # Raises LoopError as `_integral` does.
+    # u' is <pvdot>, or 0 without it.
     value = ca.SX(input_of(component, properties))
     integral = component.find("ki") if component.name == "pid" else component.need("c1")
     gain = 0.0 if integral is None else properties.value(integral.text, integral)
@@ -478,27 +517,28 @@ def _controller(component: Element, properties: Properties, commands: ca.SX) -> 
 def _integral(
     component: Element, properties: Properties, value: Any, gain: Any, commands: ca.SX
 ) -> Any:
-    """Return the integral of gain times value: a state, or 0 if filters are not states.
+    """Return the integral of gain times value, a state, which is omitted if it moves no force and
+    filters are not states.
 
-    Raises LoopError if a pilot's command would move the integral without end.
+    The integral is unknown if a pilot's command would move it without end.
     """
     # As in JSBSim, <trigger> stops the integral unless it is 0, and a negative one sets it to 0.
-    try:
-        trigger = ca.SX(parameter(component, "trigger", properties, 0.0))
-    except LoopError:  # a trigger that depends on the output itself acts at a limit of the output
+    trigger = ca.SX(parameter(component, "trigger", properties, 0.0))
+    if properties.loop_in(trigger):  # one that depends on the output itself acts at its limit
         trigger = ca.SX(0.0)
     if is_constant(trigger) and float(trigger) < 0.0:
         return 0.0
-    if properties.has_filter_states:
-        state = properties.add_state(component)
-        rate = ca.if_else(ca.fabs(trigger) < 1e-6, gain * value, 0.0)
-        properties.set_rate(state, lambda: rate)
-        return state
-    # A command that the pilot holds moves the integral without end, unless controls are centered.
-    if ca.depends_on(value, commands) and not properties.reads_loops_as_zero:
-        raise LoopError(component.where, "the integrator has no steady-state value")
-    properties.leave_out(component, "its integral is 0")
-    return 0.0
+    if not properties.has_filter_states:
+        # A command that the pilot holds moves the integral without end, unless controls are
+        # centered.
+        if ca.depends_on(properties.at_start(value), commands):
+            error = LoopError(component.where, "the integrator has no steady-state value")
+            return properties.unknown(error)
+        properties.leave_out(component, "its integral is 0")
+    state = properties.add_state(component, value)
+    rate = ca.if_else(ca.fabs(trigger) < 1e-6, gain * value, 0.0)
+    properties.set_rate(state, lambda: rate)
+    return state
 
 
 _COMPONENTS: dict[str, Callable[[Element, Properties], Any]] = {

@@ -67,6 +67,15 @@ def _is_true(value: Any) -> Any:
     return ca.fabs(value) >= _SMALLEST_TRUE
 
 
+def _pow(base: Any, exponent: Any) -> Any:
+    """Return a power; 0 to a varying power is 0, 1 or infinite, without a derivative."""
+    if exponent.is_constant():
+        return base**exponent
+    of_zero = ca.if_else(exponent > 0.0, 0.0, ca.if_else(exponent < 0.0, math.inf, 1.0))
+    is_zero = base == 0.0  # then the base is 1: if_else evaluates both values
+    return ca.if_else(is_zero, of_zero, ca.if_else(is_zero, 1.0, base) ** exponent)
+
+
 def _truth(compare: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     """Return the function of two arguments that is 1 if their comparison is true, and else 0."""
     return lambda one, other: ca.if_else(compare(one, other), 1.0, 0.0)
@@ -97,7 +106,7 @@ _OPERATIONS: dict[str, tuple[Callable[..., Any], int, int]] = {
     "min": (lambda *values: reduce(ca.fmin, values), 1, _ANY_NUMBER),
     "max": (lambda *values: reduce(ca.fmax, values), 1, _ANY_NUMBER),
     "quotient": (_unless_zero(lambda one, other: one / other), 2, 2),
-    "pow": (lambda one, other: one**other, 2, 2),
+    "pow": (_pow, 2, 2),
     "fmod": (_unless_zero(ca.fmod), 2, 2),
     "mod": (lambda one, other: ca.fmod(_integer(one), _integer(other)), 2, 2),
     "atan2": (ca.atan2, 2, 2),
@@ -153,9 +162,8 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
     name = element.name
     if name in ("property", "p"):
         if "apply" in element.attributes:
-            raise element.error(
-                "template functions (attribute apply) are not supported; write the function in full"
-            )
+            fault = "template functions (attribute apply) are not supported"
+            return properties.unknown(element.error(f"{fault}; write the function in full"))
         return properties.read(numbered(element, element.text, number), element.where)
     if name in ("value", "v"):
         return element.number()
@@ -164,9 +172,9 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
     if name in ("table", "t"):
         return table_value(element, properties, number)
     if name not in _OPERATIONS:
-        raise element.error(
-            f"the operation <{shortened(name)}> is not supported; use other operations"
-        )
+        element.take_all()
+        fault = f"the operation <{shortened(name)}> is not supported; use other operations"
+        return properties.unknown(element.error(fault))
     operation, fewest, most = _OPERATIONS[name]  # numbers of arguments
     values = [
         _value(child.take(), properties, number)

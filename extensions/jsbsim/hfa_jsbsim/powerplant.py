@@ -508,10 +508,13 @@ def add_engine(mounted: MountedEngine) -> Writer:
     """Define the properties of an engine and return the writer whose value is its `Effect`."""
     properties = mounted.properties
     writer = Writer(partial(engine_effect, mounted), mounted.mount.where)
+    properties.add_writer(mounted.full_name("effect"), writer)
 
     def part(name: str) -> Any:
         """Return the value of a property that the engine sets."""
         effect = properties.value_of(writer, mounted.full_name(name), mounted.mount.where)
+        if isinstance(effect, ca.SX):  # unknown, in a loop
+            return effect
         if name == "thrust-lbs":
             return effect.thrust
         if name == "power-hp":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import keyword
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -66,35 +66,6 @@ def _line(statement: str, notes: list[Note]) -> str:
     return f"{statement}: {listed}" if listed else statement
 
 
-#: State of a steady flight, and times, s, at which its forces are compared.
-_USUAL_STATE = {
-    "speed": 300.0,
-    "alpha": 0.05,
-    "pitch": 0.05,
-    "altitude": 5000.0,
-    "throttle": 0.5,
-    "gravity": 32.17,
-    **{f"rpm{number}": 1500.0 for number in range(9)},
-    **{f"engine{number}": 1.0 for number in range(9)},
-    **{f"tank{number}": 100.0 for number in range(99)},
-}
-_TIMES = (0.37, 5.3, 61.7, 1234.5)
-
-
-def depends_on_time(rates: ca.SX, time: ca.SX, symbols: Sequence[ca.SX]) -> bool:
-    """Return whether time derivatives in a typical steady flight change with the simulation time.
-
-    They are compared at times of different orders of magnitude.
-
-    rates: time derivatives, expressions of `time` and `symbols`
-    symbols: all other symbols in `rates`
-    """
-    function = ca.Function("rates", [time, ca.vertcat(*symbols)], [rates])
-    usual = [_USUAL_STATE.get(symbol.name(), 0.0) for symbol in symbols]
-    at_start = function(0.0, usual)
-    return any(not ca.is_equal(function(later, usual), at_start) for later in _TIMES)
-
-
 #: Names of the model that states of the control system may not have.
 _TAKEN = {
     *("speed", "alpha", "beta", "roll_rate", "pitch_rate", "yaw_rate", "roll", "pitch", "yaw"),
@@ -110,6 +81,9 @@ AFTER_ALL = 1 << 30
 #: Properties that depend on the total force. The control system must not depend on them.
 _OF_ALL_FORCES = ("accelerations/", "forces/", "moments/")
 _NAME = re.compile(r"/?[A-Za-z_][\w.-]*(\[\d+\])?(/[A-Za-z_][\w.-]*(\[\d+\])?)*")
+_SLASHES = re.compile("//+")
+#: Depth to which two conditions are compared.
+_DEEP = 100
 #: Properties of wheels, which are 0 in flight.
 _ON_GROUND = re.compile(
     r"gear/unit(\[\d+\])?/"
@@ -140,6 +114,9 @@ class Writer:
     component: the element, if it is a component of the control system.
     is_of_file: whether an element of a file sets the property, and not JSBSim itself.
     value: the value, or None before it is computed.
+    past: the value in the frame before, if the value depends on it, or None.
+    name: the property, for messages.
+    is_on: function without arguments that returns whether the element is executed; None for always.
     """
 
     compute: Callable[[], Any]
@@ -148,6 +125,34 @@ class Writer:
     component: Element | None = None
     is_of_file: bool = False
     value: Any = field(default=None)
+    past: Unknown | None = None
+    name: str = ""
+    is_on: Callable[[], Any] | None = None
+
+
+class Unknown(NamedTuple):
+    """Value that this package cannot compute. An aircraft is refused if a force depends on it.
+
+    symbol: the value
+    error: the refusal: a LoopError for a value of the past
+    readers: what first read it, from the last reader to the first
+    """
+
+    symbol: ca.SX
+    error: BadInputError
+    readers: tuple[Writer, ...]
+
+
+class Present(NamedTuple):
+    """Value of the past that is known in a steady flight.
+
+    symbol: the value of the past
+    value, at_start: the value, and with the constants in the files
+    """
+
+    symbol: ca.SX
+    value: ca.SX
+    at_start: ca.SX
 
 
 @dataclass(eq=False)
@@ -192,12 +197,11 @@ class Properties:
     """All properties of an aircraft.
 
     constants: property that nothing sets -> its symbol and value.
-    frozen: those of them on which a loop depends, which keep their value.
+    frozen: those of them that keep their value, because others need what is unknown.
+    unknowns: values that this package cannot compute.
     in_control: those of them that components of the control system read.
     notes: notes for the user.
     interpolate: interpolation of tables.
-    reads_loops_as_zero: whether a value that depends on itself reads 0 for itself, instead of
-        raising LoopError.
     has_filter_states: whether dynamic components have states.
     travels: (component, target) of each <kinematic> that takes time to move.
     names_read: names of the properties that were read.
@@ -207,8 +211,16 @@ class Properties:
     writers: writers of each property, in the order in which they were added.
     """
 
-    def __init__(self, has_filter_states: bool) -> None:
+    def __init__(self, has_filter_states: bool, is_native: Callable[[str], Any]) -> None:
+        """Begin without a property.
+
+        is_native: function (name) -> whether JSBSim computes a property that no file sets
+        """
         self.has_filter_states = has_filter_states
+        self._is_native = is_native
+        self.unknowns: list[Unknown] = []
+        self._looping: list[Writer] = []  # those that need their value of the past
+        self._seen: dict[Writer, tuple[int, int, Present | None]] = {}  # of those
         self.travels: list[tuple[Element, ca.SX]] = []
         self.filters: list[FilterState] = []
         self.names_read: set[str] = set()
@@ -224,7 +236,6 @@ class Properties:
         # Place of the running writer in the order of evaluation: `read` prefers earlier writers.
         self._order = AFTER_ALL
         self._running: list[Writer] = []
-        self.reads_loops_as_zero = False
 
     def define(self, name: str, value: Any) -> None:
         """Add a value of a property that components of the control system may override."""
@@ -240,32 +251,129 @@ class Properties:
         self.constants[key] = Constant(ca.SX.sym(key), start, where)
         self._initial[key] = self.constants[key].symbol
 
-    def at_start(self, value: Any) -> float | None:
-        """Return a value with all constants at their values in the files, or None if it varies."""
-        constants = self.constants.values()
-        symbols = ca.vertcat(*(constant.symbol for constant in constants))
-        starts = ca.SX([constant.start for constant in constants])
-        number = ca.substitute(ca.SX(value), symbols, starts)
-        return float(number) if number.is_constant() else None
+    def at_start(self, value: Any, names: Iterable[str] | None = None) -> ca.SX:
+        """Return a value with constants at their values in the files.
 
-    def freeze(self, value: Any) -> None:
-        """Keep the constants in a value at their values in the files."""
-        self.frozen |= {
-            name
-            for name, constant in self.constants.items()
-            if ca.depends_on(ca.SX(value), constant.symbol)
-        }
+        names: the constants; None for all
+        """
+        constants = [
+            self.constants[name] for name in self.constants if names is None or name in names
+        ]
+        symbols = ca.vertcat(*(constant.symbol for constant in constants))
+        return ca.substitute(ca.SX(value), symbols, ca.SX([each.start for each in constants]))
+
+    def unknown(self, error: BadInputError) -> ca.SX:
+        """Return the symbol of a value that this package cannot compute.
+
+        error: the refusal if a force depends on the value
+        """
+        self.unknowns.append(Unknown(ca.SX.sym("unknown"), error, (*self._running,)))
+        return self.unknowns[-1].symbol
+
+    def path_of(self, unknown: Unknown) -> str:
+        """Return the names of the properties by which an unknown was reached, or ""."""
+        values = ((writer.name, writer.value) for writer in unknown.readers)
+        names = [
+            shortened(name)
+            for name, value in values
+            if name and isinstance(value, ca.SX) and contains(self.in_files(value), unknown.symbol)
+        ]
+        return ", ".join(dict.fromkeys(reversed(names)))
+
+    def in_files(self, value: Any) -> ca.SX:
+        """Return a value for the properties as the files set them, with values of the past replaced
+        by those of a steady flight.
+        """
+        value = self.at_start(value)
+        inside = symbols_of(value)
+        for symbol, _, at_start in self.presents():
+            if key_of(symbol) in inside:
+                value = ca.substitute(value, symbol, at_start)
+                inside = symbols_of(value)
+        return value
+
+    def presents(self) -> Iterator[Present]:
+        """Yield the values of the past that are known in a steady flight."""
+        for writer in self._looping:
+            if not isinstance(writer.value, ca.SX) or writer.past is None:
+                continue
+            seen = self._seen.get(writer)
+            if seen is None or seen[:2] != (id(writer.value), len(self.constants)):
+                present = self._present(writer.value, writer.past.symbol, self.initial(writer.name))
+                seen = self._seen[writer] = id(writer.value), len(self.constants), present
+            if seen[2] is not None:
+                yield seen[2]
+
+    def _present(self, value: ca.SX, past: ca.SX, initial: Any) -> Present | None:
+        """Return the value of the past of a property in a steady flight, None if it is unknown.
+
+        value: value of the property, a function of its past
+        initial: its value before the first frame
+        """
+        at_start = self.at_start(value)
+        if not contains(at_start, past):  # a component does not need it: it is the present one
+            return Present(past, value, at_start)
+        if _is_kept(value, past):
+            return Present(past, ca.SX(initial), self.at_start(initial))
+        # value = slope past + rest: a static loop, if the frames approach its solution
+        slope = ca.jacobian(value, past)
+        loops = {key_of(each.symbol) for each in self.unknowns if isinstance(each.error, LoopError)}
+        if slope.is_constant() and abs(float(slope)) < 1.0 and len(loops & symbols_of(value)) == 1:
+            solved = ca.substitute(value, past, 0.0) / (1.0 - slope)
+            return Present(past, solved, self.at_start(solved))
+        return None
+
+    def loop_in(self, value: Any) -> LoopError | None:
+        """Return the error of a loop on which a value depends, or None."""
+        inside = symbols_of(self.in_files(value))
+        errors = (unknown.error for unknown in self.unknowns if key_of(unknown.symbol) in inside)
+        return next((error for error in errors if isinstance(error, LoopError)), None)
+
+    def hide(self, value: ca.SX, unknown: Unknown) -> bool:
+        """Freeze the constants whose values in the files remove an unknown from a value.
+
+        Returns False if the value depends on the unknown with all of them.
+        """
+        value = ca.vertcat(*(row for row in ca.vertsplit(value) if contains(row, unknown.symbol)))
+        inside = symbols_of(value)
+        names = [name for name, each in self.constants.items() if key_of(each.symbol) in inside]
+        if contains(self.at_start(value, names), unknown.symbol):
+            return False
+        needed: list[str] = []  # the last of the fewest first names that suffice with those found
+        while contains(self.at_start(value, needed), unknown.symbol):
+            too_few, enough = 0, len(names)
+            while enough - too_few > 1:
+                middle = (too_few + enough) // 2
+                if contains(self.at_start(value, [*needed, *names[:middle]]), unknown.symbol):
+                    too_few = middle
+                else:
+                    enough = middle
+            names, needed = names[: enough - 1], [*needed, names[enough - 1]]
+        self.frozen |= {*needed}
+        return True
 
     def add_writer(self, name: str, writer: Writer) -> None:
         """Add a writer of a property. The value is computed when the property is first read."""
         self.writers.setdefault(canonical(name), []).append(writer)
 
+    def initial(self, name: str) -> Any:
+        """Return the value that a property has before anything sets it."""
+        return self._initial.get(canonical(name), 0.0)
+
     def is_known(self, name: str) -> bool:
         """Return whether a property has an initial value or a writer."""
         return bool(self.writers.get(canonical(name))) or canonical(name) in self._initial
 
-    def add_state(self, component: Element) -> ca.SX:
-        """Add a state for a dynamic component and return its symbol."""
+    def add_state(self, component: Element, value: Any = 0.0) -> ca.SX:
+        """Return the symbol of the state of a dynamic component, added at the first call.
+
+        value: value on which the rate of the state depends. In a loop, the state is unknown.
+        """
+        if error := self.loop_in(value):
+            return self.unknown(error)
+        for state in self.filters:
+            if state.component is component:
+                return state.symbol
         taken = [state.symbol.name() for state in self.filters]
         own_name = component.attributes.get("name", "")
         symbol = ca.SX.sym(identifier(own_name, component.name, taken))
@@ -278,17 +386,39 @@ class Properties:
         The function is evaluated at the position of the current component in the order of
         evaluation.
         """
-        state = next(state for state in self.filters if state.symbol is symbol)
+        state = next((state for state in self.filters if state.symbol is symbol), None)
+        if state is None:  # unknown
+            return
         state.writer = Writer(compute, state.component.where, self._order, state.component)
 
     def leave_out(self, component: Element, what: str, is_always: bool = False) -> None:
         """Record for a note what is omitted; the arguments are those of `LeftOut`."""
-        key = f"{component.where} {component.attributes.get('name', '')} {is_always}"
-        self.left_out.setdefault(key, LeftOut(component, what, is_always))
+        self.left_out.setdefault(_key(component, is_always), LeftOut(component, what, is_always))
+
+    def take_up(self, component: Element) -> None:
+        """Record that the dynamics of a component are states."""
+        self.left_out.pop(_key(component, is_always=False), None)
 
     def replace(self, name: str, value: Any) -> None:
-        """Set a property to a value and remove all its writers."""
+        """Set a property to a value and remove all its writers. Values in loops are forgotten."""
         self.writers[canonical(name)] = [Writer(lambda: value, "", BEFORE_ALL)]
+        loops = {key_of(each.symbol) for each in self.unknowns if isinstance(each.error, LoopError)}
+        for writers in self.writers.values():
+            for writer in writers:
+                if writer.value is None or isinstance(writer.value, float | int):
+                    continue
+                # The effect of an engine, which is no expression, is forgotten in any case.
+                if not isinstance(writer.value, ca.SX) or loops & symbols_of(writer.value):
+                    writer.value = None
+                    self._forget(writer.component)
+
+    def _forget(self, component: Element | None) -> None:
+        """Forget that a component was read, until it is read again."""
+        if component is not None:
+            component.taken = False
+            self.left_out = {
+                key: left for key, left in self.left_out.items() if left.component is not component
+            }
 
     def writer(self, name: str) -> Writer | None:
         """Return the last writer that was added for a property, or None if it has none."""
@@ -304,8 +434,9 @@ class Properties:
         name: name of the property. It may begin with a minus sign
         where: file and line, for messages
 
-        Raises LoopError if the value depends on itself or on all forces, and BadInputError for text
-        that is not a name.
+        A value of the past, and one that depends on all forces, is unknown.
+
+        Raises BadInputError for text that is not a name.
         """
         positive = name.removeprefix("-")
         has_sign = positive != name and positive[:1] != "-" and not positive[:1].isspace()
@@ -326,9 +457,17 @@ class Properties:
         """Return the initial value of a property that nothing sets, by default a new constant."""
         if key not in self._initial:
             if key.startswith(_OF_ALL_FORCES):  # such as accelerations/
-                if not self.reads_loops_as_zero:
-                    raise LoopError(where, f"the property {shortened(key)} depends on all forces")
-            elif not _ON_GROUND.fullmatch(key):  # those of wheels are 0 in flight
+                cause = f"the property {shortened(key)} depends on all forces"
+                self._initial[key] = self.unknown(LoopError(where, cause))
+            elif _ON_GROUND.fullmatch(key):  # wheels: 0 in flight
+                return 0.0
+            elif self._is_native(key):
+                fault = f"{shortened(key)} is a property that JSBSim computes internally"
+                error = BadInputError(
+                    f"{where}: {fault}, which is not supported; use another property"
+                )
+                self._initial[key] = self.unknown(error)
+            else:
                 self.define_constant(key, 0.0, where)
         # A component reads the constant, itself or through functions.
         if key in self.constants and any(writer.component for writer in self._running):
@@ -338,27 +477,31 @@ class Properties:
     def value_of(self, writer: Writer, name: str, where: str) -> Any:
         """Return the value that a writer gives to a property, computed only once.
 
-        With `reads_loops_as_zero`, a value that depends on itself reads 0 for itself.
+        In itself, a value is unknown, as that of the past.
 
         name: name of the property, for messages
         where: file and line, for messages
 
-        Raises LoopError if the value depends on itself through a component. Raises BadInputError if
-        the value depends on itself through functions alone, or if functions are nested too deeply.
+        Raises BadInputError if functions are nested too deeply.
         """
         if writer in self._running:
-            if self.reads_loops_as_zero:
-                return 0.0
+            if writer.past is not None:
+                return writer.past.symbol
             loop = self._running[self._running.index(writer) :]  # from this writer to itself
             place = writer.where or where
             fault = f"{shortened(name)} depends on itself"
+            error = BadInputError(f"{place}: {fault}; break the loop of functions")
             if any(looping.component for looping in loop):
-                raise LoopError(place, f"{fault}, with a delay of one frame")
-            raise BadInputError(f"{place}: {fault}; break the loop of functions")
+                error = LoopError(place, f"{fault}, with a delay of one frame")
+            self.unknown(error)
+            writer.past = self.unknowns[-1]
+            self._looping.append(writer)
+            return writer.past.symbol
         if writer.value is None:
             order_of_reader = self._order
             self._order = writer.order  # by which `read` chooses what this writer reads
             self._running.append(writer)
+            writer.name = writer.name or name
             try:
                 writer.value = writer.compute()
             except RecursionError as error:
@@ -378,30 +521,25 @@ class Properties:
         self.names_read.add(canonical(name))
         if self.writer(name) is None:
             return self._initial.get(canonical(name), default)
-        try:
-            return self.read(name, where)
-        except LoopError as error:
+        value = self.read(name, where)
+        if error := self.loop_in(value):
             self.notes.append(
                 Note(f"{error.cause}; kept at the initial value", canonical(name), error.where)
             )
             self.replace(name, default)
             return default
+        return value
 
     def read_centered(self, name: str, commands: ca.SX) -> Any:
         """Return the value of a property with all pilot commands at 0 and all integrators at 0.
 
         commands: symbols of the commands
         """
-        every = [writer for writers in self.writers.values() for writer in writers]
-        values = [writer.value for writer in every]
-        self.reads_loops_as_zero = True  # integrals too
-        try:
-            value = ca.SX(self.read(name, ""))
-        finally:  # the values that were computed with it are forgotten
-            self.reads_loops_as_zero = False
-            for writer, before in zip(every, values, strict=True):
-                writer.value = before
-        return ca.substitute(value, commands, ca.SX.zeros(commands.numel()))
+        zeros = [each.symbol for each in self.unknowns if isinstance(each.error, LoopError)]
+        if not self.has_filter_states:
+            zeros += [integral.symbol for integral in self.filters]
+        zeroed = ca.vertcat(commands, *zeros)
+        return ca.substitute(ca.SX(self.read(name, "")), zeroed, ca.SX.zeros(zeroed.numel()))
 
     def value(self, text: str, element: Element) -> Any:
         """Return the number in a text, or the value of the property that it names.
@@ -422,12 +560,17 @@ class Properties:
         return number
 
 
+def _key(component: Element, is_always: bool) -> str:
+    """Return the key of `LeftOut` of a component."""
+    return f"{component.where} {component.attributes.get('name', '')} {is_always}"
+
+
 def canonical(name: str) -> str:
     """Return the name of a property without [0], outer spaces and a leading /fdm/jsbsim/.
 
     Another leading / is kept. Such a name is outside JSBSim's property tree.
     """
-    return name.strip().replace("[0]", "").removeprefix("/fdm/jsbsim/")
+    return _SLASHES.sub("/", name.strip().replace("[0]", "").removeprefix("/fdm/jsbsim/"))
 
 
 def identifier(full_name: str, kind: str, taken: Collection[str]) -> str:
@@ -453,6 +596,38 @@ def identifier(full_name: str, kind: str, taken: Collection[str]) -> str:
 def lower_dashes(name: str) -> str:
     """Return a component's name in JSBSim's properties: pitch-trim-sum for "Pitch Trim Sum"."""
     return "-".join(name.lower().split(" "))
+
+
+def key_of(symbol: ca.SX) -> int:
+    """Return what identifies a symbol among those of `symbols_of`."""
+    return int(symbol.element_hash())
+
+
+def symbols_of(value: Any) -> set[int]:
+    """Return the keys of the symbols in an expression."""
+    return {key_of(symbol) for symbol in ca.symvar(ca.SX(value))}
+
+
+def contains(value: Any, symbol: ca.SX) -> bool:
+    """Return whether an expression contains a symbol."""
+    return key_of(symbol) in symbols_of(value)
+
+
+def _is_kept(value: ca.SX, past: ca.SX) -> bool:
+    """Return whether a value is that of the past, or a switch chooses between it and others by
+    conditions without it, so that the next frame keeps what the first one chooses.
+    """
+    if value.is_op(ca.OP_IF_ELSE_ZERO):
+        return not contains(value.dep(0), past) and _is_kept(value.dep(1), past)
+    if value.is_op(ca.OP_ADD):  # c ? a : b is (c ? a : 0) + (!c ? b : 0)
+        parts = value.dep(0), value.dep(1)
+        are_branches = all(part.is_op(ca.OP_IF_ELSE_ZERO) for part in parts)
+        if not are_branches or not ca.is_equal(
+            ca.logic_not(parts[0].dep(0)), parts[1].dep(0), _DEEP
+        ):
+            return False
+        return all(_is_kept(part, past) for part in parts if contains(part, past))
+    return bool(ca.is_equal(value, past))
 
 
 def is_constant(value: Any) -> bool:

@@ -146,7 +146,7 @@ class _Declaration:
         """Add positions of surfaces that pilot commands move, and differences of throttles."""
         for name in self._positions():
             position = equations.properties.read(_POSITIONS[name], "")
-            equations.outputs[name] = ca.SX(position)
+            equations.outputs[name] = equations.resolved(position)
         for name, (first, second) in self._splits().items():
             difference = equations.inputs[second].symbol - equations.inputs[first].symbol
             equations.outputs[name] = difference
@@ -268,7 +268,7 @@ class _Declaration:
             "reference_chord": (self.parts.wings.chord, "ft"),
         }
         arguments = self._arguments(equations)
-        expressions = ca.vertcat(*(ca.SX(value) for value, _ in values.values()))
+        expressions = equations.resolved(ca.vertcat(*(value for value, _ in values.values())))
         values_at = ca.substitute(expressions, arguments.left_out, arguments.constants)
         function = ca.Function("configuration", arguments.vectors, [values_at])
 
@@ -421,7 +421,9 @@ class _Declaration:
         name = f"fcs/{lever}-pos-deg"
         if properties.writer(name) is None:
             return 0.0
-        position = ca.Function("position", [symbol], [ca.SX(properties.read(name, ""))], _WITH_FREE)
+        position = ca.Function(
+            "position", [symbol], [self.equations.resolved(properties.read(name, ""))], _WITH_FREE
+        )
         if position.has_free():  # it depends on other signals too
             return 0.0
         at_half, at_full = (float(position(value)) for value in (0.5, 1.0))

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from hfa_jsbsim.control_system import output_limits
-from hfa_jsbsim.properties import LoopError, Note, Properties, canonical
+from hfa_jsbsim.properties import LoopError, Note, Properties, canonical, contains
 from hfa_jsbsim.xml_file import Element
 
 #: What a property has around its surface, such as mag-elevator-pos-rad.
@@ -81,12 +81,9 @@ def use_surface_positions(
 
 def _loop_of(name: str, properties: Properties) -> LoopError | None:
     """Return the error of a loop for which a property has no steady-state value, or None."""
-    if properties.writer(name) is not None:
-        try:
-            properties.read(name, "")
-        except LoopError as error:
-            return error
-    return None
+    if properties.writer(name) is None:
+        return None
+    return properties.loop_in(properties.read(name, ""))
 
 
 def _limits(name: str, surface: str, properties: Properties, sign: float) -> tuple[float, float]:
@@ -126,11 +123,9 @@ def reach_throttle(engine: int, properties: Properties, throttle: ca.SX) -> Note
     throttle: symbol of the input
     """
     name = f"fcs/throttle-pos-norm[{engine}]"
-    try:
-        if ca.depends_on(ca.SX(properties.read(name, "")), throttle):
-            return None
-    except LoopError:  # no position follows from the input
-        pass
+    position = properties.read(name, "")
+    if contains(position, throttle) and not properties.loop_in(position):
+        return None
     properties.replace(name, throttle)
     statement = "the input is the throttle position; throttle-cmd-norm has no effect on"
     return Note(statement, f"engine {engine}")

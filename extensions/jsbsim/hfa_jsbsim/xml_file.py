@@ -99,6 +99,13 @@ class Element:
         self.taken = True
         return self
 
+    def take_all(self) -> None:
+        """Mark the element, all elements within it and their attributes as read."""
+        self.taken = True
+        self.attributes.taken.update(self.attributes)
+        for child in self.children:
+            child.take_all()
+
     def need(self, name: str) -> Element:
         """Return the first child of this name. Raises BadInputError without such a child."""
         child = self.find(name)
@@ -179,6 +186,7 @@ _FACTORS = {
     ("FT3", "IN3"): 1728.0,
     ("M3", "FT3"): 35.3146667,
     ("LTR", "IN3"): 61.0237441,
+    ("LTR", "GAL"): 0.264171,
     ("LBS", "KG"): 0.45359237,
     ("SLUG", "KG"): 14.59390,
     ("SLUG", "LBS"): 14.59390 / 0.45359237,

