@@ -15,13 +15,8 @@ from controller.learning.plant_fit import PlantFit
 from controller.learning.policy_iteration import policy_iteration
 from controller.learning.published import published_law
 from controller.learning.q_learning import learn_steps
-from controller.learning.recording import (
-    Samples,
-    excitation,
-    root_mean_square,
-    simulated,
-    transitions_in,
-)
+from controller.learning.recorded import transitions_in
+from controller.learning.recording import Samples, excitation, root_mean_square, simulated
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.progress import Progress
 

@@ -188,7 +188,7 @@ def given_learning(request: LearnRequest) -> NamedGame:
     if plants != (None,) * 4 or not request.data:  # a plant is given or required
         return given_game(request)
     refuse(request, OF_THE_TRIM, "applies only to the aircraft; remove this option")
-    from controller.learning.recording import game_of_data
+    from controller.learning.recorded import game_of_data
 
     weights = given_weights(request, None)
     game = game_of_data(list(request.data), **weights)

@@ -25,5 +25,10 @@ from hfa_aircraft.about import (
     Trimming as Trimming,
 )
 from hfa_aircraft.loading import AircraftReader as AircraftReader
+from hfa_support.arrays.tables import (
+    Column as Column,
+    matched as matched,
+    read_columns as read_columns,
+)
 from hfa_support.reporting.report import Check as Check, Report as Report
 from hfa_support.reporting.text import Table as Table

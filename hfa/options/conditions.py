@@ -4,13 +4,14 @@ limits."""
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from hfa.options.argument_types import option_errors, quantity, span
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError, choice_of, prefix_errors, shown
+from hfa_support.errors import BadInputError, choice_of, prefix_errors, shown, warn
 from hfa_support.units import split_unit
 from trim.point.status import FREE, HELD, LIMIT, NAME, RESULTS
 
@@ -29,6 +30,7 @@ class ListedCondition(NamedTuple):
     free: variables that are set free
     limits: variable -> (lowest, highest)
     where: file, row and name, for messages, or ""
+    in_degrees: angles without a unit, other than 0, which are read in degrees
     """
 
     name: str
@@ -36,6 +38,7 @@ class ListedCondition(NamedTuple):
     free: tuple[str, ...]
     limits: Mapping[str, tuple[float, float]]
     where: str = ""
+    in_degrees: tuple[str, ...] = ()
 
 
 def listed_conditions(path: str | Path, model: Model) -> list[ListedCondition]:
@@ -54,13 +57,14 @@ def listed_conditions(path: str | Path, model: Model) -> list[ListedCondition]:
     """
     from hfa_support.arrays.tables import matched, read_columns  # not for every trim
 
-    columns = [_named(column, model) for column in read_columns(path, until=RESULTS)]
+    given = takewhile(lambda column: column.name != RESULTS, read_columns(path))
+    columns = [_named(column, model) for column in given]
     names = dict.fromkeys((NAME, FREE, LIMIT), "") | {
         name: model.signals[name].unit if name in model.signals else ""
         for name in _imposable(model)
     }
     by_name, others = matched(columns, names)
-    _refuse_others(others, model)
+    _refuse_others(others.values(), model)
     numbers = columns[0].rows if columns else ()
     if not numbers:
         raise BadInputError(
@@ -80,6 +84,8 @@ def listed_conditions(path: str | Path, model: Model) -> list[ListedCondition]:
             number_of[name] = number
         in_brackets = f" ({name})" if name else ""
         listed.append(_condition(f"{path}: row {number}{in_brackets}", model, by_name, row))
+    if in_degrees := dict.fromkeys(name for row in listed for name in row.in_degrees):
+        warn(f"{path}: {', '.join(in_degrees)} without a unit, read in degrees")
     return listed
 
 
@@ -98,13 +104,14 @@ def chosen_row(rows: Sequence[ListedCondition], name: str, path: Path) -> Listed
 
 def _named(column: Column, model: Model) -> Column:
     """Return a column under the name that the model has for it, such as kcas for "speed [KCAS]"."""
-    if column.unit.lower() in model.airspeeds:
-        return column._replace(name=column.unit.lower(), unit="")
+    airspeed = (column.unit or "").lower()
+    if airspeed in model.airspeeds:
+        return column._replace(name=airspeed, unit="")
     typed = column.name.removeprefix(f"{HELD} ")  # of a file that `hfa trim` has written
     return column._replace(name=_name_of(model, typed))
 
 
-def _refuse_others(others: Sequence[Column], model: Model) -> None:
+def _refuse_others(others: Iterable[Column], model: Model) -> None:
     """Raise BadInputError if a column is of no variable of the model.
 
     The message says whether the unit lacks its brackets, or the column contains labels.
@@ -173,12 +180,15 @@ def _condition(
     where: file, row and name, for messages
     row: name of the column -> cell
     """
-    values = {}
+    values, in_degrees = {}, []
     for name, cell in row.items():
         if not cell or name in (NAME, FREE, LIMIT):
             continue
         with option_errors(f"{where}, column {name}"):
-            values[name] = quantity(model, name, _with_unit(cell, columns[name].unit))
+            text = _with_unit(cell, columns[name].unit or "")
+            values[name] = quantity(model, name, text)
+        if not split_unit(text)[1] and values[name] != float(text):
+            in_degrees.append(name)
     free = tuple(_name_of(model, name) for name in _words(row.get(FREE, "")))
     for name in free:
         if name in values:
@@ -188,7 +198,9 @@ def _condition(
     # Reports name the values in this order: the flight condition, then the parameters.
     parameters_last = dict(sorted(values.items(), key=lambda entry: entry[0] in model.parameters))
     limits = _limits(where, model, row.get(LIMIT, ""))
-    return ListedCondition(row.get(NAME, ""), parameters_last, free, limits, where)
+    return ListedCondition(
+        row.get(NAME, ""), parameters_last, free, limits, where, tuple(in_degrees)
+    )
 
 
 def _limits(where: str, model: Model, text: str) -> dict[str, tuple[float, float]]:

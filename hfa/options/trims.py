@@ -195,7 +195,7 @@ class TrimInput(NamedTuple):
     def notes_on_rows(self) -> list[str]:
         """Notes on rows that repeat an earlier row, and on cells that replace a value of --hold."""
         names = [row.name or str(number) for number, row in enumerate(self.rows, start=1)]
-        unnamed = [row._replace(name="", where="") for row in self.rows]
+        unnamed = [row._replace(name="", where="", in_degrees=()) for row in self.rows]
         firsts = [unnamed.index(condition) for condition in unnamed]  # place of the first alike
         repeated = [
             f"condition {names[place]} is that of condition {names[first]} again"

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,7 +15,6 @@ from hfa_support.arrays.read import Label, read_arrays
 from hfa_support.arrays.text import DECIMAL_COMMA, rows_of_text
 from hfa_support.errors import (
     BadInputError,
-    choice_of,
     file_faults,
     numbers_in,
     prefix_errors,
@@ -30,13 +29,17 @@ _TEXTS = (".csv", ".txt", ".tsv", ".dat")
 _OF_PANDAS = {".parquet": "read_parquet", ".feather": "read_feather", ".xlsx": "read_excel"}
 #: Last column of a file of this program: its provenance, in the first row alone.
 _PROVENANCE = "about"
+#: Entries of a file of arrays that name its signals.
+_NAMES = ("states", "inputs", "state_units", "input_units")
 
 
 class Column(NamedTuple):
     """Column of a table.
 
     where: the table, for messages
-    name, unit: of its heading; the unit is "" if the heading has none
+    name: of its heading
+    unit: of its heading, "" if it has none. None without one in a dictionary of Python, whose
+        numbers are in the unit of the model, with angles in radians
     cells: texts of a file, or numbers
     rows: number of the row of each cell, for messages
     head: number of the row of headings in a file of text, or 0
@@ -44,7 +47,7 @@ class Column(NamedTuple):
 
     where: str
     name: str
-    unit: str
+    unit: str | None
     cells: Sequence[Any] | np.ndarray
     rows: Sequence[int]
     head: int = 0
@@ -59,18 +62,34 @@ class Column(NamedTuple):
 
         unit: the unit, or "" if it is unknown: the numbers are in that of the heading, if any
 
-        Raises BadInputError for a text, and for a heading whose unit cannot be converted.
+        Raises BadInputError for a text, for a heading whose unit cannot be converted, and for an
+        angle without a unit, which could be in degrees or radians.
         """
+        if unit.startswith("rad") and self.unit == "":
+            degrees = unit.replace("rad", "deg", 1)
+            raise BadInputError(
+                f"{self.heading}: {self.name} has no unit; write {self.name} [{degrees}] or "
+                f"{self.name} [{unit}]"
+            )
         factor = conversion_factor(self.unit, unit) if self.unit and unit else 1.0
         if factor is None:
             known = " or ".join(dict.fromkeys((unit, si_unit(unit))))
             raise BadInputError(
-                f"{self.heading}: {self.name} is in {shortened(self.unit)}; give it in {known}"
+                f"{self.heading}: {self.name} is in {shortened(str(self.unit))}; give it in {known}"
             )
         if isinstance(self.cells, np.ndarray):
             with prefix_errors(self.where):
                 return factor * np.asarray(numbers_in(self.name, self.cells), dtype=float)
         return factor * np.array([*map(self._number, self.cells, self.rows)], dtype=float)
+
+    def refuse(self, is_wrong: np.ndarray, fault: str) -> None:
+        """Raise BadInputError for the first cell that is wrong.
+
+        is_wrong: (N,)
+        fault: words that follow the name of the column
+        """
+        for place in np.flatnonzero(is_wrong).tolist():
+            raise BadInputError(f"{self.where}, row {self.rows[place]}: {self.name} {fault}")
 
     @property
     def is_numeric(self) -> bool:
@@ -95,79 +114,87 @@ class Column(NamedTuple):
             raise BadInputError(text) from None
 
 
-def read_columns(source: Any, name: str = "", until: str = "") -> list[Column]:
-    """Return the columns of a table.
+class Read(NamedTuple):
+    """What a source contains: its columns, and the entries of a file of arrays or a mapping."""
 
-    source: file (text with commas, semicolons or tabs, .npz, .mat, .json, and with pandas .parquet,
-        .feather, .xlsx, with h5py .hdf5), mapping of columns, or data frame of pandas, polars or
-        xarray. A heading is "speed [ft/s]" or "speed (ft/s)"
+    columns: list[Column]
+    entries: Mapping[str, Any] = {}
+
+
+def read_columns(source: Any, name: str = "") -> list[Column]:
+    """Return the columns of a table (`read_source`)."""
+    return read_source(source, name).columns
+
+
+def read_source(source: Any, name: str = "") -> Read:
+    """Return the columns of a table, and the entries of a file of arrays.
+
+    source: file (text with commas, semicolons or tabs; .npz, .mat, .json; by pandas .parquet,
+        .feather, .xlsx; by h5py .hdf5), mapping of columns, or data frame of pandas, polars or
+        xarray. A heading is "speed [ft/s]" or "speed (ft/s)". The units in a file of arrays can be
+        the entries states, state_units, inputs, input_units. A stored flight has its history
     name: name of the table in messages, by default the file
-    until: heading of the first column that is not read, or ""
 
     Raises BadInputError, with the row and the column, for a faulty file.
     """
-    name = name or (str(source) if isinstance(source, (str, Path)) else "the table")
-    if is_text(source):
+    is_file = isinstance(source, (str, Path))
+    name = name or (str(source) if is_file else "the table")
+    if is_file and Path(source).suffix.lower() in _TEXTS:
         with file_faults(source):
-            return _columns_of_text(name, regular_file(source).read_bytes(), until)
-    return columns_of_entries(entries_of(source, name), name)
+            return Read(_columns_of_text(name, regular_file(source).read_bytes()))
+    content = _loaded(Path(source)) if is_file else source
+    if hasattr(content, "data_vars"):  # of xarray
+        return Read(_columns_of_arrays(name, {n: content[n].values for n in content.variables}))
+    if hasattr(content, "columns"):  # of pandas or polars
+        if getattr(getattr(content, "index", None), "name", None):
+            content = content.reset_index()
+        return Read(_columns_of_arrays(name, {n: content[n].to_numpy() for n in content.columns}))
+    if not isinstance(content, Mapping):
+        raise BadInputError(
+            f"{name} is of type {type(source).__name__}; give a file, a data frame or a dictionary"
+        )
+    entries = _with_history({str(key): values for key, values in content.items()})
+    states, inputs, *units = (np.ravel(entries.get(key, ())).astype(str) for key in _NAMES)
+    unit_of = dict(zip((*states, *inputs), itertools.chain(*units), strict=False))
+    return Read(_columns_of_arrays(name, entries, unit_of, "" if is_file else None), entries)
 
 
-def is_text(source: Any) -> bool:
-    """Return whether a source of a table is a file of text."""
-    return isinstance(source, (str, Path)) and Path(source).suffix.lower() in _TEXTS
+def _with_history(entries: dict[str, Any]) -> dict[str, Any]:
+    """Return entries with a column for each state and input of a flight that `hfa fly` stored."""
+    start = "history."
+    of_npz = {key.removeprefix(start): entries[key] for key in entries if key.startswith(start)}
+    history = entries.get("history", of_npz)
+    if not isinstance(history, Mapping) or "times" not in history:
+        return entries
+    columns = {"time": history["times"]}
+    for kind in ("states", "inputs"):
+        columns |= zip(map(str, entries[kind]), np.transpose(history[kind]), strict=True)
+    return {
+        key: entries[key] for key in entries if key.endswith(("states", "inputs", "units"))
+    } | columns
 
 
-def are_true(cells: Iterable[Any]) -> np.ndarray:
-    """Return whether each cell is true: a number other than 0, or the word true, (N,)."""
-    words = (str(cell).strip().lower() for cell in cells)
-    return np.array([word not in ("false", "0", "0.0", "") for word in words])
+def _columns_of_arrays(
+    where: str,
+    entries: Mapping[str, Any],
+    units: Mapping[str, str] = {},
+    no_unit: str | None = "",
+) -> list[Column]:
+    """Return the columns among arrays: those of more than a number.
 
-
-def columns_of_entries(entries: Mapping[str, Any], name: str) -> list[Column]:
-    """Return the columns among the entries of a file or mapping: those of more than a number."""
+    units: name -> unit of headings without one
+    no_unit: unit of the others
+    """
     columns = []
     for text, values in entries.items():
-        label, cells = Label.of(text), np.asarray(getattr(values, "values", values))
+        label, cells = Label.of(str(text)), np.asarray(getattr(values, "values", values))
         if cells.dtype.kind in "mM":  # dates, or durations
-            seconds = (cells - cells[:1]) / np.timedelta64(1, "s")
-            label, cells = Label(label.name, "s"), seconds
-        if cells.ndim and max(cells.shape) == cells.size:
-            flat = np.ravel(cells)
-            columns.append(Column(name, *label, flat, range(1, len(flat) + 1)))
+            label, cells = Label(label.name, "s"), (cells - cells[:1]) / np.timedelta64(1, "s")
+        if cells.ndim and max(cells.shape) == cells.size and text not in _NAMES:
+            unit = label.unit or units.get(label.name) or no_unit
+            rows = range(1, cells.size + 1)
+            columns.append(Column(where, label.name, unit, np.ravel(cells), rows))
     return columns
-
-
-def entries_of(source: Any, where: str = "the table") -> dict[str, Any]:
-    """Return the entries of a file of arrays, a mapping or a data frame, name -> values.
-
-    A stored flight has its history: time, states and inputs.
-
-    where: the table, for messages
-    """
-    if isinstance(source, (str, Path)):
-        source = _loaded(Path(source))
-    if hasattr(source, "data_vars"):  # of xarray
-        return {str(name): source[name].values for name in source.variables}
-    if not isinstance(source, Mapping) and hasattr(source, "columns"):
-        if getattr(getattr(source, "index", None), "name", None):  # of pandas
-            source = source.reset_index()
-        return {str(name): source[name].to_numpy() for name in source.columns}
-    if not isinstance(source, Mapping):
-        raise BadInputError(
-            f"{where} is of type {type(source).__name__}; give a file, a data frame or a dictionary"
-        )
-    beginning = "history."
-    of_history = {key[len(beginning) :]: source[key] for key in source if key.startswith(beginning)}
-    history = source.get("history", of_history)
-    if not isinstance(history, Mapping) or "times" not in history:
-        return {str(name): values for name, values in source.items()}
-    entries = {"time [s]": history["times"]}
-    for kind in ("state", "input"):
-        labels = zip(source[f"{kind}s"], source[f"{kind}_units"], strict=True)
-        values = np.asarray(history[f"{kind}s"]).T
-        entries |= {f"{n} [{unit}]": row for (n, unit), row in zip(labels, values, strict=True)}
-    return entries
 
 
 def _loaded(path: Path) -> Any:
@@ -202,31 +229,24 @@ def _entries_of_group(group: Any) -> dict[str, Any]:
     }
 
 
-def _columns_of_text(where: str, content: bytes, until: str) -> list[Column]:
+def _columns_of_text(where: str, content: bytes) -> list[Column]:
     """Return the columns of a table as text, whose first row has the headings."""
     (head, titles), *rows = rows_of_text(where, content)
-    end = titles.index(until) if until and until in titles else len(titles)
     for number, row in rows:
-        if len(row) < end:
+        if len(row) < len(titles) or any(row[len(titles) :]):
             raise BadInputError(
                 f"{where}: row {number} has {len(row)} cells, but row {head} has {len(titles)}; "
-                "correct the row"
+                "correct the row; if decimals have commas, separate the cells by ;"
             )
     numbers, columns = [number for number, _ in rows], []
-    for place in range(max(map(len, [titles, *(row for _, row in rows)]))):
-        if end <= place < len(titles):
-            continue  # a column that is not read
-        title = titles[place] if place < end else ""
-        cells = [row[place] if place < len(row) else "" for _, row in rows]
+    for place, title in enumerate(titles):
+        cells = [row[place] for _, row in rows]
         is_count = not title and not place and cells == [*map(str, range(len(cells)))]  # of pandas
-        if not (title or any(cells)) or is_count or title == _PROVENANCE:
+        if is_count or title == _PROVENANCE or not (title or any(cells)):
             continue
         if not title:
-            number, cell = next(filter(itemgetter(1), zip(numbers, cells, strict=True)))
             raise BadInputError(
-                f"{where}: row {number}, column {place + 1} has {shown(cell)}, but row {head} has "
-                "no name there; name the column, or clear the cell; if decimals have commas, "
-                "separate the cells by ;"
+                f"{where}: row {head} has no name of column {place + 1}; name it, or remove it"
             )
         columns.append(Column(where, *Label.of(title), cells, numbers, head))
     return columns
@@ -236,10 +256,15 @@ def _columns_of_text(where: str, content: bytes, until: str) -> list[Column]:
 _TIMES = ("t", "timestamp", "seconds")
 
 
-def matched(
-    columns: Iterable[Column], known: Mapping[str, str]
-) -> tuple[dict[str, Column], list[Column]]:
-    """Return name -> column of the known names, and the other columns.
+class Matched(NamedTuple):
+    """Columns by the names that are known, and the others by their own."""
+
+    known: dict[str, Column]
+    others: dict[str, Column]
+
+
+def matched(columns: Iterable[Column], known: Mapping[str, str]) -> Matched:
+    """Return the columns of the known names, and the others.
 
     A name is matched by its letters, else in small letters without points and blanks: "C.G." is cg.
 
@@ -247,30 +272,18 @@ def matched(
 
     Raises BadInputError for two columns of one name, and for a unit in a name: "time_ms".
     """
-    found: dict[str, Column] = {}
-    others = []
+    found = Matched({}, {})
     for column in columns:
         plain = re.sub(r"\W+", "_", column.name.replace(".", "")).lower()
         plain = "time" if plain in _TIMES else plain
-        name = column.name if column.name in known else plain
-        if name not in known:
-            signal, _, unit = column.name.rpartition("_")
-            signal = signal.lower()
-            if known.get(signal) and conversion_factor(unit, known[signal]):
-                raise BadInputError(
-                    f'{column.heading}: unknown column {shown(column.name)}; write "{signal} '
-                    f'[{unit}]"'
-                )
-            others.append(column)
-        elif name in found:
+        name = plain if plain in known and column.name not in known else column.name
+        signal, _, unit = column.name.rpartition("_")
+        if name not in known and conversion_factor(unit, known.get(signal.lower()) or "?"):
+            raise BadInputError(
+                f'{column.heading}: unknown column {shown(name)}; write "{signal.lower()} [{unit}]"'
+            )
+        of_kind = found.known if name in known else found.others
+        if name in of_kind:
             raise BadInputError(f"{column.heading} has {name} twice; rename or remove one column")
-        else:
-            found[name] = column
-    return found, others
-
-
-def refuse_others(others: Iterable[Column], known: Iterable[str]) -> None:
-    """Raise BadInputError for the first of columns whose names are not known."""
-    for column in others:
-        advice = choice_of(column.name, known)
-        raise BadInputError(f"{column.heading}: unknown column {shown(column.name)}; {advice}")
+        of_kind[name] = column
+    return found

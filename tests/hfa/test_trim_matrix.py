@@ -304,7 +304,7 @@ def test_the_file_of_one_sheet_is_its_condition(trim, uav, tmp_path):
 REFUSED_BY_TRIM = [
     ("name,speed\n", "has no conditions"),
     ("name,speed\na,3x\n", "row 2 (a), column speed is '3x'; give a finite number"),
-    ("name,speed\na,30,1\n", "row 2, column 3 has '1', but row 1 has no name there"),
+    ("name,speed\na,30,1\n", "row 2 has 3 cells, but row 1 has 2"),
     ("name,speed\na\n", "row 2 has 1 cells, but row 1 has 2"),
     ("name,speed\na,=B1\n", "row 2 (a), column speed is the formula '=B1'; write"),
     ("name,speed\na,30\nb,31\na,32\n", "row 4 has the name of row 2, 'a'"),

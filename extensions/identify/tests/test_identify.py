@@ -116,7 +116,8 @@ def test_gaps_and_several_records():
 def test_a_table_of_pandas_is_a_record():
     """An angle in degrees, by the head of its column, gives the estimate of the record in radians."""
     pandas = pytest.importorskip("pandas")
-    table = pandas.DataFrame(record()).rename(columns={"alpha": "alpha [deg]"})
+    units = {name: f"{name} [{LONGITUDINAL.unit(name)}]" for name in record() if name != "time"}
+    table = pandas.DataFrame(record()).rename(columns=units | {"alpha": "alpha [deg]"})
     table["alpha [deg]"] = np.degrees(table["alpha [deg]"])
     assert identify(begun(1.5), table, FREE)["Cm_q"].value == pytest.approx(
         identified()["Cm_q"].value

@@ -24,9 +24,9 @@ SPEED = 30.0 + np.arange(12)
         ("time,alpha [°],speed", (1.0, np.degrees(1.0), 1.0), ","),
         ("time,alpha [deg],speed [kt]", (1.0, np.degrees(1.0), 1.0 / 0.514444444), ","),
         ("time,alpha (degrees),speed [km/h]", (1.0, np.degrees(1.0), 3.6), ","),
-        ("time [ms],alpha,speed", (1e3, 1.0, 1.0), ","),
-        ("time;alpha;speed", (1.0, 1.0, 1.0), ";"),
-        ("time\talpha\tspeed", (1.0, 1.0, 1.0), "\t"),
+        ("time [ms],alpha [rad],speed", (1e3, 1.0, 1.0), ","),
+        ("time;alpha [rad];speed", (1.0, 1.0, 1.0), ";"),
+        ("time\talpha (rad)\tspeed", (1.0, 1.0, 1.0), "\t"),
     ],
 )
 def test_units_and_separators(head, factors, separator, tmp_path):
@@ -47,20 +47,20 @@ def test_units_and_separators(head, factors, separator, tmp_path):
 
 #: Fault -> change of a column, and words of the refusal.
 REFUSED = {
-    "time decreases": ({"time": lambda t: t[::-1]}, "time does not increase at sample 2"),
+    "time decreases": ({"time": lambda t: t[::-1]}, "row 2: time does not increase"),
     "time repeated": (
         {"time": lambda t: np.where(t == t[7], t[6], t)},
-        "time does not increase at sample 8",
+        "row 8: time does not increase",
     ),
     "no time": ({"time": None}, "no column time"),
     "gap of an input": (
         {"elevator": lambda e: np.where(e == e.max(), np.nan, e)},
-        "elevator has no value at sample 14",
+        "row 14: elevator has no finite number",
     ),
     "no input": ({"elevator": None}, "no column elevator"),
     "infinite": (
         {"alpha": lambda a: np.where(a == a.max(), np.inf, a)},
-        "alpha contains infinite values",
+        "alpha has no finite number",
     ),
     "too short": ({"alpha": lambda a: a[:-1]}, "alpha has 199 samples"),
     "empty": ({"alpha": lambda a: np.full_like(a, np.nan)}, "alpha has 0 finite values"),
@@ -102,7 +102,8 @@ def written(path, columns, degrees):
 
     degrees: column -> unit in degrees, to which the column is converted from radians
     """
-    heads = [f"{name} [{degrees[name]}]" if name in degrees else name for name in columns]
+    units = {"time": "s", **{name: s.unit for name, s in AIRCRAFT.signals.items()}} | degrees
+    heads = [f"{name} [{units[name]}]" for name in columns]
     table = np.column_stack(
         [np.degrees(values) if name in degrees else values for name, values in columns.items()]
     )

@@ -229,10 +229,10 @@ TIMES = {"x": X, "u": U, "time": 0.1 * np.arange(61)}
 #: Data -> words of the refusal; a pair has another game.
 REFUSED = {
     "x is 80 x 2; give a row for each sample, with 3": recorded(STEPS) | {"x": np.ones((80, 2))},
-    "u[16][0] is nan": spoiled("u", np.nan),
+    "row 17: u1 of u has no number": spoiled("u", np.nan),
     "the columns differ in length": {"a": np.ones(3), "b": np.ones(4)},
     "have 1 transitions; record at least 6": recorded(STEPS, 1),
-    "have 0 transitions": {"x": np.ones((1, 3)), "u": np.ones((1, 2))},
+    "row 1 is an episode of one row": {"x": np.ones((1, 3)), "u": np.ones((1, 2))},
     "not equally spaced: 0 s at row 4": TIMES | {"time": 0.1 * np.r_[:3, 2:60]},
     "not equally spaced: 0.2 s at row 31": TIMES | {"time": 0.1 * np.r_[:30, 31:62]},
     "data is 0.2 s, but that of the game is 0.1": recorded(STEPS) | {"dt": 0.2},
@@ -251,7 +251,7 @@ REFUSED = {
         NAMED,
         recorded(STEPS) | {"states": ["h", "alpha", "q"]},
     ),
-    "there is no column q_next [deg/s]": (
+    "q_next is in deg; give it in rad/s": (
         NAMED,
         {
             name.replace("q_next [deg/s]", "q_next [deg]"): each

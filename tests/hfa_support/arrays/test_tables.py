@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hfa_support.arrays.tables import matched, read_columns, refuse_others
+from hfa_support.arrays.tables import matched, read_columns
 from hfa_support.errors import BadInputError
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -15,7 +15,7 @@ KNOWN = {"time": "s", "speed": "m/s", "alpha": "rad"}
 def read(source):
     """Return name -> numbers of a table whose columns are all known."""
     columns, others = matched(read_columns(source), KNOWN)
-    refuse_others(others, KNOWN)
+    assert not others
     return {name: column.numbers(KNOWN[name]) for name, column in columns.items()}
 
 
@@ -72,14 +72,15 @@ def test_degrees_of_windows_and_empty_cells():
 REFUSED = {
     "": "is empty",
     "time,speed\n0\n": "row 2 has 1 cells, but row 1 has 2",
-    "time,speed\n0,1,2\n": "row 2, column 3 has '2', but row 1 has no name there",
+    "time,speed\n0,1,2\n": "row 2 has 3 cells, but row 1 has 2",
+    "time,\n0,1\n": "row 1 has no name of column 2",
     "time,Time\n0,1\n": "row 1 has time twice",
     "time_ms,speed\n0,1\n": "unknown column 'time_ms'; write \"time [ms]\"",
     "time,speed [kg]\n0,1\n": "row 1: speed is in kg; give it in m/s",
     "time,speed\n0,x\n": "row 2: speed is 'x'; give a number",
     "time\tspeed\n0\t1,250\n": "1,250, whose comma may separate thousands",
     "time;speed\n0;1,5\n1;2.5\n": "decimal commas and points",
-    "time,spede\n0,1\n": "unknown column 'spede'; did you mean speed",
+    "time,alpha\n0,1\n": "row 1: alpha has no unit; write alpha [deg] or alpha [rad]",
 }
 
 
