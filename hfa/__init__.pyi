@@ -25,6 +25,7 @@ from hfa.options.trims import conditions as conditions
 from hfa_aircraft.loading import load_model as load_model
 from hfa_aircraft.model import Model as Model
 from hfa_aircraft.readers.derivatives.read import from_derivatives as from_derivatives
+from hfa_aircraft.servos import Servo as Servo, with_servos as with_servos
 from hfa_aircraft.signals import Signal as Signal
 from hfa_flight.air.scenario import Scenario as Scenario
 from hfa_flight.air.sensors import Sensor as Sensor

@@ -62,6 +62,25 @@ def spectral_abscissa(matrix: np.ndarray) -> float:
     return float(np.linalg.eigvals(matrix).real.max())
 
 
+def of_step(A: np.ndarray, Q: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return e^(A dt) and ∫ e^(A t) Q e^(A' t) dt over a step, as of white noise of intensity Q.
+
+    Van Loan's exponential contains e^(-A dt), which overflows: it is taken of a part of dt, and
+    doubled. Source: C. Van Loan, IEEE Transactions on Automatic Control 23 (1978) 395.
+    """
+    from scipy.linalg import expm
+
+    n = len(A)
+    doublings = max(0, math.ceil(math.log2(max(float(np.linalg.norm(A, 1)) * dt, 1.0))))
+    part = expm(np.block([[-A, Q], [np.zeros((n, n)), A.T]]) * (dt / 2**doublings))
+    Phi = part[n:, n:].T
+    integral = Phi @ part[:n, n:]
+    for _ in range(doublings):
+        integral = integral + Phi @ integral @ Phi.T
+        Phi = Phi @ Phi
+    return Phi, integral
+
+
 def quadratic_forms(rows: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Return z'M z of each row z, (N,).
 

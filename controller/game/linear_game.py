@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from controller.game.held_game import held
 from controller.game.zero_sum import Game
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
@@ -23,6 +24,7 @@ from hfa_aircraft.readers.matrices_file import (
     plant_names,
     words,
 )
+from hfa_aircraft.servos import positions_of_servos
 from hfa_aircraft.signals import PlantNames
 from hfa_support.arguments import ArrayLike
 from hfa_support.arrays.read import read_arrays
@@ -63,8 +65,10 @@ def default_weight(
     stored = model.about.weights.get(matrix)
     if stored is None and matrix == "N":
         return np.zeros((len(states), len(inputs)))
+    positions = positions_of_servos(model)  # whose commands have the weights
     if stored is None:
-        return np.diag([model.signals[name].nominal ** -2.0 for name in rows])
+        sizes = {name: model.signals[name].nominal for name in rows}
+        return np.diag([0.0 if name in positions else sizes[name] ** -2.0 for name in rows])
     if isinstance(stored, Mapping):
         declared = [stored.get(name, 0.0) for name in rows]
         units = [model.native_factor(name) for name in rows]
@@ -112,7 +116,8 @@ def _matrix_of_file(matrix: str, model: Model) -> np.ndarray:
 
     Raises BadInputError, which names the model, if the matrix has a wrong shape.
     """
-    n, m = len(model.linear), len(model.inputs)
+    positions, m = len(positions_of_servos(model)), len(model.inputs)
+    n = len(model.linear) - positions
     shape = {"Q": (n, n), "R": (m, m), "N": (n, m)}[matrix]
     with prefix_errors(model.name):
         weight = numbers_in(matrix, model.about.weights[matrix])
@@ -122,6 +127,8 @@ def _matrix_of_file(matrix: str, model: Model) -> np.ndarray:
         if weight.shape != shape:
             rule = f"give {shape_text(shape)}, to match A and B"
             raise BadInputError(f"{matrix} is {shape_text(weight.shape)}; {rule}")
+    if matrix != "R":
+        weight = np.pad(weight, [(0, positions), (0, positions if matrix == "Q" else 0)])
     return weight
 
 
@@ -131,7 +138,10 @@ def default_disturbance(model: Model, states: Sequence[str]) -> np.ndarray:
     A column is a unit in which the model declares the rate of the state.
     """
     named = model.about.weights.get("E", states)
-    disturbed = [place for place, name in enumerate(states) if name in named]
+    positions = positions_of_servos(model)
+    disturbed = [
+        place for place, name in enumerate(states) if name in named and name not in positions
+    ]
     units = [model.rate_scale(name) / model.native.rate_scale(name) for name in states]
     return np.diag(units)[:, disturbed]
 
@@ -186,6 +196,8 @@ def game(
     N: ArrayLike | None = None,
     delta: float | None = None,
     sizes: Mapping[str, float] | None = None,
+    rate: float | None = None,
+    delay: float = 0.0,
 ) -> Game:
     """Return the game J = ∫ z'Qz + 2z'Nu + u'Ru - δ² d'd dt on a linear model.
 
@@ -204,6 +216,8 @@ def game(
     sizes: state or input -> deviation, in place of Q and R: deviations that are as bad as one
         another, with the weights 1/size² (Bryson's rule). A state without a size has no weight;
         each input has one
+    rate, delay: samples a second, and s: the game in discrete time at which a policy flies
+        (`controller.game.held_game`), whose states are z and the commands under way
 
     Rows and columns of tables of pandas are put into the order of the states and inputs.
 
@@ -233,7 +247,7 @@ def game(
     # Cross weights belong to Q and R: without either, they are those of the model, else 0.
     if N is None and (Q is None or R is None):
         N = default("N")
-    return Game(
+    continuous = Game(
         A=linear.A,
         B=linear.B,
         E=default_disturbance(linear.model, linear.states)
@@ -246,6 +260,20 @@ def game(
         names=names,
         half_widths=widths_within_limits(linear),
     )
+    return flown(continuous, rate, delay)
+
+
+def flown(continuous: Game, rate: float | None, delay: float) -> Game:
+    """Return the game of `rate` samples a second with a delay, or the same one without a rate.
+
+    Raises BadInputError for a delay without a rate.
+    """
+    if rate is not None:
+        refuse_unless_positive("rate", rate, " 1/s")
+        return held(continuous, 1.0 / rate, delay)
+    if delay:
+        raise BadInputError(f"a delay of {delay:g} s requires a rate, the samples a second; add it")
+    return continuous
 
 
 def _weights(matrix: str, given: Any, names: tuple[str, ...]) -> Any:

@@ -20,7 +20,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, choice_of, shortened
 from hfa_support.files import NUMBER, POSITIVE, Number, note_read
-from hfa_support.units import split_unit
+from hfa_support.units import conversion_factor, split_unit
 
 if TYPE_CHECKING:
     from trim.sweeps.sweep_plan import Steps
@@ -49,6 +49,15 @@ def number(text: str, declared: Number = NUMBER) -> float:
 
 
 positive = partial(number, declared=POSITIVE)
+
+
+def seconds(text: str, declared: Number = POSITIVE) -> float:
+    """Return the time that a word states, s: a number in s, or with a unit, "20ms"."""
+    value, unit = split_unit(text)
+    factor = conversion_factor(unit or "s", "s")
+    if factor is None:
+        raise BadInputError(f"is {shortened(text)!r}; give a time in s, or with a unit: 20ms")
+    return number(value, declared) * factor
 
 
 def listed_numbers(text: str) -> list[float]:

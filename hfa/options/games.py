@@ -14,7 +14,7 @@ import numpy as np
 
 from controller.critic.critic_file import critic_suffixes
 from controller.critic.reading import CriticFile, Reading
-from controller.game.linear_game import game as game_of, sizes_text, weights_line
+from controller.game.linear_game import flown, game as game_of, sizes_text, weights_line
 from controller.game.zero_sum import Game
 from controller.hfa_game import plant_names
 from controller.riccati.lyapunov import stabilizes
@@ -29,6 +29,8 @@ from hfa.options.argument_types import (
     listed_numbers,
     number,
     option_errors,
+    positive,
+    seconds,
 )
 from hfa.options.parser import option, refuse
 from hfa.options.trims import OF_THE_TRIM, GivenTrim, TrimOptions, given_trim
@@ -36,7 +38,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import PlantNames
 from hfa_aircraft.waveform import Waveform, channel, stacked
 from hfa_support.errors import BadInputError, NoSolutionError, choice_of, prefix_errors
-from hfa_support.files import MATRIX_FILES
+from hfa_support.files import MATRIX_FILES, Number
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result, without_empty
 from trim.linear.linear_model import LinearModel
@@ -46,6 +48,8 @@ if TYPE_CHECKING:
     from controller.riccati.gare import Solution
 
 
+#: Times of at least 0 s.
+AT_LEAST_0 = Number(0.0)
 #: Setting of --set -> type of its value, for files of --weights.
 _SETTINGS: dict[str, Callable[[str], Any]] = {
     "activation": str,
@@ -183,7 +187,26 @@ class WeightOptions:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class GameOptions(WeightOptions, TrimOptions):
+class TimingOptions:
+    """When a policy is computed, and when its commands act."""
+
+    rate: float | None = option(
+        "samples of the policy a second; a game is then that of these samples",
+        "HZ",
+        positive,
+        rare=True,
+    )
+    delay: float = option(
+        "time from a sample to the effect of its command, s or 10ms; default 0",
+        "S",
+        partial(seconds, declared=AT_LEAST_0),
+        default=0.0,
+        rare=True,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GameOptions(WeightOptions, TrimOptions, TimingOptions):
     """The game: on an aircraft at a trim, or on a plant read from a file."""
 
     plant: Path | None = option(
@@ -250,13 +273,21 @@ def given_game(
     Raises NoSolutionError if the aircraft has no trim.
     """
     if request.plant is not None:
-        return _game_of_file(request, request.plant, inputs)
+        return _flown(request, _game_of_file(request, request.plant, inputs))
     if request.aircraft is None and request.at is None and request.dihedral is None:
         raise BadInputError(
             "no plant is given; add --dihedral DEG, --aircraft FILE or --model FILE"
         )
     given = given_trim(request)
-    return game_at(given, given_weights(request, given.model), inputs, deployment)
+    weights = given_weights(request, given.model)
+    return _flown(request, game_at(given, weights, inputs, deployment))
+
+
+def _flown(request: GameOptions, named: NamedGame) -> NamedGame:
+    """Return the game of --rate and --delay."""
+    if request.rate is None and not request.delay:
+        return named
+    return replace(named, game=flown(named.game, request.rate, request.delay), linear=None)
 
 
 def game_at(

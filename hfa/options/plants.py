@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -10,7 +11,7 @@ from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from hfa.options.argument_types import one_of
+from hfa.options.argument_types import one_of, positive, seconds
 from hfa.options.parser import PAPER, option
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
@@ -44,6 +45,12 @@ def _parameter_file(text: str) -> str:
     return text
 
 
+def _servo(text: str) -> tuple[float, float]:
+    """Return lag, s, and rate limit, deg/s or inf, of the typed servos."""
+    lag, _, rate = text.partition(":")
+    return seconds(lag), positive(rate) if rate else math.inf
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AircraftOptions:
     """The aircraft: the HFA with its dynamics and parameters, or an aircraft of the user."""
@@ -72,6 +79,13 @@ class AircraftOptions:
         "mass, inertias and flight condition of an AVL file (FILE.st): a table",
         "FILE",
         Path,
+        rare=True,
+    )
+    servo: tuple[float, float] | None = option(
+        "servos of first order of all inputs, whose positions are states that policy and filter "
+        "know: lag (20ms, or s) and rate limit of surfaces (deg/s)",
+        "LAG[:RATE]",
+        _servo,
         rare=True,
     )
 
@@ -132,6 +146,16 @@ def loaded_aircraft(request: AircraftOptions) -> LoadedAircraft:
         from hfa_aircraft.units import in_si
 
         model = in_si(model)
+    if request.servo is not None:
+        from hfa_aircraft.servos import Servo, with_servos
+
+        lag, rate = request.servo
+        of_unit = {"rad": math.radians(rate), "deg": rate}  # the rate is that of the surfaces
+        servos = {
+            name: Servo(lag, of_unit.get(signal.unit, math.inf))
+            for name, signal in model.inputs.items()
+        }
+        model = with_servos(model, servos)
     return LoadedAircraft(model, source, parameters)
 
 

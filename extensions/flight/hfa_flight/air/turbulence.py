@@ -7,7 +7,6 @@ altitude Figures 10 and 11). MIL-STD-1797A defines the same spectra with L_v and
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,6 +27,7 @@ from hfa_flight.air.gust_equations import (
 )
 from hfa_flight.air.gusts import UPDRAFT, Gust, foot_in_length_unit, gust_speed, state_of
 from hfa_support.errors import BadInputError, is_finite, shown
+from hfa_support.matrices import of_step
 from hfa_support.units import FOOT, KNOT, conversion_factor
 from trim.point.operating_point import OperatingPoint
 
@@ -523,7 +523,7 @@ class AirFilter:
         G is the symmetric root of the correlations times the standard deviations: it is unique,
         whatever the units of the states and the eigenvectors of equal eigenvalues (of v and w).
         """
-        Phi, covariance = noise_of_sample(self.A, self.noise, self.interval)
+        Phi, covariance = of_step(self.A, self.noise, self.interval)
         deviations = np.sqrt(np.diag(covariance))
         deviations[deviations == 0.0] = 1.0  # of a state without noise
         correlations = covariance / np.outer(deviations, deviations)
@@ -538,7 +538,7 @@ class AirFilter:
 
         time: s
         """
-        _, of_time = noise_of_sample(self.A, self.noise, time)
+        _, of_time = of_step(self.A, self.noise, time)
         linear = self.C[:3]
         shares = np.diag(linear @ of_time @ linear.T) / np.diag(linear @ self.covariance @ linear.T)
         return float(np.sqrt(shares.min()))
@@ -557,25 +557,6 @@ class AirFilter:
             rows[number] = x
             x = Phi @ x + noise[number]
         return rows @ self.C.T
-
-
-def noise_of_sample(A: np.ndarray, noise: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return e^(A dt) and the covariance ∫ e^(A t) noise e^(A' t) dt that white noise adds in dt.
-
-    Van Loan's exponential contains e^(-A dt), which overflows: it is taken of a part of dt, and
-    doubled. Source: C. Van Loan, IEEE Transactions on Automatic Control 23 (1978) 395.
-    """
-    from scipy.linalg import expm
-
-    n = len(A)
-    doublings = max(0, math.ceil(math.log2(max(float(np.linalg.norm(A, 1)) * dt, 1.0))))
-    part = expm(np.block([[-A, noise], [np.zeros((n, n)), A.T]]) * (dt / 2**doublings))
-    Phi = part[n:, n:].T
-    covariance = Phi @ part[:n, n:]
-    for _ in range(doublings):
-        covariance = covariance + Phi @ covariance @ Phi.T
-        Phi = Phi @ Phi
-    return Phi, covariance
 
 
 class _Filter(NamedTuple):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from controller.game.held_game import held
 from controller.game.linear_game import game
 from controller.game.zero_sum import Game
 from controller.riccati.gare import solve
@@ -271,15 +272,5 @@ def _end_of(scaled: ScaledProblem, dt: float, end_game: Game) -> tuple[np.ndarra
         return scaled.P, K
     of_states, of_inputs = scaled.problem.nominal
     P = np.pad(np.array(solve(end_game).P), [(0, n - k)] * 2) * np.outer(of_states, of_states)
-    K = np.array(solve(_sampled_game(end_game, dt)).K)
+    K = np.array(solve(held(end_game, dt)).K)
     return P, K * of_states[:k] / of_inputs[:, None]
-
-
-def _sampled_game(continuous: Game, dt: float) -> Game:
-    """Return the game with a zero-order hold dt, with the exact cost of the inputs."""
-    # `Game.sampled` has the A, B, E and delta of a sample, but its Q, N and R are weights at the
-    # begin of the sample times dt. Those of `hold_of` are the integral of the cost over the sample,
-    # for the states that the inputs move; states that the disturbance moves cost from the next on.
-    k = len(continuous.A)
-    W = hold_of(continuous.A, continuous.B, continuous.Q, continuous.R, dt).W
-    return replace(continuous.sampled(dt), Q=W[:k, :k], N=W[:k, k:], R=W[k:, k:])

@@ -25,7 +25,6 @@ from hfa_flight.air.turbulence import (
     AirFilter,
     Turbulence,
     level_text,
-    noise_of_sample,
     turbulence_of,
 )
 from hfa_flight.policies.deployment.sampled_loop import zero_order_hold
@@ -35,7 +34,7 @@ from hfa_support.errors import (
     refuse_unknown,
     refuse_unless_positive,
 )
-from hfa_support.matrices import spectral_radius
+from hfa_support.matrices import of_step, spectral_radius
 from hfa_support.reporting.results import Result, without_empty
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_of
@@ -170,11 +169,11 @@ class KalmanFilter(Result):
         unobservable = _unobservable(plant, A, C, tuple(drift), tuple(sensors))
 
         # Covariance that drift and turbulence add in a sample.
-        Phi_in_units, of_drift = noise_of_sample(A, np.diag((plant.drift / plant.scale) ** 2), dt)
+        Phi_in_units, of_drift = of_step(A, np.diag((plant.drift / plant.scale) ** 2), dt)
         of_air = np.zeros_like(A)
         if len(A) > len(drift):  # only the states of air and biases, after the linear states
             block = (slice(len(drift), None),) * 2
-            _, of_air[block] = noise_of_sample(A[block], (plant.noise / units)[block], dt)
+            _, of_air[block] = of_step(A[block], (plant.noise / units)[block], dt)
         Q = of_air + of_drift
         Q = 0.5 * (Q + Q.T)
         P, L, residual = _stationary(Phi_in_units, C, Q)
