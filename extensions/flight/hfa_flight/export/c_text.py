@@ -13,6 +13,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
+from hfa_flight.air.held_step import in_samples
 from hfa_flight.policies.deployment.policy import DeployedPolicy
 from hfa_flight.policies.estimate import (
     IMPOSSIBLE,
@@ -180,7 +181,7 @@ def c_filter_texts(policy: FilteredPolicy, origin: str) -> dict[str, str]:
         "sensors": enumerators(units_of(in_gusts(model), policy.filter.sensors), "FILTER_"),
         "inputs": enumerators(units_of(model, model.inputs), "FILTER_"),
         "dt": repr(policy.dt),
-        "memory": memory_size(policy.filter),
+        "memory": memory_size(policy.filter) + commands_under_way(policy) * len(policy.point.u),
         "impossible": IMPOSSIBLE,  # standard deviations
         "share": memory_slices(policy.filter).share.start,  # place of the acting share
         "fade": policy.fade,  # s
@@ -190,15 +191,24 @@ def c_filter_texts(policy: FilteredPolicy, origin: str) -> dict[str, str]:
     return {file: filled(file, **fields) for file in FILTER_FILES}
 
 
+def commands_under_way(policy: FilteredPolicy) -> int:
+    """Return the number of earlier commands that the memory of an exported filter has."""
+    return in_samples(policy.delay, policy.dt).whole + 1 if policy.delay else 0
+
+
 def filter_sample(policy: FilteredPolicy) -> ca.Function:
     """Return the function (memory, measured y) -> (commanded U, memory of the next sample), in
-    absolute values.
+    absolute values. The memory is that of the filter, then the commands under way, the oldest
+    first, as deviations from the trim.
     """
     kalman, point = policy.filter, policy.point
-    memory = ca.SX.sym("memory", memory_size(kalman))
+    size, count = memory_size(kalman), commands_under_way(policy)
+    memory = ca.SX.sym("memory", size + count * len(point.u))
     y = ca.SX.sym("y", len(kalman.sensors))
     t = ca.SX(0.0)  # an exported law does not depend on time
-    u, later, _ = sample_of(policy, t, memory, y - ca.DM(kalman.at_trim))
+    under_way = ca.vertsplit_n(memory[size:], count) if count else []
+    u, later, _ = sample_of(policy, t, memory[:size], under_way, y - ca.DM(kalman.at_trim))
+    later = ca.vertcat(later, *[*under_way, u][-count:] if count else ())
     return ca.Function("sample", [memory, y], [ca.densify(point.u + u), later], {"cse": True})
 
 

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from hfa_flight.air.held_step import in_samples
-from hfa_flight.policies.deployment.sampled_loop import Chain, chain_margins, late_hold
-from hfa_flight.policies.kalman import KalmanFilter
+from hfa_flight.air.held_step import acting_commands, in_samples
+from hfa_flight.policies.deployment.sampled_loop import Chain, chain_margins, zero_order_hold
+from hfa_flight.policies.kalman import KalmanFilter, near_one
+from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.results import Result
 
 #: Longest unknown delay that is searched, in samples, and parts of a sample of the search.
@@ -45,7 +46,7 @@ class FilterMargins(Result):
         if not self.radius < 1.0:
             return (
                 "The linear loop of the gain behind the filter is unstable (spectral radius "
-                f"{self.radius:.4g})."
+                f"{near_one(self.radius)})."
             )
         alone = "unstable" if self.compensator_radius >= 1.0 else "stable"
         late = (
@@ -54,27 +55,27 @@ class FilterMargins(Result):
         )
         if self.unknown_delay is not None:
             late = (
-                "A delay of all inputs that the filter does not know makes it unstable from "
+                "A further delay of all inputs, unknown to the filter, makes it unstable from "
                 f"{1e3 * self.unknown_delay:.3g} ms on."
             )
         return (
             f"Linear loop of the gain behind the filter: gain margin {self.gain_low:.3g} to "
             f"{self.gain_high:.3g}, phase {self.phase:.3g} deg, delay "
             f"{1e3 * self.delay:.3g} ms, the smallest of all inputs. {late} Filter and gain "
-            f"alone are {alone} (spectral radius {self.compensator_radius:.4g})."
+            f"alone are {alone} (spectral radius {near_one(self.compensator_radius)})."
         )
 
 
-def margins_of(kalman: KalmanFilter, K: np.ndarray) -> FilterMargins:
+def margins_of(kalman: KalmanFilter, K: np.ndarray, delay: float) -> FilterMargins:
     """Return the margins of the linear loop of a gain behind a filter.
 
     The margins of an unstable loop are gains of 1, a phase of 0 and delays of 0.
 
     K: (m, k)
+    delay: time after which commands act, which the filter knows, s
     """
     gain = K @ kalman.sight
-    loop = _late_loop(kalman, gain, 0.0)
-    alone = kalman.compensator_radius(K)
+    loop, alone = late_loop(kalman, gain, delay), compensator_radius(kalman, K, delay)
     if not loop.radius < 1.0:
         return FilterMargins(
             alone, loop.radius, gain_low=1.0, gain_high=1.0, phase=0.0, delay=0.0, unknown_delay=0.0
@@ -87,60 +88,67 @@ def margins_of(kalman: KalmanFilter, K: np.ndarray) -> FilterMargins:
         gain_high=min(margin.gain_high for margin in inputs),
         phase=min(margin.phase for margin in inputs),
         delay=min(margin.delay for margin in inputs),
-        unknown_delay=_unknown_delay(kalman, gain),
+        unknown_delay=_unknown_delay(kalman, gain, delay),
     )
 
 
-def _late_loop(kalman: KalmanFilter, gain: np.ndarray, delay: float) -> Chain:
-    """Return the loop whose commands act after a delay that the filter does not predict.
+def compensator_radius(kalman: KalmanFilter, K: np.ndarray, delay: float = 0.0) -> float:
+    """Return the spectral radius of filter and gain alone, from measured values to commands."""
+    loop = late_loop(kalman, K @ kalman.sight, delay)
+    alone = slice(len(kalman.Phi) + _under_way(delay, kalman.dt) * len(K), None)
+    return spectral_radius(loop.F[alone, alone])
 
-    The states of the loop are those of aircraft and air, the commands under way, the latest first,
-    and the predicted states of the filter.
 
-    gain: (m, n), of the command -gain x̂ of the estimate
-    delay: s
+def _under_way(delay: float, dt: float) -> int:
+    """Return the number of earlier commands that act after a sample."""
+    whole, rest = in_samples(delay, dt)
+    return whole + (rest > 0.0)
+
+
+def late_loop(kalman: KalmanFilter, gain: np.ndarray, known: float, further: float = 0.0) -> Chain:
+    """Return the loop whose commands act after a delay of which the filter predicts a part.
+
+    The states of the loop are those of aircraft and air, the commands on their way to these, the
+    latest first, the predicted states of the filter, and the commands that it takes as under way.
+
+    gain: (m, n), of the command -gain x̂ of the estimate when the command acts, as is known
+    known, further: s
     """
-    Phi, Gamma, L, C = kalman.Phi, kalman.Gamma, kalman.L, kalman.C
-    (n, m), (whole, rest) = Gamma.shape, in_samples(delay, kalman.dt)
-    plant = late_hold(kalman.A, kalman.B, kalman.dt, rest)
-    count = (whole + (rest > 0.0)) * m  # entries of the commands under way
-    size = n + count + n
-    F, G, command = np.zeros((size, size)), np.zeros((size, m)), np.zeros((m, size))
-    filtered = slice(n + count, size)
+    (n, m), dt, delay = kalman.Gamma.shape, kalman.dt, known + further
+    count, own_count = _under_way(delay, dt), _under_way(known, dt)
+    size = 2 * n + (count + own_count) * m
+    # Each row is a linear form of the states of the loop, and of the commands u that act.
+    sizes = [n, *[m] * count, n, *[m] * own_count, m]
+    x, *parts = np.split(np.eye(size + m), np.cumsum(sizes)[:-1])
+    queue, (predicted, *own_queue, u) = parts[:count], parts[count:]
 
-    # Command -gain x̂, with the estimate x̂ = (I - L C) x⁻ + L C x from the prediction x⁻.
-    command[:, :n] = -gain @ L @ C
-    command[:, filtered] = -gain @ (np.eye(n) - L @ C)
+    def later(of: np.ndarray, commands: list[np.ndarray], late: float, time: float) -> np.ndarray:
+        """Return states some time after a sample, by the commands that act, the latest first."""
+        for samples_ago, seconds in acting_commands(late, dt, time):
+            Phi, Gamma = zero_order_hold(kalman.A, kalman.B, seconds)
+            of = Phi @ of + Gamma @ commands[samples_ago]
+        return of
 
-    # Aircraft and air: the oldest command acts for `rest` (`early`), then the next one (`late`).
-    F[:n, :n] = Phi
-    if whole:
-        begin = n + (whole - 1) * m
-        F[:n, begin : begin + m] = plant.late
-    else:
-        G[:n] = plant.late
-    if rest:
-        F[:n, n + count - m : n + count] = plant.early
-
-    # Commands under way, a sample older.
-    if count:
-        G[n : n + m] = np.eye(m)
-        F[n + m : n + count, n : n + count - m] = np.eye(count - m)
-
-    # The filter predicts with its own command, without delay.
-    predicting = Phi - Gamma @ gain
-    F[filtered, :n] = predicting @ L @ C
-    F[filtered, filtered] = predicting @ (np.eye(n) - L @ C)
-    return Chain(F, G, command, n, kalman.dt, np.eye(size, n))
+    estimate = predicted + kalman.L @ kalman.C @ (x - predicted)
+    own = -gain @ later(estimate, [u, *own_queue], known, known)
+    of_plant, of_filter = [u, *queue], [own, *own_queue]
+    after = [
+        later(x, of_plant, delay, dt),
+        *of_plant[:count],
+        later(estimate, of_filter, known, dt),
+        *of_filter[:own_count],
+    ]
+    F, G = np.split(np.vstack(after), [size], axis=1)
+    return Chain(F, G, own[:, :size], n, dt, np.eye(size, n))
 
 
-def _unknown_delay(kalman: KalmanFilter, gain: np.ndarray) -> float | None:
-    """Return the smallest delay, s, with which the loop of `_late_loop` is unstable, or None."""
+def _unknown_delay(kalman: KalmanFilter, gain: np.ndarray, known: float) -> float | None:
+    """Return the smallest further delay, s, with which `late_loop` is unstable, or None."""
     from scipy.optimize import brentq
 
     def excess(delay: float) -> Any:
-        """Return the spectral radius of the loop with a delay, minus 1."""
-        return _late_loop(kalman, gain, delay).radius - 1.0
+        """Return the spectral radius of the loop with a further delay, minus 1."""
+        return late_loop(kalman, gain, known, delay).radius - 1.0
 
     before = 0.0
     for part in range(1, _MOST_SAMPLES * _PARTS + 1):

@@ -26,7 +26,12 @@ from hfa_flight.policies.estimate import (
     propagated,
     updated,
 )
-from hfa_flight.policies.filter_margins import FilterMargins, margins_of
+from hfa_flight.policies.filter_margins import (
+    FilterMargins,
+    compensator_radius,
+    late_loop,
+    margins_of,
+)
 from hfa_flight.policies.kalman import KalmanFilter
 from hfa_flight.policies.policy import (
     Measurements,
@@ -173,7 +178,7 @@ class FilteredPolicy(SampledPolicy):
             raise BadInputError("a policy without feedback needs no filter; give a policy")
         law.refuse_other_sizes(kalman.point)
         if fade is None:
-            is_fast = law.gain is not None and kalman.compensator_radius(law.gain) >= 1.0
+            is_fast = law.gain is not None and compensator_radius(kalman, law.gain) >= 1.0
             fade = _FADE_OF_FAST_GAIN if is_fast else _FADE
         if not (is_finite(fade) and fade >= 0.0):
             raise BadInputError(f"fade is {shown(fade)}; give a time of at least 0 s")
@@ -292,27 +297,31 @@ class FilteredPolicy(SampledPolicy):
         y: measured deviations from trim, (p,)
         """
         if self._sample is not None:  # the whole sample is one function
-            time = memory.samples * self.dt
-            u, memory.estimate, is_left_out = self._sample.at(time, memory.estimate, y)
-            memory.samples += 1
-            memory.unused += bool(is_left_out[0])
-            return u
+            time, under_way = memory.samples * self.dt, np.concatenate(memory.waiting)
+            u, later, left_out = self._sample.at(time, memory.estimate, under_way, y)
+            memory.estimate, is_left_out = later, bool(left_out[0])
+            memory.waiting.append(u)
+        else:
+            u, is_left_out = self._command_of_law(memory, y)
+        memory.waiting.pop(0)  # it does not act after the next sample
+        memory.samples += 1
+        memory.unused += is_left_out
+        return np.asarray(u)
+
+    def _command_of_law(self, memory: _Memory, y: np.ndarray) -> tuple[np.ndarray, bool]:
+        """Return the command of a law that is no expression, and whether a value is left out."""
         if memory.law is None:
             memory.law = self._prepared_law()
-
         # Estimate, command within the control limits, and prediction for the next sample.
         estimated = self._estimated(memory, y)
         limits = Limits.of(self.point.model, tuple(self.point.model.inputs))
         command = memory.law(memory.samples, estimated.x, estimated.following)
         U = self.point.u + estimated.share * command
-        u = np.clip(U, limits.lowest, limits.highest) - self.point.u
+        u = np.asarray(np.clip(U, limits.lowest, limits.highest) - self.point.u)
         memory.waiting.append(u)
         predicted = self._predicted(estimated.states, memory.waiting, self.dt)
         memory.estimate = self._next_memory(estimated.memory, predicted)
-        memory.waiting.pop(0)  # it does not act after the next sample
-        memory.samples += 1
-        memory.unused += estimated.is_left_out
-        return np.asarray(u)
+        return u, estimated.is_left_out
 
     def _estimated(self, memory: _Memory, y: np.ndarray) -> _Estimated:
         """Return the estimate at a sample from measured deviations, (p,)."""
@@ -361,21 +370,22 @@ class FilteredPolicy(SampledPolicy):
 
     @cached_property
     def _sample(self) -> BoundFunction | None:
-        """Function of a whole sample, (t, memory, y) -> (u, memory, whether a value is left out),
-        of a law that is an expression, without a delay; None for others.
+        """Function of a whole sample, (t, memory, commands under way, y) -> (u, memory, whether a
+        value is left out), of a law that is an expression; None for others.
         """
         law = self.law
         is_expression = (
             not isinstance(law, (DeployedPolicy, SampledPolicy)) and law.sampler() is None
         )
         changes_in_time = len(law.held) > 1  # its inputs that are constant during a tick
-        if not is_expression or self.delay or self.ahead or changes_in_time:
+        if not is_expression or changes_in_time:
             return None
-        t = ca.SX.sym("t")
+        m, t = len(self.point.u), ca.SX.sym("t")
         memory = ca.SX.sym("memory", memory_size(self.filter))
+        under_way = ca.SX.sym("under_way", m, in_samples(self.delay, self.dt).whole + 1)
         y = ca.SX.sym("y", len(self.filter.sensors))
-        u, later, is_left_out = sample_of(self, t, memory, y)
-        return _bound("sample", [t, memory, y], [u, later, is_left_out])
+        results = sample_of(self, t, memory, ca.horzsplit(under_way), y)
+        return _bound("sample", [t, memory, ca.vec(under_way), y], [*results])
 
     def _next_memory(self, updated: np.ndarray, predicted: _Prediction) -> np.ndarray:
         """Return the memory of the filter at the next sample, from that of this one."""
@@ -456,14 +466,19 @@ class FilteredPolicy(SampledPolicy):
         gain = self.law.gain
         if gain is None:
             return None
-        of_samples = np.linalg.eigvals(self.filter.loop(gain).F)
+        loop = late_loop(self.filter, gain @ self.filter.sight, self.ahead, self.delay - self.ahead)
+        of_samples = np.linalg.eigvals(loop.closed)
         return np.log(of_samples[of_samples != 0.0].astype(complex)) / self.dt  # s = ln(z) / dt
 
     @cached_property
     def margins(self) -> FilterMargins | None:
-        """Margins of the linear loop, or None for a law without a constant gain or with a delay."""
+        """Margins of the linear loop, or None for a law without a constant gain, or one that acts
+        before the delay of the loop.
+        """
         gain = self.law.gain
-        return None if gain is None or self.delay else margins_of(self.filter, gain)
+        if gain is None or self.delay != self.ahead:
+            return None
+        return margins_of(self.filter, gain, self.delay)
 
     def texts(self) -> list[str]:
         """Return sentences on the filter and on its loop."""
@@ -549,22 +564,33 @@ def command_of(policy: Policy, t: ca.SX, z: ca.SX, held: Any) -> ca.SX:
     return policy.control(t, Measurements(z, z), held)
 
 
-def sample_of(policy: FilteredPolicy, t: ca.SX, memory: ca.SX, y: ca.SX) -> tuple[ca.SX, ...]:
+def sample_of(
+    policy: FilteredPolicy, t: ca.SX, memory: ca.SX, under_way: list[ca.SX], y: ca.SX
+) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Return the commands, the memory of the next sample, and 1 if a value is left out, of a policy
-    whose law is an expression.
+    whose law is an expression. The law acts on the state predicted over `policy.ahead`.
 
     t: time of the sample, s
     memory: that of `hfa_flight.policies.estimate`, zero before the first sample
+    under_way: earlier commands that may act yet, (m,) each, the oldest first
     y: measured deviations from the trim, (p,)
     """
-    kalman, point = policy.filter, policy.point
+    kalman, point, law = policy.filter, policy.point, policy.law
     now, is_left_out = updated(kalman, estimate_in(kalman, memory), y, policy.fade)
+    x = now.x
+    for samples_ago, seconds in acting_commands(policy.delay, policy.dt, policy.ahead):
+        x, _ = extended_step(kalman, seconds)(x, under_way[-samples_ago])
     limits = Limits.of(point.model, tuple(point.model.inputs))
-    held = ca.DM(policy.law.held_inputs(0, 0.0))
-    u = now.share * command_of(policy.law, t, kalman.seen(now.x), held)
+    held = ca.DM(law.held_inputs(0, 0.0))
+    u = now.share * command_of(law, t, kalman.seen(x), held)
     u = ca.fmin(ca.fmax(u, ca.DM(limits.lowest - point.u)), ca.DM(limits.highest - point.u))
-    later = propagated(kalman, now, *extended_step(kalman, kalman.dt)(now.x, u))
-    return u, later.packed(), is_left_out
+
+    # Prediction for the next sample, by the commands that act within this one.
+    commands, x, Phi = [*under_way, u], now.x, ca.SX.eye(now.x.numel())
+    for samples_ago, seconds in acting_commands(policy.delay, policy.dt, policy.dt):
+        x, slopes = extended_step(kalman, seconds)(x, commands[-1 - samples_ago])
+        Phi = ca.mtimes(slopes, Phi)
+    return u, propagated(kalman, now, x, Phi).packed(), is_left_out
 
 
 def behind_own_filter(given: Deployment | Path, point: OperatingPoint) -> Policy:

@@ -90,7 +90,7 @@ class KalmanFilter(Result):
     P: covariance of the error of the predicted states x.
     L: gain, (n, p).
     residual: residual of the Riccati equation of P, relative to P, in balanced units.
-    unobservable: names of decaying modes that the sensors do not observe.
+    unobservable: dominant states of decaying modes that the sensors do not observe.
     winds: names of the model's disturbances w = W x_air that the turbulence sets.
     W: (w, n - k).
     """
@@ -277,16 +277,6 @@ class KalmanFilter(Result):
         x = ca.SX.sym("x", len(self.Phi))
         slopes = ca.Function("sight", [x], [ca.densify(ca.jacobian(self.seen(x), x))])
         return np.asarray(slopes(0.0))
-
-    def compensator_radius(self, K: np.ndarray) -> float:
-        """Return the spectral radius of the compensator's own dynamics, from measured values y to
-        inputs u = -K (what is seen at x̂): x⁺ = (Φ - Γ K sight) x̂, x̂ = (I - L C) x + L y.
-
-        K: (m, k)
-        """
-        # `sight`: derivatives of what the gain sees by the states of the filter.
-        predicting = self.Phi - self.Gamma @ K @ self.sight
-        return spectral_radius(predicting @ (np.eye(len(self.Phi)) - self.L @ self.C))
 
     def loop(self, K: np.ndarray) -> _Loop:
         """Return the loop of a gain u = -K (what is seen at x̂) and this filter.
@@ -577,7 +567,7 @@ def _unobservable(
     states: tuple[str, ...],
     sensors: tuple[str, ...],
 ) -> tuple[str, ...]:
-    """Return the names of the aircraft's decaying modes that the sensors do not observe.
+    """Return the dominant states of the aircraft's decaying modes that the sensors do not observe.
 
     A, C: matrices of the plant in the units in which the filter is computed
 
@@ -597,8 +587,8 @@ def _unobservable(
             unmeasured = [name for name in states if name not in sensors]
             best = max(unmeasured, key=mode.participation.__getitem__)
             raise BadInputError(
-                f"the sensors {', '.join(sensors)} do not observe the mode {mode.name}, which "
-                f"does not decay; add a sensor of {best}"
+                f"the sensors {', '.join(sensors)} do not observe a mode of {best}, which does not "
+                f"decay; add a sensor of {best}"
             )
-        names.append(mode.name)
+        names.append(max(states, key=mode.participation.__getitem__))
     return tuple(names)

@@ -166,7 +166,7 @@ def _rms_figures(
     }
     # Only a stable linear loop has a root mean square to compare with.
     gain = policy.law.gain
-    loop = None if gain is None else policy.filter.loop(gain)
+    loop = None if gain is None or policy.delay else policy.filter.loop(gain)
     if loop is not None and spectral_radius(loop.F) < 1.0:
         samples = round(plan.scenario.duration / policy.dt)
         linear = loop.rms(samples).tolist()
