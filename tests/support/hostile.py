@@ -50,7 +50,7 @@ LINES = (
         "fly --dihedral 15 --duration 0.02 --initial speed=1 --gust 25:3:0 --turbulence own:1:500"
         " --noise alpha=0.1"
     ),
-    "fly --dihedral 15 --duration 0.02 --actuators 0.1:60:2 --error panel_mass=1.1",
+    "fly --dihedral 15 --duration 0.02 --servo 0.1:60:2 --error panel_mass=1.1",
     (
         "fly --dihedral 15 --samples 3 --duration 0.02 --error panel_mass=0.1 --noise alpha=0.1 -o"
         " a.zarr"

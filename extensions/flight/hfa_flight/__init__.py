@@ -1,4 +1,4 @@
-"""Flight simulation: plant, policy, actuators and gusts combined in one loop."""
+"""Flight simulation: plant, policy and gusts combined in one loop."""
 
 from hfa_support.public_names import public_names
 

@@ -1,11 +1,10 @@
-"""One simulated flight: plant, policy, actuators and gusts in one loop."""
+"""One simulated flight: plant, policy and gusts in one loop."""
 
 from hfa_aircraft.waveform import Harmonic as Harmonic, Waveform as Waveform
 
 from .air.gust_equations import in_gusts as in_gusts
 from .air.gusts import OneMinusCosine as OneMinusCosine
 from .air.scenario import (
-    ActuatorBank as ActuatorBank,
     Scenario as Scenario,
     Uncertainty as Uncertainty,
 )

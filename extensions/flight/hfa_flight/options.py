@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -21,6 +22,7 @@ from hfa.options.argument_types import (
 )
 from hfa.options.games import (
     ReadingOptions,
+    TimingOptions,
     WeightOptions,
     critic_path,
     given_weights,
@@ -29,13 +31,11 @@ from hfa.options.games import (
 )
 from hfa.options.parser import is_given, option, options_of, refuse
 from hfa.options.trims import TrimOptions
-from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_aircraft.signals import record
 from hfa_aircraft.waveform import constant
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.gusts import Gust, OneMinusCosine, gust_speed
-from hfa_flight.air.scenario import ActuatorBank, Scenario, Uncertainty
+from hfa_flight.air.scenario import Scenario, Uncertainty
 from hfa_flight.air.sensors import Sensor, measurable
 from hfa_flight.air.turbulence import FORM, FORM_OF_OWN, LEVELS, Turbulence, typed_turbulence
 from hfa_flight.policies.laws import DEPLOYMENT, GAIN, LAWS, NETWORK, PREDICTIVE, TABLE
@@ -56,11 +56,12 @@ NONE = "none"
 EXACT = "exact"
 #: Default duration of a flight, s.
 _DURATION = 20.0
-#: Duration of a sample of a flight, s.
+#: Duration of a sample of a flight, and longest interval of its rows, s; most ticks in a sample.
 _SAMPLE = 0.01
-#: Forms of the values of --gust and --actuators, in their help and in messages.
+_LONGEST_STEP = 0.001
+_MOST_TICKS = 1000
+#: Form of the value of --gust, in its help and in messages.
 _GUST = "LENGTH:PEAK[:BEGIN]"
-_ACTUATORS = "LAG:RATE"
 #: Value of --gust that searches for the smallest gusts.
 SMALLEST = "smallest"
 #: Options, as fields of the request: of the game, of a policy that plans, of a critic or network.
@@ -104,15 +105,11 @@ def numbers(
     return (*(number(part) for part in parts), *otherwise[len(parts) - least :])
 
 
-def actuators_option() -> Any:
-    """Return the option --actuators."""
-    about = "add actuators of first order with lag (s) and rate limit (deg/s)"
-    kind = partial(numbers, form=_ACTUATORS, count=2)
-    return option(about, _ACTUATORS, kind, rare=True)
-
-
 #: Options of an earlier version, which --policy replaces.
-FORMER_POLICIES = dict.fromkeys(("--law", "--weights", "--controller"), "type --policy")
+FORMER_POLICIES = {
+    **dict.fromkeys(("--law", "--weights", "--controller"), "type --policy"),
+    "--actuators": "type --servo, whose positions are states",
+}
 
 
 def policy_option(about: str, *words: str, **more: Any) -> Any:
@@ -268,13 +265,15 @@ def policy_of_options(
     condition: function from the scheduling variable to the trim condition of a gain table
     commands: steps that a gain table follows
     """
+    from controller.game.linear_game import flown
     from controller.riccati.gare import solve
     from hfa_flight.policies.given import policy_of_file
     from hfa_flight.policies.policy import GainPolicy
 
     path, weights = request.flown, given_weights(request, linear.model)
     if not isinstance(path, Path):
-        return GainPolicy(EXACT, solve(noted_game(weights, linear)).K)
+        rate = getattr(request, "rate", None)  # of a command that samples
+        return GainPolicy(EXACT, solve(flown(noted_game(weights, linear), rate, 0.0)).K)
     # The policy of a critic, of the kind GAIN, or of a network may depend on the cost.
     game = weighted_game(weights, linear).game if request.kind in (GAIN, NETWORK) else None
     return policy_of_file(path, linear.point, game, reading_of(request), condition, commands)
@@ -398,7 +397,7 @@ def bias_option() -> Any:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ScenarioOptions:
+class ScenarioOptions(TimingOptions):
     """The scenario of a flight, except for commands.
 
     By default, nothing disturbs the flight.
@@ -415,14 +414,6 @@ class ScenarioOptions:
         "repeatable",
         "NAME=VALUE",
         named=True,
-        rare=True,
-    )
-    actuators: tuple[float, ...] | None = actuators_option()
-    delay: float = option(
-        "delay of every command of the policy, s; default 0",
-        "S",
-        number,
-        default=0.0,
         rare=True,
     )
     turbulence: Turbulence | None = turbulence_option()
@@ -452,12 +443,17 @@ class ScenarioOptions:
     )
 
 
+def sample_of_options(request: TimingOptions) -> float:
+    """Return the duration of a sample, s, that of --rate."""
+    return _SAMPLE if request.rate is None else 1.0 / request.rate
+
+
 def scenario_of(
     request: ScenarioOptions, point: OperatingPoint, hold: Mapping[str, Any], *, drawn: bool
 ) -> Scenario:
     """Return the scenario that the options specify for a trim.
 
-    The tick is the longest whole number of ms that divides a sample and the delay.
+    The tick divides a sample and the delay.
 
     hold: values of --hold, whose altitude is the one of the turbulence
     drawn: whether the scenario is of several flights, with random errors of parameters
@@ -477,15 +473,15 @@ def scenario_of(
         )
 
     added = [disturbed.get(name, 0.0) for name in model.linear]
-    # All but moving air and random quantities. The tick is computed in ms.
-    common = Scenario(
-        duration=duration,
-        tick=math.gcd(round(1000.0 * _SAMPLE), round(1000.0 * delay)) / 1000.0,
-        sample=_SAMPLE,
+    # All but moving air and random quantities. The delay is p/q of a sample, whole ticks as it is.
+    sample = sample_of_options(request)
+    tick = sample / Fraction(delay / sample).limit_denominator(_MOST_TICKS).denominator
+    timing = Scenario(duration).with_tick(tick, _LONGEST_STEP, sample)
+    common = replace(
+        timing,
         initial=np.array([initial.get(name, 0.0) for name in model.states]),
         # A constant is added to the rate of a state, or it is the value of a disturbance.
         disturbance=constant(np.array(added)) if any(added) else None,
-        actuators=None if request.actuators is None else actuators_of(model, *request.actuators),
         delay=delay,
         air={
             name: constant(np.array([value]))
@@ -506,30 +502,3 @@ def scenario_of(
     errors = {} if drawn else of_parameters
     uncertainty = Uncertainty(of_parameters if drawn else {}, sensors, turbulence)
     return replace(common, errors=errors, uncertainty=uncertainty, gust=gust).on(model)
-
-
-def actuators_of(model: Model, lag: float, degrees_per_second: float) -> ActuatorBank:
-    """Return actuators of all inputs of a model, within their control limits.
-
-    The rate limit applies to the surfaces. These are the inputs in rad or deg.
-
-    lag: s
-    degrees_per_second: rate limit
-
-    Raises BadInputError if a number is out of range.
-    """
-    if degrees_per_second <= 0:
-        raise BadInputError(
-            f"the rate limit of --actuators is {degrees_per_second:g} deg/s; give a positive "
-            "rate limit"
-        )
-    rate_of_unit = {"rad": math.radians(degrees_per_second), "deg": degrees_per_second}
-    inputs = model.inputs
-    by_input: Any = record(tuple(inputs))
-    limits = Limits.of(model, tuple(inputs))
-    return ActuatorBank(
-        lag=by_input(*[lag] * len(inputs)),
-        lowest=by_input(*limits.lowest.tolist()),
-        highest=by_input(*limits.highest.tolist()),
-        rate=by_input(*(rate_of_unit.get(signal.unit, math.inf) for signal in inputs.values())),
-    )

@@ -1,1 +1,1 @@
-"""The plant in air: actuators, commands under way, gusts, turbulence, and their scenario."""
+"""The plant in air: commands under way, gusts, turbulence, sensors, and their scenario."""

@@ -8,11 +8,9 @@ from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.random import SeedSequence
 
-from hfa_aircraft.batch_simulation import saturated
 from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Waveform
 from hfa_flight.air.gust_equations import in_gusts, undeclared
@@ -32,83 +30,6 @@ from hfa_support.errors import (
 from hfa_support.public_arguments import check_fields
 from hfa_support.reporting.report import Reported
 from trim.point.operating_point import OperatingPoint
-
-
-@dataclass(frozen=True)
-class ActuatorBank:
-    """Actuators of the m inputs, with limits of position and rate.
-
-    u is the command and a the position, as deviations from the trim U0.
-
-      c = sat(U0 + u, lowest, highest) - U0
-      a' = sat((c - a) / lag, ±rate)
-
-    lag, lowest, highest and rate are named tuples over the inputs of the model
-    (`hfa_aircraft.signals.record`), in its units.
-
-    lag: s, > 0
-    lowest, highest: absolute positions, possibly infinite
-    rate: largest |U'|, per s, possibly infinite
-
-    Raises BadInputError if a lag or a rate is not positive, or a lowest position is not below the
-    highest.
-    """
-
-    lag: Any
-    lowest: Any
-    highest: Any
-    rate: Any
-
-    def __post_init__(self) -> None:
-        """Raise BadInputError for numbers that the class does not permit."""
-        numbers = zip(self.inputs, self.lag, self.lowest, self.highest, self.rate, strict=True)
-        for name, lag, lowest, highest, rate in numbers:
-            refuse_unless_positive(f"the lag of {name}", lag, " s")
-            if not rate > 0.0:
-                raise BadInputError(
-                    f"the rate limit of {name} is {rate}; give a positive rate (inf for none)"
-                )
-            if not lowest < highest:
-                raise BadInputError(
-                    f"the position limits of {name} are {lowest} and {highest}; give two "
-                    "different numbers, the lower first"
-                )
-
-    @property
-    def inputs(self) -> tuple[str, ...]:
-        """Names of the m inputs that the actuators move."""
-        return tuple(self.lag._fields)
-
-    def refuse_trim(self, trim: np.ndarray) -> None:
-        """Raise BadInputError if a trim input is outside the position limits of its actuator.
-
-        trim: U0, (m,)
-        """
-        rows = zip(self.inputs, trim, self.lowest, self.highest, strict=True)
-        for name, value, lowest, highest in rows:
-            if not lowest <= value <= highest:
-                raise BadInputError(
-                    f"{name} is {value:.6g} at trim, outside the limits of the actuator, "
-                    f"{lowest:.6g} to {highest:.6g}; widen the limits"
-                )
-
-    def reachable(self, command: ca.SX, trim: np.ndarray) -> ca.SX:
-        """Return the command clipped to the position limits: c, (m,), as a deviation from trim.
-
-        command: u, (m,)
-        trim: U0, (m,)
-        """
-        return saturated(command, np.array(self.lowest) - trim, np.array(self.highest) - trim)
-
-    def rates(self, positions: ca.SX, reachable: ca.SX) -> ca.SX:
-        """Return the time derivative of the positions.
-
-        positions: a, (m,)
-        reachable: c, (m,)
-        """
-        fastest = np.array(self.rate, dtype=float)
-        return saturated((reachable - positions) * (1.0 / np.array(self.lag)), -fastest, fastest)
-
 
 #: Keys of the independent random streams of a member.
 _ERRORS = 0
@@ -207,7 +128,6 @@ class Scenario(Reported):
     initial: (n,), deviation from trim, or () for none
     reference, disturbance: signals (k,) for the states of the linear model, or None for 0
     errors: parameter -> factor on the parameter of the simulated aircraft only
-    actuators: dynamics of the actuators, or None
     gust: motion of the air, or None
     uncertainty: random quantities, not yet drawn
     samples: errors of the sensors, (N, k), constant during each sample, or None
@@ -241,7 +161,6 @@ class Scenario(Reported):
     reference: TimeVector | None = None
     disturbance: TimeVector | None = None
     errors: Mapping[str, float] = field(default_factory=dict)
-    actuators: ActuatorBank | None = None
     gust: Gust | None = None
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     samples: np.ndarray | None = None
@@ -441,7 +360,6 @@ class Scenario(Reported):
         gust: Any = self.gust
         if self.samples is not None:
             data["drawn_noise"] = self.samples.std(axis=0)
-        data["actuators"] = None if self.actuators is None else asdict(self.actuators)
         data["gust"] = None if gust is None else {"kind": type(gust).__name__, **asdict(gust)}
         if self.air:
             data["air"] = {name: waveform.to_dict() for name, waveform in self.air.items()}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import output_file, positive
 from hfa.options.command import Outcome, Request, command, provenance
+from hfa.options.games import TimingOptions
 from hfa.options.parser import option, refuse
 from hfa.options.trims import GivenTrim, trim_input
 from hfa_flight.air.turbulence import Turbulence
@@ -27,8 +28,6 @@ from hfa_flight.options import (
     EXACT,
     FORMER_POLICIES,
     PolicyOptions,
-    actuators_of,
-    actuators_option,
     at_held_altitude,
     bias_option,
     check_policy,
@@ -36,6 +35,7 @@ from hfa_flight.options import (
     noted_linear_model,
     policy_of_options,
     policy_option,
+    sample_of_options,
     sensors_typed,
     turbulence_option,
 )
@@ -55,7 +55,7 @@ _DIHEDRAL = math.radians(15.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ExportRequest(Request, PolicyOptions):
+class ExportRequest(Request, PolicyOptions, TimingOptions):
     """Options of `hfa export`."""
 
     moved = FORMER_POLICIES
@@ -76,7 +76,6 @@ class ExportRequest(Request, PolicyOptions):
         names="-o --output",
         required=True,
     )
-    actuators: tuple[float, ...] | None = actuators_option()
     filter: bool = option(
         "policy behind the Kalman filter of --noise and --turbulence, in C too, or in the FMU",
         rare=True,
@@ -122,9 +121,7 @@ def export(request: ExportRequest, given: GivenTrim) -> Outcome:
     if target.suffix.lower() == ".m":
         return _outcome_of([_write_matlab_function(target)], given)
     is_fmu = target.suffix.lower() == ".fmu"
-    if not is_fmu:
-        refuse(request, ("actuators",), "applies only to an FMU; remove this option")
-    elif request.kind == DEPLOYMENT:
+    if is_fmu and request.kind == DEPLOYMENT:
         raise BadInputError(
             f"{target}: an FMU has neither the sample time nor the delay of a deployment "
             "file; give a folder for C source, which is called once a sample"
@@ -141,7 +138,7 @@ def _check_filter(request: ExportRequest) -> None:
     if not request.filter:
         refuse(
             request,
-            ("noise", "bias", "turbulence", "fade"),
+            ("noise", "bias", "turbulence", "fade", "rate", "delay"),
             "applies only with --filter; add --filter",
         )
         return
@@ -176,7 +173,6 @@ def _write_fmu(
     from hfa_flight.export.fmu import write_fmu
 
     model = given.model
-    actuators = None if request.actuators is None else actuators_of(model, *request.actuators)
     linear = noted_linear_model(model, point)
     steering = None
     if request.filter or request.policy is not None:
@@ -185,7 +181,7 @@ def _write_fmu(
             steering = filtered_steering(model, _filtered(request, given, linear, policy))
         else:
             steering = following_a_reference(model, policy)
-    loop = exported_loop(model, point, steering, actuators)
+    loop = exported_loop(model, point, steering)
     write_fmu(loop, target, provenance(request, given.source))
     return [target]
 
@@ -217,7 +213,9 @@ def _filtered(
 
     sensors = sensors_typed(given.model, request.noise, request.bias)
     air = at_held_altitude(request.turbulence, given.hold)
-    return filter(linear, sensors, air).policy(policy, fade=request.fade)
+    dt = sample_of_options(request)
+    filtered = filter(linear, sensors, air, dt).policy(policy, fade=request.fade)
+    return replace(filtered, delay=request.delay, ahead=request.delay)
 
 
 def _outcome_of(written: list[Path], given: GivenTrim, notes: Iterable[str] = ()) -> Outcome:

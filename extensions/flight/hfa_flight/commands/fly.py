@@ -295,6 +295,8 @@ def _refuse_contradictions(request: FlyRequest, many: bool = False) -> None:
     if request.reference:
         require_policy(request, "--reference")
         refuse(request, ("command", "keep_inside", "filter"), beside.format("reference"))
+    if not request.filter:
+        refuse(request, ("rate",), "applies only with --filter; add --filter")
     if request.filter:
         require_policy(request, "--filter")
         refuse(request, ("command", "keep_inside"), beside.format("filter"))

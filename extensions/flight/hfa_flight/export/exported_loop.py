@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import casadi as ca
-import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
-from hfa_flight.air.scenario import ActuatorBank, Scenario
+from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.sensors import measured
 from hfa_flight.export.c_text import filter_sample
 from hfa_flight.policies.estimate import known_start, memory_size, memory_slices
@@ -169,7 +168,6 @@ class ExportedLoop:
     function: (y, v) -> (f, h), with the held commands of a sampled policy after v
     states, outputs, inputs: channels of y, h and v. The outputs are the inputs of the aircraft that
         a policy sets, then the outputs of the model
-    flown: number of aircraft states. They are the first of `states`
     sampled: sampled policy, or None
     """
 
@@ -177,7 +175,6 @@ class ExportedLoop:
     states: tuple[Channel, ...]
     outputs: tuple[Channel, ...]
     inputs: tuple[Channel, ...]
-    flown: int
     sampled: Sampled | None = None
 
 
@@ -185,16 +182,10 @@ def exported_loop(
     model: Model,
     point: OperatingPoint,
     steering: Steering | None,
-    actuators: ActuatorBank | None,
 ) -> ExportedLoop:
-    """Return the loop X' = f(X, U, w) with the states [X; actuators].
-
-    The inputs are [w; v], with w the disturbances of the model. Actuator states are deviations from
-    trim.
+    """Return the loop X' = f(X, U, w) with the inputs [w; v], w the disturbances of the model.
 
     steering: policy and input signals v, or None for v = U
-
-    Raises BadInputError if a trim input is outside its actuator's limits.
     """
     steering = steering or given_inputs(model, point)
 
@@ -202,17 +193,15 @@ def exported_loop(
     w = ca.SX.sym("w", len(model.disturbances))
     air: Any = {name: Argument(w[row]) for row, name in enumerate(model.disturbances)}
     reference: Any = steering.reference
-    scenario = Scenario(air=air, reference=reference, actuators=actuators)
+    scenario = Scenario(air=air, reference=reference)
     loop = FlightLoop(NonlinearPlant(model, point), steering.policy, scenario)
     t, Y, _ = loop.symbols()
     held = ca.SX(ca.DM(loop.held_at_start()))
-    trim_of_Y = np.zeros(Y.numel())  # actuator states are deviations already
-    trim_of_Y[: len(point.states)] = point.states
-    now = loop.at(t, Y - ca.DM(trim_of_Y), held)
+    now = loop.at(t, Y - ca.DM(point.x), held)
     U = now.inputs + ca.DM(point.u)
 
     # Outputs h of the loop.
-    vectors = Y[: len(point.states)], U, model.p
+    vectors = Y, U, model.p
     _, h = model.layout.expressions(vectors, tuple(model.outputs), w)  # the outputs alone
     outputs = [Channel(name, signal.unit) for name, signal in model.outputs.items()]
     if steering.sets_inputs:
@@ -221,11 +210,6 @@ def exported_loop(
 
     arguments = [Y, ca.vertcat(w, steering.v)]
     states = _channels(model, model.states, point.states, rates=True)
-    if actuators is not None:
-        states += [
-            Channel(f"{name}_actuator", signal.unit, size=signal.nominal)
-            for name, signal in model.inputs.items()
-        ]
     winds = [Channel(name, model.unit(name)) for name in model.disturbances]
     filtered = steering.filtered
     return ExportedLoop(
@@ -235,7 +219,6 @@ def exported_loop(
         states=tuple(states),
         outputs=tuple(outputs),
         inputs=(*winds, *steering.arguments),
-        flown=len(model.states),
         sampled=None if filtered is None else _sampled(filtered, Y, w, steering.v),
     )
 

@@ -230,13 +230,9 @@ class _Variable(NamedTuple):
 
 
 def _variables(loop: ExportedLoop) -> list[_Variable]:
-    """Return the states of a loop, their rates, its outputs and its inputs.
-
-    The states of the aircraft are outputs, those of the actuators are not.
-    """
+    """Return the states of a loop, which are outputs, their rates, its outputs and its inputs."""
     return [
-        *(_Variable(y.name, y.unit, "output", y.start) for y in loop.states[: loop.flown]),
-        *(_Variable(y.name, y.unit, "local", y.start) for y in loop.states[loop.flown :]),
+        *(_Variable(y.name, y.unit, "output", y.start) for y in loop.states),
         *(
             _Variable(f"der({y.name})", y.rate_unit, "local", rate_of=number)
             for number, y in enumerate(loop.states, start=1)

@@ -177,9 +177,8 @@ class FilteredPolicy(SampledPolicy):
         if isinstance(law, OpenLoop):
             raise BadInputError("a policy without feedback needs no filter; give a policy")
         law.refuse_other_sizes(kalman.point)
-        if fade is None:
-            is_fast = law.gain is not None and compensator_radius(kalman, law.gain) >= 1.0
-            fade = _FADE_OF_FAST_GAIN if is_fast else _FADE
+        is_default = fade is None
+        fade = _FADE if fade is None else fade
         if not (is_finite(fade) and fade >= 0.0):
             raise BadInputError(f"fade is {shown(fade)}; give a time of at least 0 s")
         own = own_sample_time(law, kalman.dt)
@@ -191,7 +190,11 @@ class FilteredPolicy(SampledPolicy):
         if isinstance(law, SampledPolicy):
             law = replace(law, tick=kalman.dt)  # the filter calls it once a sample
         name = f"{law.name} behind a filter"
-        return cls(name, kalman.point, kalman.dt, filter=kalman, law=law, fade=fade)
+        policy = cls(name, kalman.point, kalman.dt, filter=kalman, law=law, fade=fade)
+        gain = policy.gain
+        if is_default and gain is not None and compensator_radius(kalman, gain) >= 1.0:
+            return replace(policy, fade=_FADE_OF_FAST_GAIN)
+        return policy
 
     def __post_init__(self) -> None:
         """Begin at the trim."""
@@ -264,6 +267,12 @@ class FilteredPolicy(SampledPolicy):
             # the states of the air follow in the memory
             for name, value in zip(self.filter.states, self._memory.estimate, strict=False)
         }
+
+    @property
+    def gain(self) -> np.ndarray | None:
+        """Gain K (m, k) of the estimate, 0 for positions of servos that the law does not see."""
+        K = self.law.gain
+        return None if K is None else np.pad(K, [(0, 0), (0, len(self.filter.states) - K.shape[1])])
 
     @property
     def biases(self) -> dict[str, float]:
@@ -463,7 +472,7 @@ class FilteredPolicy(SampledPolicy):
 
         A mode that vanishes after one sample, z = 0, has no eigenvalue s, and is left out.
         """
-        gain = self.law.gain
+        gain = self.gain
         if gain is None:
             return None
         loop = late_loop(self.filter, gain @ self.filter.sight, self.ahead, self.delay - self.ahead)
@@ -475,7 +484,7 @@ class FilteredPolicy(SampledPolicy):
         """Margins of the linear loop, or None for a law without a constant gain, or one that acts
         before the delay of the loop.
         """
-        gain = self.law.gain
+        gain = self.gain
         if gain is None or self.delay != self.ahead:
             return None
         return margins_of(self.filter, gain, self.delay)

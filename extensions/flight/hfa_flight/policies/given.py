@@ -22,6 +22,7 @@ from controller.critic.network.declared import NOTHING
 from controller.critic.reading import Reading
 from controller.game.linear_game import names_of_linear
 from controller.game.zero_sum import Game
+from hfa_aircraft.servos import positions_of_servos
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.signals import CommandSteps
 from hfa_flight.policies.laws import DEPLOYMENT, GAIN, NETWORK, TABLE
@@ -80,6 +81,10 @@ def policy_of_file(
         schedule = load_gain_schedule(path, point.model)
         at = condition or usual_condition(point.model).at
         return scheduled_gains(f"gains of {path}", schedule, point, at, commands)
+    servos = len(positions_of_servos(point.model))
+    K: Any = entries_in(path).get("K") if servos and kind == GAIN else None
+    if np.ndim(K) == 2 and np.shape(K)[1] == len(point.model.linear) - servos:
+        return GainPolicy(f"gain of {path}", np.asarray(K))  # without the positions of servos
     critic = critic_in(path, game or _without_cost(point.linearize()), reading)
     if game is None and critic.slope_gain is not None:  # u = -½ R⁻¹B' ∂V/∂z
         raise BadInputError(

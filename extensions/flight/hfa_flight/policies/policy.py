@@ -15,6 +15,7 @@ from controller.critic.network.declared import NOTHING, Declared
 from hfa_aircraft.batch_simulation import saturated
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
+from hfa_aircraft.servos import positions_of_servos
 from hfa_aircraft.waveform import Waveform
 from hfa_flight.air.held_step import in_samples
 from hfa_flight.air.scenario import Scenario
@@ -58,13 +59,20 @@ class Policy(Reported):
     sizes: tuple[int, int] | None = field(init=False, repr=False, default=None)
 
     def refuse_other_sizes(self, point: OperatingPoint) -> None:
-        """Raise BadInputError if the policy is for other numbers of inputs or states."""
+        """Raise BadInputError if the policy is for other numbers of inputs or states.
+
+        A policy may see the states without the positions of servos, which are the last ones.
+        """
         m, k = len(point.model.inputs), len(point.model.linear)
-        if self.sizes is not None and self.sizes != (m, k):
-            raise BadInputError(
-                f"the policy {self.name} has the size {shape_text(self.sizes)}; give {m} x {k}, "
-                "inputs x states of the linear model"
-            )
+        if self.sizes in (None, (m, k), (m, k - len(positions_of_servos(point.model)))):
+            return
+        late = ""
+        if self.sizes is not None and self.sizes[1] > k and (self.sizes[1] - k) % m == 0:
+            late = "; of a game with a delay, fly the gain of the one without, behind --filter"
+        raise BadInputError(
+            f"the policy {self.name} has the size {shape_text(self.sizes or ())}; give {m} x {k}, "
+            f"inputs x states of the linear model{late}"
+        )
 
     def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
         """Return the commanded inputs as deviations from trim, (m,), by default those held."""
@@ -146,7 +154,8 @@ class GainPolicy(Policy):
 
     def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
         """Return the commanded inputs u = -K z + u_d(t), (m,)."""
-        feedback = -ca.mtimes(ca.reshape(held, *self.K.shape), measurements.error)
+        seen = measurements.error[: self.K.shape[1]]
+        feedback = -ca.mtimes(ca.reshape(held, *self.K.shape), seen)
         return feedback if self.feedforward is None else feedback + self.feedforward.at(t)
 
     @property
@@ -177,7 +186,7 @@ class FunctionPolicy(Policy):
 
     def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
         """Return the commanded inputs π(z), (m,), clipped to the limits."""
-        return self.limited(measurements.error)
+        return self.limited(measurements.error[: self.function.numel_in(0)])
 
     def __post_init__(self) -> None:
         """Store the numbers of results and arguments of π in `sizes`."""

@@ -165,7 +165,7 @@ def _rms_figures(
         "margins": policy.margins,
     }
     # Only a stable linear loop has a root mean square to compare with.
-    gain = policy.law.gain
+    gain = policy.gain
     loop = None if gain is None or policy.delay else policy.filter.loop(gain)
     if loop is not None and spectral_radius(loop.F) < 1.0:
         samples = round(plan.scenario.duration / policy.dt)

@@ -14,8 +14,10 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.batch_simulation import Cost
+from hfa_aircraft.batch_simulation import Cost, saturated
+from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
+from hfa_aircraft.servos import positions_of_servos
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.gusts import ALPHA, ANGLE_OF_ATTACK, has_angle_of_attack
 from hfa_flight.air.held_step import slices_of
@@ -164,12 +166,10 @@ class StateParts(NamedTuple):
     """Parts of the state y, or their sizes, in the order in which y contains them.
 
     plant: deviations of the plant's states from trim, (n,)
-    actuators: states of the actuators, or size 0 without actuators
     cost: cost from the start of the flight, (1,), or size 0 without a cost
     """
 
     plant: Any
-    actuators: Any
     cost: Any
 
 
@@ -197,23 +197,21 @@ class HeldParts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FlightLoop:
-    """Closed loop of a plant, a policy and, if the scenario has them, actuators.
+    """Closed loop of a plant and a policy.
 
-      x' = plant(x, a, w(t)) + d(t)
-      a' = actuators(a, u), or a = u without actuators
+      x' = plant(x, u, w(t)) + d(t)
       u = policy(t, x + n - x_d(t))
 
-    x, a and u are the deviations of states, plant inputs and commands from trim. x_d is the
+    x and u are the deviations of states and inputs from trim. x_d is the
     reference, n the sensor noise of a tick, d a disturbance of the rates and w the motion of the
     air.
 
-    scenario: initial x(0), x_d and d (default 0), noise samples, gust, other disturbances,
-      actuators and delay
-    cost: running cost of the errors z = x - x_d and of the plant inputs a, whose integral is a
+    scenario: initial x(0), x_d and d (default 0), errors of sensors, gust, other disturbances and
+      delay
+    cost: running cost of the errors z = x - x_d and of the inputs u, whose integral is a
       state of the loop, or None
 
-    Raises BadInputError if a signal or the policy does not have the size of the plant, or a trim
-    input is outside its actuator's position limits.
+    Raises BadInputError if a signal or the policy does not have the size of the plant.
     """
 
     plant: Plant
@@ -222,10 +220,8 @@ class FlightLoop:
     cost: Cost | None = None
 
     def __post_init__(self) -> None:
-        """Raise BadInputError for wrong sizes and for a trim outside the actuators' limits."""
+        """Raise BadInputError for wrong sizes."""
         k = len(self.plant.point.model.linear)
-        if self.scenario.actuators is not None:
-            self.scenario.actuators.refuse_trim(self.plant.point.u)
         self.policy.refuse_other_sizes(self.plant.point)
         signals = {name: getattr(self.scenario, name) for name in ("reference", "disturbance")}
         sizes = {name: signal.size for name, signal in signals.items() if signal is not None}
@@ -248,11 +244,9 @@ class FlightLoop:
 
     @cached_property
     def state_sizes(self) -> StateParts:
-        """Sizes of the parts of the loop's state y: plant, actuators and cost."""
-        actuators = self.scenario.actuators
+        """Sizes of the parts of the loop's state y: plant and cost."""
         return StateParts(
             plant=len(self.plant.point.model.states),
-            actuators=0 if actuators is None else len(actuators.inputs),
             cost=0 if self.cost is None else 1,
         )
 
@@ -295,15 +289,11 @@ class FlightLoop:
         measurements = Measurements(sensed - reference, sensed)
         command = self.policy.control(t, measurements, inputs.policy)
 
-        # The inputs of the plant: the command after the delay and the actuators.
         u = _delayed_command(t, inputs.delay) if inputs.delay.numel() else command
-        no_states = ca.SX(0, 1)
-        actuators_rate = no_states
-        if scenario.actuators is not None:
-            reachable = scenario.actuators.reachable(u, plant.point.u)
-            u = state.actuators
-            actuators_rate = scenario.actuators.rates(state.actuators, reachable)
-
+        model = plant.point.model
+        if positions_of_servos(model):  # what a servo receives
+            limits, trim = Limits.of(model, tuple(model.inputs)), plant.point.u
+            u = saturated(u, limits.lowest - trim, limits.highest - trim)
         plant_rate, limited = plant.at(state.plant, u, winds, inputs.parameters)
         values = state.plant + _by_name(errors, tuple(plant.point.model.states))
         if names := self.policy.sensors:
@@ -312,8 +302,8 @@ class FlightLoop:
         if scenario.disturbance is not None:
             plant_rate[rows] += scenario.disturbance.at(t)
         error = states - reference
-        cost_rate = no_states if self.cost is None else self.cost.rate(error, u)
-        rates = StateParts(plant_rate, actuators_rate, cost_rate)
+        cost_rate = ca.SX(0, 1) if self.cost is None else self.cost.rate(error, u)
+        rates = StateParts(plant_rate, cost_rate)
         return LoopSignals(
             rate=ca.vertcat(*rates),
             error=error,
@@ -367,13 +357,12 @@ class FlightLoop:
         return reference.at(inputs.begin if is_held else t)
 
     def start(self) -> np.ndarray:
-        """Return y at time 0: initial condition of the scenario, actuators at trim.
+        """Return y at time 0: initial condition of the scenario.
 
         Raises BadInputError if the initial condition does not have the size of the plant.
         """
         parts = StateParts(
             plant=self.scenario.initial,
-            actuators=np.zeros(self.state_sizes.actuators),
             cost=np.zeros(self.state_sizes.cost),
         )
         if parts.plant.size != self.state_sizes.plant:

@@ -559,7 +559,7 @@ class Flight(StatesAndInputs, Result, Reported):
         if self.exceeded and isinstance(self.loop.policy, GainPolicy):
             parts.append(
                 "the gain is not saturated at the control limits; networks, deployment files and "
-                "--actuators are"
+                "--servo are"
             )
         if self.departure is None and self.cycle is None:
             parts.append(

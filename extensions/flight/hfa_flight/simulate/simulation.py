@@ -256,7 +256,6 @@ class CompiledLoop:
         model, sizes = loop.plant.point.model, loop.state_sizes
         nominal = StateParts(
             plant=model.nominal(model.states),
-            actuators=model.nominal(model.inputs)[: sizes.actuators],  # of all inputs or none
             cost=np.zeros(sizes.cost),
         )
         rate = self._function("loop_rate", now.rate)

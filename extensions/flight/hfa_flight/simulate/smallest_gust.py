@@ -194,7 +194,7 @@ def smallest_gusts(
 
     policy: any form that `hfa.fly` accepts, also behind a filter
     lengths: lengths of complete gusts, in the unit of length of the aircraft; default 25 to 800 ft
-    scenario: actuators, delay, timing and errors; noise and turbulence are left out
+    scenario: delay, timing and errors; noise and turbulence are left out
     envelope: limits of the states, or only those that differ from `flight_envelope(model, point)`
     progress: called after each threshold
 

@@ -8,27 +8,25 @@ from policy_cases import GTM, ROOT, SENSORS, stored_deployment, trims
 
 import hfa
 from hfa import BadInputError, Deployment, fly, load_model
-from hfa_flight import ActuatorBank, Scenario, Uncertainty
+from hfa_flight import Scenario, Uncertainty
 
 
 @pytest.mark.parametrize(("dt", "delay", "parts"), [(0.02, 0.03, 2), (1.0 / 60.0, 0.02, 5)])
 def test_commands_change_at_whole_samples_after_the_delay(dt, delay, parts):
     """Commands change at whole samples after the delay, the first one at the delay, and the flight is
-    a whole number of ticks. With actuators, the integration has steps of at most 1 ms.
+    a whole number of ticks.
 
     parts: sample time / greatest common divisor of sample time and delay
     """
-    flown = [flown_with(dt, delay, actuators=actuators) for actuators in (False, True)]
-    for flight in flown:
-        tick = flight.scenario["tick"]
-        assert tick == pytest.approx(dt / parts, rel=1e-12)
-        assert flight.time[-1] == pytest.approx(round(0.3 / tick) * tick)
-    changes = np.flatnonzero(np.abs(np.diff(flown[0].inputs[:, 0])) > 1e-12)
-    after = flown[0].time[changes + 1] - delay  # np.diff has the row before each change
+    flight = flown_with(dt, delay)
+    tick = flight.scenario["tick"]
+    assert tick == pytest.approx(dt / parts, rel=1e-12)
+    assert flight.time[-1] == pytest.approx(round(0.3 / tick) * tick)
+    changes = np.flatnonzero(np.abs(np.diff(flight.inputs[:, 0])) > 1e-12)
+    after = flight.time[changes + 1] - delay  # np.diff has the row before each change
     assert len(changes) > 3
     assert after[0] == pytest.approx(0.0, abs=1e-9)
     np.testing.assert_allclose(after, dt * np.round(after / dt), atol=1e-9)
-    assert flown[1].step <= 0.001 < flown[0].step
 
 
 def test_a_delay_that_is_no_fraction_of_the_sample_time_is_refused():
@@ -37,15 +35,11 @@ def test_a_delay_that_is_no_fraction_of_the_sample_time_is_refused():
         flown_with(0.02, 0.013123456)
 
 
-def flown_with(dt, delay, *, actuators=False):
+def flown_with(dt, delay):
     """Return a flight of the GTM with this sample time and delay."""
     timed = stored_deployment("ppo_gtm").changed(timing={"dt": dt, "delay": delay})
     point = trims("ppo_gtm")[0]
-    lag, lowest, highest, rate = (
-        point.inputs._make([value] * 2) for value in (0.01, -np.inf, np.inf, np.inf)
-    )
-    bank = ActuatorBank(lag, lowest, highest, rate) if actuators else None
-    scenario = Scenario(duration=0.3, initial=np.array([1.0, 0.02, 0.0, 0.0]), actuators=bank)
+    scenario = Scenario(duration=0.3, initial=np.array([1.0, 0.02, 0.0, 0.0]))
     return fly(point.model, point, timed, scenario=scenario, predict=False)
 
 

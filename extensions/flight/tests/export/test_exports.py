@@ -16,23 +16,24 @@ from nominal import nominal_game
 from project import ROOT
 
 import hfa
-from hfa_flight import ActuatorBank, GainSchedule, Scenario, Waveform
+from hfa_flight import GainSchedule, Scenario, Waveform
 from hfa_flight.export.c_text import write_texts
 from hfa_model import LINEAR_STATES, STATES, Input, Parameters, State
 
 pytestmark = needs_gcc
-#: Lag, s, and rate limit, deg/s, of the actuators.
-LAG, RATE = 0.2, 0.2
+#: Lag, s, and rate limit, deg/s, of the servos.
+LAG, RATE = 0.05, 60.0
 ANGLES = (5.0, 10.0, 20.0)
 
 
-def surfaces_bank(model):
-    """Return the actuators of `--actuators LAG:RATE`: rate limits of the surfaces alone."""
-    signals = model.inputs.values()
-    rates = [math.radians(RATE) if signal.unit == "rad" else math.inf for signal in signals]
-    lowest = Input(*(signal.min for signal in signals))
-    highest = Input(*(signal.max for signal in signals))
-    return ActuatorBank(Input(*[LAG] * 5), lowest, highest, Input(*rates))
+def with_surface_servos(model):
+    """Return the aircraft of `--servo LAG:RATE`: rate limits of the surfaces alone."""
+    rates = {"rad": math.radians(RATE)}
+    servos = {
+        name: hfa.Servo(LAG, rates.get(signal.unit, math.inf))
+        for name, signal in model.inputs.items()
+    }
+    return hfa.with_servos(model, servos)
 
 
 def exported(*words):
@@ -107,15 +108,15 @@ def test_the_policy_in_c_interpolates_a_gain_table(folder, gains):
     "kind",
     [
         pytest.param("aircraft", marks=pytest.mark.slow),
-        pytest.param("gain", marks=pytest.mark.slow),
-        "gains",
+        "gain",
+        pytest.param("gains", marks=pytest.mark.slow),
     ],
 )
 def test_an_fmu_simulates_the_flight_in_fmpy(folder, kind, request):
     """Co-simulation and model exchange of 5 s in FMPy give the flight of `fly`. FMPy's validator
     accepts the FMU, which has the variables and the folders of its kind.
 
-    A gain follows a reference. A gain table moves actuators, whose rate is limited.
+    A gain follows a reference, and moves servos.
     """
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
     validation = pytest.importorskip("fmpy.validation")
@@ -126,16 +127,16 @@ def test_an_fmu_simulates_the_flight_in_fmpy(folder, kind, request):
     if kind == "aircraft":
         exported("-o", "a.fmu")
     elif kind == "gain":
-        exported("--policy", "exact", "-o", "a.fmu")
+        exported("--policy", "exact", "--servo", f"{LAG}:{RATE}", "-o", "a.fmu")
         start["reference_speed"] = 0.05
-        happens["reference"] = Waveform(np.eye(6)[0] * 0.05, np.zeros(6))
-        policy = exact_gain(10.0)
+        happens["reference"] = Waveform(np.eye(11)[0] * 0.05, np.zeros(11))
+        point = hfa.trim(with_surface_servos(point.model), dihedral=math.radians(10.0))
+        policy = hfa.solve(hfa.game(point.linearize())).K
     else:
         table = request.getfixturevalue("gains")
-        exported("--policy", "gains.npz", "--actuators", f"{LAG}:{RATE}", "-o", "a.fmu")
+        exported("--policy", "gains.npz", "-o", "a.fmu")
         policy = GainSchedule(np.radians(ANGLES), table, point.model)
-        happens["actuators"] = surfaces_bank(point.model)
-    scenario = Scenario(5.0, 0.001, 0.1, 0.02 * np.eye(len(STATES))[0], **happens)
+    scenario = Scenario(5.0, 0.001, 0.1, 0.02 * np.eye(len(point.x))[0], **happens)
     flight = hfa.fly(point.model, point, policy, scenario=scenario, predict=False)
     assert validation.validate_fmu("a.fmu") == []
     units = {
@@ -144,7 +145,7 @@ def test_an_fmu_simulates_the_flight_in_fmpy(folder, kind, request):
     }
     assert units["speed"] == "ft/s"
     assert ("reference_speed" in units) == (kind != "aircraft")
-    assert ("elevator_center_actuator" in units) == (kind == "gains")
+    assert ("elevator_center_servo" in units) == (kind == "gain")
     with zipfile.ZipFile("a.fmu") as archive:
         parts = {Path(name).parts[0] for name in archive.namelist()}
     assert parts == {"modelDescription.xml", "binaries", "resources", "sources"}
@@ -154,7 +155,7 @@ def test_an_fmu_simulates_the_flight_in_fmpy(folder, kind, request):
         found = fmpy.simulate_fmu(
             "a.fmu", fmi_type=how, stop_time=5.0, output_interval=0.1, start_values=start, **solver
         )
-        states = np.array([found[name] for name in STATES]).T
+        states = np.array([found[name] for name in point.model.states]).T
         np.testing.assert_allclose(states, known, rtol=1e-7, atol=1e-6, err_msg=how)
     assert np.ptp(known, axis=0).max() > 0.01
 

@@ -23,7 +23,7 @@ from hfa_support.native.bound import BoundFunction
 from hfa_support.reporting.results import storable
 from trim.point.operating_point import OperatingPoint
 
-#: Longest step of a flight, s, and of one in moving air or with actuators.
+#: Longest step of a flight, s, and of one in moving air.
 _LONGEST = 0.02
 _FINE = 0.001
 #: Largest number of ticks in a sample time.
@@ -114,12 +114,12 @@ class DeployedPolicy(Policy):
     def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
         """Return the policy, and the scenario with ticks that divide samples and delay.
 
-        A step is at most `_LONGEST`, and with moving air or actuators at most `_FINE`. Raises
+        A step is at most `_LONGEST`, and in moving air at most `_FINE`. Raises
         BadInputError for a delay that is not a fraction of the sample time.
         """
         dt = self.deployed.deployment.dt
-        is_fine = scenario.moving_air or scenario.actuators is not None
-        longest = min(dt / parts_of_a_sample([self.point], dt), _FINE if is_fine else _LONGEST)
+        longest = _FINE if scenario.moving_air else _LONGEST
+        longest = min(dt / parts_of_a_sample([self.point], dt), longest)
         return self, scenario.with_tick(self.tick, longest, dt)
 
     def sampled_modes(self) -> np.ndarray | None:
