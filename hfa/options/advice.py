@@ -15,6 +15,8 @@ from trim.point.condition import release, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import TrimError, explained, trim
 from trim.point.status import BALANCE
+from trim.reports.balances import balances_of
+from trim.reports.trimmed import Trimmed
 
 #: Largest number of options that help a failed trim.
 _MOST_ADVICE = 3
@@ -38,7 +40,8 @@ def trimmed(given: GivenTrim) -> OperatingPoint:
 def _advised(given: GivenTrim, failure: TrimError) -> TrimError:
     """Return the error of a failed trim with advice, and the report of the nearest point."""
     error = explained(failure, given.model, given.condition)
-    warnings = [f"check: {warning}" for warning in given.model.warnings]
+    found = (*given.model.warnings, *balances_of(Trimmed(error.attempt)).sentences)
+    warnings = [f"check: {warning}" for warning in found]
     advice = ""
     if error is failure:  # otherwise the aircraft explains it
         with suppress(BadInputError, NoSolutionError, ArithmeticError):  # the reason stands alone

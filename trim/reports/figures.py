@@ -35,10 +35,8 @@ def flight_rows(trimmed: Trimmed, brief: bool = False) -> Iterator[Row | Lacking
     """
     rows: list[Iterator[Row | Lacking]] = []
     if (airspeed := trimmed.airspeed) is not None:
-        parameters = trimmed.model.parameters.items()  # of a steady wind: "wind_north" and others
-        in_wind = any(name.startswith("wind_") and signal.start for name, signal in parameters)
         rows.append(airspeed_rows(trimmed, airspeed))
-        rows.append(output_rows(trimmed, _GROUND_OUTPUTS, rare=not in_wind))
+        rows.append(output_rows(trimmed, _GROUND_OUTPUTS, rare=not trimmed.in_wind))
         rows.append(output_rows(trimmed, _AIR_OUTPUTS))
         rows += [] if brief else [air_rows(trimmed, airspeed)]
     elif trimmed.model.about.atmosphere:

@@ -30,6 +30,7 @@ from trim.point.condition import stated_cells, stated_values
 from trim.point.margins import Margin
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import BALANCE, FREE, LIMIT, RESULTS, STALLED, TRIMMED, UNTRIMMED, WARNED
+from trim.reports.balances import balances_rows
 from trim.reports.figures import (
     flight_rows,
     lift_and_drag,
@@ -281,7 +282,11 @@ def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
     table_lines = [f"condition of the derivatives: {same} as in the table"] if same else []
     variables = variable_rows(trimmed)
     groups: list[_Titled] = [
-        ("condition", [*flight_rows(trimmed), balance_row(point)], table_lines),
+        (
+            "condition",
+            [*flight_rows(trimmed), balance_row(point), *balances_rows(trimmed)],
+            table_lines,
+        ),
         ("configuration", configuration_rows(trimmed), configuration_lines(trimmed)),
         (VARIABLES, variables, _meaning_of_stars(variables)),
         ("limits", limit_rows(nearest_first(trimmed)), ()),
@@ -472,7 +477,10 @@ def saved_report(point: OperatingPoint) -> Report:
 
 #: Group of a sheet -> names of the rows that are read first, in addition to rows with a tone.
 _READ_FIRST = {
-    "condition": ("true airspeed", "calibrated airspeed", "mach", "ground speed", "track"),
+    "condition": (
+        *("true airspeed", "calibrated airspeed", "mach", "ground speed", "track"),
+        "balances",
+    ),
     "performance": (
         "weight",
         "thrust",
@@ -503,7 +511,7 @@ def brief(point: OperatingPoint, airplane: Airplane) -> Report:
     limited = nearest_first(trimmed)
     binding = [margin for margin in limited if margin.at_limit and margin.role != "held"]
     groups: list[_Titled] = [
-        ("condition", [*flight_rows(trimmed, brief=True)], ()),
+        ("condition", [*flight_rows(trimmed, brief=True), *balances_rows(trimmed)], ()),
         (VARIABLES, variable_rows(trimmed), ()),
         ("limits", [*map(_margin_row, binding)], ()),
     ]

@@ -157,8 +157,16 @@ def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoi
     return f"Another trim exists: {values}; the initial point {typed} leads to it"
 
 
+#: Output, input, entry of the configuration or parameter that balances need -> unit.
+QUANTITIES = {
+    **dict.fromkeys(("lift", "drag", "thrust", "weight"), "N"),
+    **dict.fromkeys(("load_factor", "mach", "lift_coefficient", "drag_coefficient"), "1"),
+    **{"gamma": "rad", "turn_rate": "rad/s", "climb_rate": "m/s", "kcas": "m/s", "keas": "m/s"},
+    **{"dynamic_pressure": "N/m^2", "pitching_moment": "N m", "reference_area": "m^2"},
+    **{"gravity": "m/s^2", "mass": "kg"},
+}
 #: Outputs whose derivatives are computed, if the model has them.
-_OUTPUTS_WITH_SLOPES = ("lift", "pitching_moment", "load_factor", "thrust_force", "thrust", "gamma")
+OUTPUTS = (*QUANTITIES, "thrust_force")
 #: Names of the output or input with the thrust; the first that a model declares is used.
 _THRUST_NAMES = ("thrust_force", "thrust")
 #: Number of angles of attack at which the largest lift is searched, and its accuracy, rad.
@@ -200,7 +208,7 @@ ENTRIES = {
 
 
 #: States that are 0 in a model that has none of them, as in longitudinal motion.
-_LATERAL = ("beta", "p", "r", "phi", "v")
+LATERAL = ("beta", "p", "r", "phi", "v")
 
 
 class Quantity(NamedTuple):
@@ -275,10 +283,11 @@ class Trimmed:
     per_second: factor from the model's unit of time to seconds, of eigenvalues
     imposed: variable -> value that the condition of the point imposes
     thrust_name: name of the output, input or state with the thrust, or ""
-    warnings: what `warnings_of` found, or None before its first call
+    warnings, balances: what `warnings_of` and `balances_of` found, None before their first calls
     """
 
     warnings: list[str] | None = None
+    balances: Any = None
 
     def __init__(self, point: OperatingPoint) -> None:
         """Compute what each report needs; all else is computed when it is read."""
@@ -358,7 +367,7 @@ class Trimmed:
         """
         if name in self.roles:
             return self[self.roles[name]]
-        return 0.0 if name in _LATERAL and self.roles.keys().isdisjoint(_LATERAL) else math.nan
+        return 0.0 if name in LATERAL and self.roles.keys().isdisjoint(LATERAL) else math.nan
 
     @cached_property
     def airspeed(self) -> Quantity | None:
@@ -369,6 +378,12 @@ class Trimmed:
             return Quantity(self[self.airspeed_name], self.unit(self.airspeed_name))
         speed = math.hypot(*map(self.role, "uvw"))
         return None if math.isnan(speed) else Quantity(speed, self.unit(self.roles["u"]))
+
+    @property
+    def in_wind(self) -> bool:
+        """Whether the model has a steady wind, such as a parameter wind_north that is not 0."""
+        parameters = self.model.parameters.items()
+        return any(name.startswith("wind_") and signal.start for name, signal in parameters)
 
     @property
     def alpha(self) -> float:
@@ -405,7 +420,7 @@ class Trimmed:
 
         Raises NotFiniteError at a point with a `fault`.
         """
-        names = [name for name in _OUTPUTS_WITH_SLOPES if name in self.model.outputs]
+        names = [name for name in OUTPUTS if name in self.model.outputs]
         found, _ = linearization_at(self.model, self.coherent.states, self.coherent.inputs, names)
         outputs = zip(names, zip(found.C, found.D, strict=True), strict=True)
         return Slopes(tuple(self.model.states), found.A, found.B, dict(outputs))

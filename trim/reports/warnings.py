@@ -5,22 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 from hfa_aircraft.control_systems import is_linear_plant
 from hfa_aircraft.model import Model
-from hfa_aircraft.readers.derivatives.published import unusual
 from hfa_aircraft.rigid.aircraft import inertia_warning
-from hfa_aircraft.rigid.atmosphere import GAS_CONSTANT, HEAT_RATIO, air_at
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.matrices import ROUNDING
 from hfa_support.reporting.rows import Lacking, Row
 from hfa_support.reporting.text import digits, shown_value, without_rounding
-from hfa_support.units import STANDARD_GRAVITY, conversion_factor
+from hfa_support.units import conversion_factor
 from trim.point.condition import release
 from trim.point.solve import trim
-from trim.reports.trimmed import ENTRIES, Trimmed, named_value_text, value_text
+from trim.reports.balances import balances_of
+from trim.reports.trimmed import ENTRIES, Quantity, Trimmed, named_value_text, value_text
 
 #: Parameter of a table -> its entry, where that has another name.
 _ENTRY_OF_PARAMETER = {"cg": "center_of_gravity"}
@@ -148,18 +146,9 @@ def _warnings_at(trimmed: Trimmed) -> Iterator[str]:
                 f"{100.0 * abs(point[speed] / stated - 1.0):.0f} % off: forces and thrust are "
                 "uncertain here"
             )
-    if point.ok:
-        for number, (least, most, says) in zip(_compared(trimmed), _PERMITTED_RANGES, strict=True):
-            if number < least or number > most:  # nan, of an unknown figure, is neither
-                yield says.format(number)
-        if not trimmed.fault and (warning := _unusual_slope(trimmed)):
-            yield warning
-        if (
-            not trimmed.fault
-            and {"beta", "r", "speed"} <= {*roles}
-            and _is_unstable_in_yaw(trimmed)
-        ):
-            yield "sideslip turns the nose out of the wind (body-axis Cn_beta below 0); check it"
+    if point.ok and is_aircraft and not trimmed.fault:
+        yield from _unusual(trimmed)
+    yield from balances_of(trimmed).sentences
 
 
 def _steep(trimmed: Trimmed) -> str:
@@ -219,128 +208,33 @@ def _is_unstable_in_yaw(trimmed: Trimmed) -> bool:
     return yawing - rolling < -ROUNDING * (abs(yawing) + abs(rolling))
 
 
-def _value_in(trimmed: Trimmed, name: str, unit: str) -> float:
-    """Return a value of the trim in a unit, or nan if it is unknown or another quantity."""
-    if name not in trimmed.known:
-        return math.nan
-    return trimmed[name] * (conversion_factor(trimmed.unit(name), unit) or math.nan)
-
-
-def _slope_in(trimmed: Trimmed, row: str, column: str, unit: str) -> float:
-    """Return a derivative by the state `column`, nan if it is unknown: that of the output `row` in
-    a unit, or that of the rate of the state `row` in this unit per second. States may be named by
-    their roles.
+def _unusual(trimmed: Trimmed) -> Iterator[str]:
+    """Yield a sentence for each figure that no aircraft has, as a wrong unit or sign of data gives;
+    the ranges are wide.
     """
-    name, by = trimmed.roles.get(row, row), trimmed.roles.get(column, "")
-    if trimmed.fault or not by or name not in trimmed.known:
-        return math.nan
-    slopes = trimmed.slopes
-    factor = conversion_factor(trimmed.unit(name), unit) or math.nan
-    place = slopes.states.index(by)
-    if name in slopes.states:
-        return float(slopes.A[slopes.states.index(name), place]) * factor * trimmed.per_second
-    if name not in slopes.outputs:
-        return math.nan
-    by_states, _ = slopes.outputs[name]
-    return float(by_states[place]) * factor
-
-
-def _unusual_slope(trimmed: Trimmed) -> str:
-    """Return a sentence on a CL_alpha, 1/rad, that no aircraft has, or ""."""
-    pressure = _value_in(trimmed, "dynamic_pressure", "N/m^2")
-    force = _value_in(trimmed, "reference_area", "m^2") * pressure or math.nan
-    slope = _slope_in(trimmed, "lift", "alpha", "N") / force
-    # A stall reduces any CL_alpha to about 0. A plant made from matrices need not be an aircraft.
-    is_stalling = _value_in(trimmed, "lift", "N") / force > _STALLING_CL
-    if (is_stalling and slope < 1.0) or is_linear_plant(trimmed.point.model):
-        return ""
-    return unusual("CL_alpha", slope)
-
-
-def _compared(trimmed: Trimmed) -> Iterator[float]:
-    """Yield ratios and differences of figures that are not independent, in the order of their
-    permitted ranges in `_PERMITTED_RANGES`; nan where a figure is unknown.
-    """
-    value, slope = partial(_value_in, trimmed), partial(_slope_in, trimmed)
-    model = trimmed.point.model
-    weight, speed = value("weight", "N"), value(trimmed.roles.get("speed", ""), "m/s") or math.nan
-    thrust = abs(value(trimmed.thrust_name, "N"))
-
-    # Share of the weight that lift and thrust carry, where the thrust, or without one the weight,
-    # may carry any part of what the lift does not.
-    excess = value("lift", "N") - value("load_factor", "1") * weight
-    beyond = max(0.0, abs(excess) - (abs(weight) if math.isnan(thrust) else thrust))
-    yield 1.0 + math.copysign(beyond, excess) / weight
-
-    # Weight over mass times gravity.
-    gravity = STANDARD_GRAVITY
-    if "gravity" in model.parameters:
-        factor = conversion_factor(model.unit("gravity"), "m/s^2") or math.nan
-        gravity = model.parameters["gravity"].start * factor
-    yield weight / (_configured_in(trimmed, "mass", "kg") * gravity)
-
-    # Density by dynamic pressure and speed over that of the standard atmosphere.
-    altitude = trimmed.roles.get("altitude", "")
-    density = 2.0 * value("dynamic_pressure", "N/m^2") / speed**2
-    ratio = density / float(air_at(value(altitude, "m") if altitude else 0.0, "si").density)
-    yield ratio if altitude else max(1.0, ratio)  # at an unknown altitude, air may be thin
-
-    # Rates of pitch angle and alpha by the pitch rate, in coherent units; rate of climb and gamma
-    # by the pitch angle; temperature, K, by the Mach number.
-    for angle in ("theta", "alpha"):
-        yield slope(angle, "q", "rad") / trimmed.per_second
-    yield slope(altitude, "theta", "m") / speed
-    yield slope("gamma", "theta", "rad")
-    yield (speed / (value("mach", "1") or math.nan)) ** 2 / (HEAT_RATIO * GAS_CONSTANT)
-    yield _difference_of_static_margins(trimmed)
-
-
-def _configured_in(trimmed: Trimmed, name: str, unit: str) -> float:
-    """Return an entry of the configuration in a unit, or nan."""
-    entry = trimmed.configuration.get(name)
-    if entry is None or isinstance(entry.value, str):
-        return math.nan
-    return float(entry.value) * (conversion_factor(entry.unit, unit) or math.nan)
-
-
-def _difference_of_static_margins(trimmed: Trimmed) -> float:
-    """Return the static margin -(∂M/∂α) / (c ∂L/∂α) with M = Iyy dq/dt less that with the output
-    pitching_moment, chords.
-    """
-    alpha, q = (trimmed.roles.get(role, "") for role in ("alpha", "q"))
-    if trimmed.fault or not alpha or not q:
-        return math.nan
-    A, states = trimmed.slopes.A, trimmed.slopes.states
-    moment = _slope_in(trimmed, "pitching_moment", "alpha", "N m")
-    pitch_acceleration = float(A[states.index(q), states.index(alpha)])  # ∂(dq/dt)/∂α
-    inertia = _configured_in(trimmed, "Iyy", "kg m^2")
-    # Without an inertia only the signs are compared.
-    by_sign = math.copysign(moment, pitch_acceleration)
-    moment_of_rate = by_sign if math.isnan(inertia) else inertia * pitch_acceleration
-    chord = _value_in(trimmed, "reference_chord", "m")
-    lift_times_chord = _slope_in(trimmed, "lift", "alpha", "N") * chord
-    return (moment - moment_of_rate) / lift_times_chord if lift_times_chord else math.nan
-
-
-#: Range of each number of `_compared`, and the sentence on one outside. A thrust carries a part of
-#: the weight. Gravity changes by 1 % with latitude and height. Hot and cold air differ from the
-#: standard by less than a factor 1.3, feet and meters by more. Air has 185 to 330 K. Thrust and the
-#: lag of the downwash are in the rates alone.
-_PERMITTED_RANGES = (
-    (0.8, 1.2, "lift and thrust do not carry the weight at this load factor (a ratio of {:.3g}); "
-        "check the outputs lift, weight and load_factor"),
-    (0.97, 1.03, "the weight is {:.3g} times mass and gravity; check them and their units"),
-    (0.7, 1.4, "dynamic pressure and speed are those of {:.3g} times the standard density; check "
-        "them and their units"),
-    (0.0, 2.0, "the rate of the pitch angle is {:.3g} times the pitch rate; check their units and "
-        "signs"),
-    (0.0, 2.0, "the rate of alpha changes by {:.3g} times the pitch rate; check their units and "
-        "signs"),
-    (0.2, 2.0, "the rate of altitude changes with the pitch angle by {:.3g} times the speed; check "
-        "their signs and units"),
-    (0.2, 3.0, "gamma changes by {:.3g} times the pitch angle; check its sign and unit"),
-    (150.0, 350.0, "Mach number and speed are those of air of {:.3g} K; check them and their "
-        "units"),
-    (-0.2, 0.2, "the static margins of the rate of the pitch rate and of the output "
-        "pitching_moment are {:.3g} chords apart; check the output's sign and unit, and Iyy"),
-)  # fmt: skip
+    roles = trimmed.roles
+    area, chord, span = (
+        float(value)
+        * (conversion_factor(unit, "m^2" if name == "reference_area" else "m") or math.nan)
+        for name in ("reference_area", "reference_chord", "reference_span")
+        for value, unit in [trimmed.configuration.get(name, Quantity(math.nan, "m"))]
+    )
+    figures = {"S / c^2": (area / (chord or math.nan) ** 2, 0.1, 60.0)}
+    figures["S / (b c)"] = (area / (chord * span or math.nan), 0.3, 2.5)
+    factors = ("dynamic_pressure", "reference_area")
+    if "alpha" in roles and not trimmed.lacks("lift", nonzero=factors):
+        force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
+        by_states, _ = trimmed.slopes.outputs["lift"]
+        slope = float(by_states[trimmed.slopes.states.index(roles["alpha"])]) / force
+        # A stall reduces any CL_alpha to about 0.
+        if trimmed["lift"] / force < _STALLING_CL or slope > 1.0:
+            figures["CL_alpha"] = (slope, 0.8, 15.0)
+    for name, (value, least, most) in figures.items():
+        if value < least or value > most:  # nan, of an unknown figure, is neither
+            yield f"{name} is {value:.3g}, of aircraft {least:g} to {most:g}; check units"
+    if {"p", "beta"} <= {*roles}:
+        place = trimmed.slopes.states.index(roles["p"])
+        if trimmed.slopes.A[place, place] > 0.0:
+            yield "a roll rate increases itself (Cl_p above 0); check its sign"
+    if {"beta", "r", "speed"} <= {*roles} and _is_unstable_in_yaw(trimmed):
+        yield "sideslip turns the nose out of the wind (body-axis Cn_beta below 0); check it"

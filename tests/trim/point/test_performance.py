@@ -160,7 +160,7 @@ def glider(chord=1.0, elevator=1.0, largest=True, constant_from=math.inf, drag=0
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_pitching_moment_of_the_wrong_sign_has_a_warning(sign):
     """A glider declares no inertia: its output pitching_moment is compared with its pitch acceleration. If
-    their signs differ, their static margins, ± 0.6 / 5, are 0.24 chords apart, which is reported.
+    their signs differ, the sign of the output is reported.
     """
     correct = glider()
 
@@ -170,7 +170,7 @@ def test_a_pitching_moment_of_the_wrong_sign_has_a_warning(sign):
 
     model = replace(correct, equations=equations)
     title = hfa.trim(model, hfa.TrimCondition(model, {"speed": 30.0, "thrust": 0.0})).report().title
-    doubt = "pitch rate and of the output pitching_moment are 0.24 chords apart; check the output's sign"
+    doubt = "the sign of pitching_moment"
     assert (doubt in title) == (sign < 0.0)
 
 

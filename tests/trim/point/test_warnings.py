@@ -9,20 +9,25 @@ import hfa
 from hfa_aircraft import in_si
 
 UAV = hfa.load_model(f"{ROOT}/examples/uav.toml")
-#: Output or rate, factor of a mistake, and a word of its warning.
+#: Output or rate, factor of a mistake, and words of its warning.
 MISTAKES = (
-    ("weight", 1.0 / 32.174, "load factor"),
-    ("lift", 32.174, "load factor"),
-    ("dynamic_pressure", 1.0 / 47.88, "density"),
-    ("dynamic_pressure", 2.0, "density"),
-    ("mach", 3.28, "Mach number"),
-    ("pitching_moment", -1.0, "static margins"),
+    ("weight", 1.0 / 9.80665, "a mass as weight?"),
+    ("lift", 4.448, "force across the path"),
+    ("thrust_force", 4.4482216, "force along the path"),
+    ("drag", 0.5, "force along the path"),
+    ("dynamic_pressure", 1.0 / 47.880259, "dynamic_pressure in psf?"),
+    ("dynamic_pressure", 2.0, "dynamic_pressure twice?"),
+    ("mach", 3.28, "pressure of the air"),
+    ("pitching_moment", -1.0, "the sign of pitching_moment?"),
     ("reference_area", 1.0 / 10.76, "CL_alpha"),
-    ("gamma", -1.0, "gamma changes by -1 times"),
-    ("altitude", -1.0, "rate of altitude"),
+    ("gamma", -1.0, "the sign of gamma?"),
+    ("turn_rate", -1.0, "the sign of turn_rate?"),
+    ("load_factor", -1.0, "the sign of load_factor?"),
+    ("altitude", -1.0, "the sign of altitude_dot?"),
     ("altitude", 3.28, "rate of altitude"),
-    ("pitch", 57.3, "rate of the pitch angle is 57.3 times"),
-    ("alpha", 57.3, "rate of alpha"),
+    ("pitch", 57.3, "rate of pitch: pitch_dot is 57.3 deg/s per deg/s of pitch_rate"),
+    ("roll", -1.0, "the sign of roll_dot?"),
+    ("alpha", 57.3, "load factor"),
 )
 
 
@@ -58,14 +63,14 @@ def test_outputs_are_compared_in_the_same_units(convert):
     """A lift 32.174 times too large, as of pounds taken for slugs, has a warning of the load factor; the
     correct aircraft has none. Both hold in the declared units and after conversion to SI units.
     """
-    assert "load factor" in first_lines(convert(altered("lift", 32.174)))
+    assert "force across the path" in first_lines(convert(altered("lift", 32.174)))
     assert "Check:" not in first_lines(convert(UAV))
 
 
 def test_a_weight_that_is_not_that_of_the_mass_has_a_warning():
-    """A mass in pounds beside a weight in newtons is reported, with their ratio."""
+    """A mass in pounds beside a weight in newtons is reported, with both sides and the unit."""
     plane = replace(UAV, about=replace(UAV.about, configuration=mass_in_pounds))
-    assert "Check: the weight is 0.454 times mass and gravity" in first_lines(plane)
+    assert "Check: weight: weight is 132.4 N, mass*gravity is 291.9 N; mass in lbm?" in first_lines(plane)
 
 
 def mass_in_pounds(x, u, p):
