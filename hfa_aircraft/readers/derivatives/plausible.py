@@ -6,10 +6,10 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 
-from hfa_aircraft.readers.derivatives.names import LARGEST_LIFT
+from hfa_aircraft.readers.derivatives.names import LARGEST_LIFT, TAIL_ARM
 from hfa_aircraft.readers.derivatives.published import FIGURES, Values, unusual
 from hfa_aircraft.readers.derivatives.table import DerivativeTable
-from hfa_aircraft.rigid.aircraft import inertia_matrix, inertia_warning
+from hfa_aircraft.rigid.aircraft import FORCE, GRAVITY, inertia_matrix, inertia_warning
 from hfa_aircraft.rigid.atmosphere import air_at
 
 #: Entries without which an aircraft moves differently, though it is read.
@@ -20,12 +20,14 @@ _NEEDED_OF = {"elevator": "Cm_elevator", "aileron": "Cl_aileron", "rudder": "Cn_
 _FREE_SIGNS = ("aileron", "rudder")
 #: Largest usual angle of attack, rad.
 _LARGEST_USUAL_ALPHA = math.radians(60.0)
-#: Largest usual lift coefficient without flaps, for tables without CL_max.
-_USUAL_CL_MAX = 2.0
-#: Ratio of lift and weight beyond which the mass is reported; pounds as slugs are a factor 32.
-_MOST_LIFT_PER_WEIGHT = 8.0
+#: Range of the largest lift coefficient, with flaps and blowing.
+_CL_MAX = (0.4, 5.0)
+#: Largest usual factor between the tail arms that its forces and moments state.
+_ARM_FACTOR = 1.7
 #: Largest usual angle between the stated alpha and that of level flight without controls, rad.
-_ALPHA_ERROR = math.radians(2.0)
+_ALPHA_ERROR = math.radians(1.25)
+#: The same where the table does not say whether its condition is that flight.
+_LARGEST_ALPHA_ERROR = math.radians(14.0)
 
 
 def warnings_about(table: DerivativeTable, parameters: Mapping[str, float]) -> Iterator[str]:
@@ -50,7 +52,12 @@ def warnings_about(table: DerivativeTable, parameters: Mapping[str, float]) -> I
     idle = [name for name in table.surfaces if not any(e.endswith(f"_{name}") for e in not_zero)]
     if idle:
         yield f"no derivative of {', '.join(idle)} is given: no effect on the aircraft"
-    yield from _weight_warnings(table, entries)
+    stated = Values({**table.values, **table.derivatives})
+    yield from _weight_warnings(table, stated)
+    yield from _tail_warnings(table, stated)
+    largest = table.values.get(LARGEST_LIFT, 1.0)
+    if not _CL_MAX[0] < largest < _CL_MAX[1]:
+        yield f"CL_max is {largest:.3g}, of aircraft {_CL_MAX[0]:g} to {_CL_MAX[1]:g}; check it"
 
 
 def _figure_warnings(table: DerivativeTable, entries: Values) -> Iterator[str]:
@@ -87,44 +94,36 @@ def _angle_warnings(table: DerivativeTable) -> Iterator[str]:
             )
 
 
-def _weight_warnings(table: DerivativeTable, entries: Values) -> Iterator[str]:
-    """Yield a sentence if lift, weight and alpha at the stated condition contradict each other."""
-    air = air_at(table.values.get("altitude", 0.0), table.system)
-    dynamic_pressure = 0.5 * float(air.density) * entries["speed"] ** 2
-    weight = entries["mass"] * entries["gravity"]
-    weight_coefficient = weight / (dynamic_pressure * entries["wing_area"])
-    lift = entries["CL_0"]
-    largest_lift = table.values.get(LARGEST_LIFT) or max(lift, _USUAL_CL_MAX)
-    if lift > _MOST_LIFT_PER_WEIGHT * weight_coefficient:
-        lift_ratio, which = lift / weight_coefficient, "lift"
-    elif lift < 0.0:
-        yield f"CL_0 is {lift:.3g}, below 0 in level flight; check its sign"
+def _weight_warnings(table: DerivativeTable, entry: Values) -> Iterator[str]:
+    """Yield a sentence if the lift at the condition of the derivatives does not carry the weight of
+    the table there, up to a change of alpha. Changed parameters do not change this condition.
+    """
+    air = air_at(entry.get("altitude", 0.0), table.system)
+    force = 0.5 * float(air.density) * entry["speed"] ** 2 * entry["wing_area"]
+    lift, weight = entry["CL_0"] * force, entry["mass"] * GRAVITY[table.system]
+    # With a stated alpha, or without a moment, the condition is a trim; else it may be alpha = 0.
+    is_trim = "alpha" in entry or not entry.get("Cm_0", 0.0)
+    most = _ALPHA_ERROR if is_trim else _LARGEST_ALPHA_ERROR
+    slope = entry["CL_alpha"]
+    change = (weight - lift) / (force * slope) if slope else 0.0
+    if unusual("CL_alpha", slope) or not (abs(change) > most or lift < 0.0):
         return
-    elif largest_lift < weight_coefficient:
-        lift_ratio = largest_lift / weight_coefficient
-        which = f"largest lift (CL {largest_lift:.3g})"
-    else:
-        yield from _alpha_warnings(entries, weight_coefficient)
-        return
+    alpha, unit = entry.get("alpha", 0.0), FORCE[table.system]
     yield (
-        f"the {which} at {entries['speed']:.4g} {table.unit('speed')} carries {lift_ratio:.2g} "
-        "times the weight; check the unit of the mass (1 slug = 32.17 lb), the speed and the "
-        "altitude"
+        f"lift = weight at the condition of the table: {lift:.4g} and {weight:.4g} {unit}, or "
+        f"level flight at alpha {math.degrees(alpha + change):.3g} deg, not {math.degrees(alpha):.3g} "
+        "deg; CL_0, CD_0 and Cm_0 are those at this alpha; check them, the mass, the speed, the "
+        "altitude and their units"
     )
 
 
-def _alpha_warnings(entries: Values, weight_coefficient: float) -> Iterator[str]:
-    """Yield a sentence if level flight needs another alpha than the stated one.
-
-    weight_coefficient: lift coefficient that carries the weight at the stated speed and altitude
-    """
-    # No warning without a stated alpha (nan), or for an unusual CL_alpha (`_figure_warnings`).
-    stated, slope = entries["alpha"], entries["CL_alpha"]
-    change = (weight_coefficient - entries["CL_0"]) / slope if slope else 0.0
-    if math.isfinite(stated) and abs(change) > _ALPHA_ERROR and not unusual("CL_alpha", slope):
-        yield (
-            f"level flight at the condition of the derivatives is at alpha "
-            f"{math.degrees(stated + change):.3g} deg, the table has {math.degrees(stated):.3g}"
-            " deg; CL_0, CD_0 and Cm_0 are those at this alpha, not at alpha 0; check them, the "
-            "mass, the speed, the altitude and their units"
-        )
+def _tail_warnings(table: DerivativeTable, entry: Values) -> Iterator[str]:
+    """Yield a sentence if the moments of the tail are not its forces times the stated arm."""
+    for name in ("q", "elevator"):
+        arm = -entry[f"Cm_{name}"] / (entry[f"CL_{name}"] or math.nan) * entry["chord"]
+        ratio = arm / entry[TAIL_ARM]
+        if ratio < 1.0 / _ARM_FACTOR or ratio > _ARM_FACTOR:  # nan is neither
+            yield (
+                f"Cm_{name} = -CL_{name} tail_arm / chord: the arm is {arm:.4g} "
+                f"{table.unit('chord')}, of tail_arm {entry[TAIL_ARM]:.4g}; check signs and units"
+            )

@@ -74,7 +74,7 @@ MISTAKES = {
     "density of another altitude": ({"altitude": 9000.0, "alpha": "2 deg"}, "altitude"),
 }  # fmt: skip
 #: Entries that are parameters of the model, which --hold can set to a wrong value.
-PARAMETERS = ("Cm_alpha", "Cm_q", "Cl_p", "Cn_r", "CY_beta", "Ixx", "Iyy", "Izz", "Ixz", "mass")
+PARAMETERS = ("Cm_alpha", "Cm_q", "Cl_p", "Cn_r", "CY_beta", "Ixx", "Iyy", "Izz", "Ixz")
 
 
 @pytest.mark.parametrize("mistake", MISTAKES)
@@ -133,3 +133,16 @@ def test_a_derivative_by_speed_has_a_warning_far_from_its_speed():
     for speed, is_far in ((195.0, True), (200.0, False), (240.0, False), (245.0, True)):
         title = hfa.trim(plane, speed=speed).report().title
         assert ("Check: CT_u" in title) == is_far
+
+
+def test_another_mass_does_not_change_the_condition_of_the_table():
+    """An aircraft at 0.6 times its mass has no warning: the derivatives are those at the mass of the table."""
+    plane = hfa.load_model(f"{ROOT}/examples/cessna182.toml")
+    assert plane.with_parameters(mass="1600 lbm").warnings == ()
+
+
+def test_a_speed_in_knots_without_a_stated_alpha_has_a_warning():
+    """The table of a Cessna states no alpha: with the speed in kt, its lift is 0.35 times the weight."""
+    table = tomllib.loads((ROOT / "examples/cessna182.toml").read_text("utf-8"))
+    table["condition"]["speed"] /= 1.6878
+    assert any("lift = weight" in warning for warning in hfa.from_derivatives(table).warnings)

@@ -70,7 +70,9 @@ def test_outputs_are_compared_in_the_same_units(convert):
 def test_a_weight_that_is_not_that_of_the_mass_has_a_warning():
     """A mass in pounds beside a weight in newtons is reported, with both sides and the unit."""
     plane = replace(UAV, about=replace(UAV.about, configuration=mass_in_pounds))
-    assert "Check: weight: weight is 132.4 N, mass*gravity is 291.9 N; mass in lbm?" in first_lines(plane)
+    assert "Check: weight: weight is 132.4 N, mass*gravity is 291.9 N; mass in lbm?" in first_lines(
+        plane
+    )
 
 
 def mass_in_pounds(x, u, p):
