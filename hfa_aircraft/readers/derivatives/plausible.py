@@ -111,9 +111,9 @@ def _weight_warnings(table: DerivativeTable, entry: Values) -> Iterator[str]:
     alpha, unit = entry.get("alpha", 0.0), FORCE[table.system]
     yield (
         f"lift = weight at the condition of the table: {lift:.4g} and {weight:.4g} {unit}, or "
-        f"level flight at alpha {math.degrees(alpha + change):.3g} deg, not {math.degrees(alpha):.3g} "
-        "deg; CL_0, CD_0 and Cm_0 are those at this alpha; check them, the mass, the speed, the "
-        "altitude and their units"
+        f"level flight at alpha {math.degrees(alpha + change):.3g} deg, not "
+        f"{math.degrees(alpha):.3g} deg; CL_0, CD_0 and Cm_0 are those at this alpha; check them, "
+        "the mass, the speed, the altitude and their units"
     )
 
 
