@@ -17,6 +17,7 @@ import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cache
 from itertools import chain
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -33,8 +34,9 @@ BITS = 128
 ATTEMPTS = (BITS, 2 * BITS, 4 * BITS, 8 * BITS, 16 * BITS)
 #: Unit roundoff of doubles.
 ROUNDOFF = 2.0**-53
-#: Doubles whose products of four do not underflow are larger.
-TINY = 2.0**-250
+#: Bound of all that underflows in an operation of `Near`, and factor that covers the rounding of
+#: its bounds, which are norms of up to 10^8 doubles.
+UNDERFLOW, ROUNDED_UP = 2.0**-400, 1.0 + 2.0**-20
 
 _LOCK = threading.RLock()
 
@@ -83,13 +85,19 @@ def ball_matrix(matrix: np.ndarray | list[list[arb]]) -> arb_mat:
     return arb_mat(matrix)
 
 
-def scaled_balls(matrix: arb_mat, rows: np.ndarray, columns: np.ndarray) -> arb_mat:
+def scaled_balls(matrix: arb_mat | np.ndarray, rows: np.ndarray, columns: np.ndarray) -> arb_mat:
     """Return 2^rows_i M_ij 2^columns_j in balls, exactly if their bits suffice for the entries.
 
     rows, columns: (n,) and (m,) integers
     """
     from flint import arb
 
+    if isinstance(matrix, np.ndarray):
+        exponents = np.add.outer(rows, columns)
+        scaled_doubles = np.ldexp(matrix, exponents)
+        if np.array_equal(np.ldexp(scaled_doubles, -exponents), matrix):
+            return ball_matrix(scaled_doubles)
+        matrix = ball_matrix(matrix)
     if not rows.any() and not columns.any():
         return matrix
     of_rows, of_columns = ([arb(2) ** int(power) for power in powers] for powers in (rows, columns))
@@ -113,8 +121,12 @@ def midpoints(matrix: arb_mat) -> np.ndarray:
 
 def radii(matrix: arb_mat) -> np.ndarray:
     """Return the radii of balls as doubles, rounded up, (n, m)."""
-    entries = [0.0 if ball.is_exact() else above(ball.rad()) for ball in matrix.entries()]
-    return np.reshape(entries, (matrix.nrows(), matrix.ncols()))
+    entries = matrix.entries()
+    rounded = np.nextafter([float(ball.rad()) for ball in entries], math.inf)
+    # A radius that rounds to 0 may be 0.
+    for place in np.flatnonzero(rounded <= math.nextafter(0.0, 1.0)).tolist():
+        rounded[place] *= not entries[place].is_exact()
+    return rounded.reshape(matrix.nrows(), matrix.ncols())
 
 
 def above(number: arb) -> float:
@@ -122,8 +134,11 @@ def above(number: arb) -> float:
     return math.nextafter(float(number.upper()), math.inf)
 
 
-def stacked(blocks: list[list[arb_mat]]) -> arb_mat:
+def stacked(blocks: list[list[Any]]) -> Any:
     """Return the matrix [[a, b], [c, d]] of blocks a, b, c and d."""
+    if isinstance(blocks[0][0], Near):
+        error = sum(block.error for row in blocks for block in row)
+        return _near(np.block([[block.middle for block in row] for row in blocks]), error)
     return ball_matrix(block_entries(blocks))
 
 
@@ -136,8 +151,10 @@ def block_entries(blocks: list[list[Any]]) -> list[list[Any]]:
     return rows
 
 
-def part(matrix: arb_mat, rows: slice, columns: slice = slice(None)) -> arb_mat:
+def part(matrix: Any, rows: slice, columns: slice = slice(None)) -> Any:
     """Return some rows of a matrix, and some of their columns."""
+    if isinstance(matrix, Near):
+        return Near(matrix.middle[rows, columns], matrix.error)
     return ball_matrix([row[columns] for row in matrix.tolist()[rows]])
 
 
@@ -146,46 +163,159 @@ def symmetric(matrix: arb_mat) -> arb_mat:
     return symmetric_part(matrix.mid()).mid()
 
 
-def symmetric_part(matrix: arb_mat) -> arb_mat:
+def symmetric_part(matrix: Any) -> Any:
     """Return balls that contain the symmetric part (M + M')/2."""
     return (matrix + matrix.transpose()) * 0.5
 
 
-def norm(matrix: arb_mat) -> arb:
-    """Return an upper bound of the norm of Frobenius, which bounds the spectral norm."""
-    from flint import arb_mat
+@dataclass(frozen=True, eq=False)
+class Near:
+    """Ball of matrices about one of doubles, in the norm of Frobenius.
 
+    It computes as balls do. In any order of its sums, a product of doubles differs from A B by at
+    most n u / (1 - n u) |A| |B| with n columns of A and the roundoff u, also by fused operations.
+
+    middle: doubles
+    error: radius of the ball
+
+    Source: Higham, Accuracy and Stability of Numerical Algorithms, Section 3.5.
+    """
+
+    middle: np.ndarray
+    error: float = 0.0
+
+    @classmethod
+    def of(cls, matrix: Any) -> Near:
+        """Return a ball that contains all matrices in the balls."""
+        if isinstance(matrix, Near):
+            return matrix
+        middle = midpoints(matrix)
+        return _near(middle, _size(radii(matrix)) + 2.0 * ROUNDOFF * _size(middle))
+
+    @property
+    def size(self) -> float:
+        """Upper bound of the norm of Frobenius of all matrices in the ball."""
+        return (_size(self.middle) + self.error) * ROUNDED_UP
+
+    @property
+    def in_balls(self) -> arb_mat:
+        """Balls that contain all matrices in the ball."""
+        from flint import arb
+
+        radius = arb(0, self.error)
+        return ball_matrix([[arb(entry) + radius for entry in row] for row in self.middle.tolist()])
+
+    def nrows(self) -> int:
+        """Return the number of rows."""
+        return len(self.middle)
+
+    def transpose(self) -> Near:
+        """Return the ball of the transposed matrices."""
+        return Near(self.middle.T, self.error)
+
+    def inv(self) -> Near:
+        """Return the ball of the inverses V⁻¹, about an approximate W.
+
+        |V⁻¹ - W| <= |W| r / (1 - r) with r = |1 - V W| < 1.
+
+        Raises ZeroDivisionError if a matrix in the ball may be singular.
+        """
+        try:
+            W = Near(np.linalg.inv(self.middle))
+        except np.linalg.LinAlgError:
+            raise ZeroDivisionError from None
+        rest = (Near(np.eye(len(W.middle))) - self * W).size
+        if not rest < 0.5:
+            raise ZeroDivisionError
+        return _near(W.middle, 2.0 * W.size * rest)
+
+    def __neg__(self) -> Near:
+        return Near(-self.middle, self.error)
+
+    def __add__(self, other: Any) -> Near:
+        other = Near.of(other)
+        middle = self.middle + other.middle
+        return _near(middle, self.error + other.error + ROUNDOFF * _size(middle))
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Any) -> Near:
+        return self + -Near.of(other)
+
+    def __rsub__(self, other: Any) -> Near:
+        return -self + other
+
+    def __mul__(self, other: Any) -> Near:
+        """Return the product with a matrix or with a number."""
+        from flint import arb
+
+        if isinstance(other, float | int | arb):
+            factor = arb(other)
+            middle = self.middle * float(factor)
+            rest = 4.0 * ROUNDOFF * abs(float(factor)) + above(factor.rad())
+            return _near(middle, abs(float(factor)) * self.error + rest * self.size)
+        other = Near.of(other)
+        n = len(other.middle)
+        rounding = (n + 2) * ROUNDOFF * _size(self.middle) * _size(other.middle)
+        error = self.error * other.size + self.size * other.error
+        return _near(self.middle @ other.middle, error + rounding)
+
+    def __rmul__(self, other: Any) -> Near:
+        return Near.of(other) * self
+
+
+def _near(middle: np.ndarray, error: float) -> Near:
+    """Return a ball whose radius is rounded up, and covers what underflows."""
+    return Near(middle, error * ROUNDED_UP + UNDERFLOW)
+
+
+def _size(matrix: np.ndarray) -> float:
+    """Return the norm of Frobenius of doubles, rounded up."""
+    return float(np.linalg.norm(matrix)) * ROUNDED_UP + UNDERFLOW
+
+
+def norm(matrix: Any) -> arb:
+    """Return an upper bound of the norm of Frobenius, which bounds the spectral norm.
+
+    matrix: in balls, or a ball in this norm
+    """
+    from flint import arb, arb_mat
+
+    if isinstance(matrix, Near):
+        return arb(matrix.size)
     entries = arb_mat(1, matrix.nrows() * matrix.ncols(), matrix.entries())  # one row
     sum_of_squares = (entries * entries.transpose())[0, 0]
     return sum_of_squares.upper().sqrt().upper()
 
 
-def is_positive_definite(matrix: arb_mat) -> bool | None:
+def is_positive_definite(matrix: Any) -> bool | None:
     """Return whether all symmetric matrices in the balls are proved positive definite; False if all
-    are proved not to be, None if neither is proved.
+    are proved not to be, None if neither is proved, as always of `Near` ones that may not be.
 
     The pivots of Gaussian elimination, D of the decomposition L D L', are all positive, or the
     first one that is not is negative: that pivot is v'M v of a vector v. Only the entries on and
     below the diagonal are read.
     """
-    if _is_clearly_positive(matrix):
+    if _is_clearly_positive(Near.of(matrix)):
         return True
+    if isinstance(matrix, Near):
+        return None
     _, last = _elimination(matrix)
     return True if last > 0 else False if last < 0 else None
 
 
-def _is_clearly_positive(matrix: arb_mat) -> bool:
+def _is_clearly_positive(matrix: Near) -> bool:
     """Return whether Cholesky's method in doubles proves a matrix positive definite.
 
     If it ends for M - c, then M > 0 where c exceeds its rounding, n + 1 roundoffs of the trace, and
-    the radii of M. The c here is four times as large.
+    the radius of M, √2 times as large where only the lower triangle is read. The c here is larger.
 
     Source: Rump, BIT Numerical Mathematics 46 (2006), 433-452.
     """
-    middle = np.tril(midpoints(matrix))
+    middle = np.tril(matrix.middle)
     n, trace = len(middle), float(np.trace(middle))
-    c = above(norm(matrix - matrix.mid())) + 4 * (n + 4) * ROUNDOFF * trace
-    if not TINY < c < trace < math.inf:
+    c = 2.0 * matrix.error + 4 * (n + 4) * ROUNDOFF * trace
+    if not UNDERFLOW < c < trace < math.inf:
         return False
     try:
         root = np.linalg.cholesky(middle - c * np.eye(n))

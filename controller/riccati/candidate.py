@@ -10,13 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balls import (
     BITS,
+    Near,
     ball_matrix,
     bits,
     identity,
@@ -28,7 +29,6 @@ from controller.riccati.balls import (
 from controller.riccati.equation import (
     ContinuousEquation,
     Equation,
-    StepEquation,
     Units,
     equation_of,
     pencil_blocks,
@@ -39,6 +39,7 @@ from controller.riccati.lyapunov import (
     FailedError,
     Lyapunov,
     SignFunction,
+    change_along,
     half_the_bits,
     solved_in_bits,
 )
@@ -72,16 +73,28 @@ MOST_STATES_IN_BITS = 40
 class Candidate(NamedTuple):
     """Candidate solution of a Riccati equation, which `stabilizing` judges.
 
-    X: (n, n), its solution
-    Y: (n, n), solution of F'Y + Y F = -1 with the loop F of both players at X, in discrete time of
+    X: (n, n), its solution, balls of one symmetric matrix
+    gains, residual: at X, of which the residual may be `Near`
+    loop: F of both players at X, (n, n), in balls, or `Near` if the proof is by doubles
+    Y: (n, n), symmetric, of the kind of F: solution of F'Y + Y F = -1, in discrete time of
         F'Y F - Y = -1
-    at_X: gains, residual and F, if they are known
+    near_X: `Near` X, if the proof is by doubles
     """
 
     equation: Equation
     X: arb_mat
-    Y: arb_mat
-    at_X: tuple[arb_mat, arb_mat, arb_mat] | None = None
+    gains: arb_mat
+    residual: Any
+    loop: Any
+    Y: Any
+    near_X: Near | None = None
+
+    @classmethod
+    def at(cls, equation: Equation, X: arb_mat, Y: arb_mat) -> Candidate:
+        """Return the candidate with the midpoints of the symmetric parts of X and Y."""
+        X = symmetric(X)
+        gains, residual = equation.gains_and_residual(X)
+        return cls(equation, X, gains, residual, equation.loop(X, gains), symmetric(Y))
 
 
 @contextmanager
@@ -105,10 +118,17 @@ def value_in_doubles(game: Game) -> np.ndarray:
         return np.ldexp(X, -np.add.outer(units.states, units.states))
 
 
-def candidate_in_doubles(
+class Proposal(NamedTuple):
+    """Equation in states in which P is near 1, and its solution X in doubles, (n, n)."""
+
+    equation: Equation
+    X: np.ndarray
+
+
+def proposed(
     game: Game, delta: float, near: Units | None = None, most_changes: int = MOST_CHANGES
-) -> Candidate:
-    """Return a candidate in doubles, in states in which P is near 1, corrected by residuals.
+) -> Proposal:
+    """Return the solution in doubles, in states in which it is near 1.
 
     near: units and states where the search begins; by default those of the Hamiltonian
     most_changes: largest number of changes of the states
@@ -117,14 +137,16 @@ def candidate_in_doubles(
     """
     with failures():
         units = near or first_units(game, delta)
-        X = stabilizing_in_doubles(equation_of(game, units, delta))
+        equation = equation_of(game, units, delta)
+        X = stabilizing_in_doubles(equation)
         # Powers of two as units, in which the diagonal of |X| is near 1.
         for _ in range(0 if near else MOST_CHANGES):
             former = units.states
             units, X = _in_units_of_solution(game, delta, units, X)
+            equation = equation_of(game, units, delta)
             if np.abs(units.states - former).max() <= LARGEST_UNIT_CHANGE:
                 break  # in the former units, X had its digits already
-            X = stabilizing_in_doubles(equation_of(game, units, delta))
+            X = stabilizing_in_doubles(equation)
         # Other states, in which |X| itself is near 1.
         for changes_done in range(most_changes):
             # The first changes make small eigenvalues larger.
@@ -133,8 +155,42 @@ def candidate_in_doubles(
             if root is None:
                 break
             units = _times_root(units, root)
-            X = stabilizing_in_doubles(equation_of(game, units, delta))
-        return corrected(equation_of(game, units, delta), ball_matrix(X))
+            equation = equation_of(game, units, delta)
+            X = stabilizing_in_doubles(equation)
+        return Proposal(equation, X)
+
+
+def corrected_in_doubles(equation: Equation, X: np.ndarray) -> Candidate:
+    """Return the candidate X + Z with one correction Z, of which only the residual r at X is
+    computed in balls.
+
+    The residual of X + Z is r plus a linear and a quadratic change (`Equation.changes`). In
+    doubles, their rounding is that of numbers as small as Z, about a roundoff of X.
+
+    X: (n, n), symmetric
+
+    Raises FailedError.
+    """
+    with failures():
+        gains, residual = equation.gains_and_residual(ball_matrix(X))
+        in_doubles, at_X, r = equation.in_doubles, Near(X), Near.of(residual)
+        near_gains = Near.of(gains)
+        F = in_doubles.loop(at_X, near_gains)
+        lyapunov = Lyapunov(F.middle, is_discrete=equation.is_discrete)
+        correction = lyapunov.solve(-r.middle)
+        has_no_cost = states_without_cost(equation.game)
+        correction[has_no_cost] = correction[:, has_no_cost] = 0.0
+        Z = Near(correction)
+        of_gains, quadratic = in_doubles.changes(at_X, F, Z)
+        return Candidate(
+            equation,
+            ball_matrix(X) + ball_matrix(correction),
+            gains + of_gains.in_balls,
+            r + change_along(F, Z, is_discrete=equation.is_discrete) + quadratic,
+            in_doubles.loop(near_X := at_X + Z, near_gains + of_gains),
+            Near(lyapunov.solve(-np.eye(equation.n))),
+            near_X,
+        )
 
 
 def _in_units_of_solution(
@@ -221,7 +277,7 @@ def corrected(equation: Equation, X: arb_mat) -> Candidate:
             raise FailedError("the corrections do not shrink")
         F, is_discrete = equation.loop(X, gains), equation.is_discrete
         Y = solved_in_bits(F, identity(equation.n), lyapunov, is_discrete=is_discrete)
-        return Candidate(equation, X, Y, (gains, residual, F))
+        return Candidate(equation, X, gains, residual, F, symmetric(Y))
 
 
 def stabilizing_in_doubles(equation: Equation) -> np.ndarray:
@@ -260,12 +316,11 @@ def half_plane_in_doubles(equation: Equation) -> np.ndarray:
 
     Raises LinAlgError in discrete time if z = -1 is an eigenvalue.
     """
+    near: Any = equation.in_doubles
     if isinstance(equation, ContinuousEquation):
-        return midpoints(equation.hamiltonian())
-    assert isinstance(equation, StepEquation)
-    return half_plane_of_steps(
-        *map(midpoints, (equation.A, equation.G, equation.Q, equation.W, equation.C))
-    )
+        return hamiltonian(*(block.middle for block in near.blocks()))
+    matrices = near.A, near.G, near.Q, near.W, near.C
+    return half_plane_of_steps(*(matrix.middle for matrix in matrices))
 
 
 def half_plane_of_steps(
@@ -334,10 +389,9 @@ def candidate_in_bits(game: Game, delta: float) -> Candidate:
             units = _times_root(units, root)
             inverse = ball_matrix(root).inv()
             X = _without_noise(inverse.transpose() * X * inverse, game)
-        equation = equation_of(game, units, delta)
-        F = equation.loop(X, equation.gains_and_residual(X)[0])
-        Y = solved_in_bits(F, identity(equation.n), is_discrete=equation.is_discrete)
-        return Candidate(equation, X, Y)
+        candidate = Candidate.at(equation_of(game, units, delta), X, X)
+        one, is_discrete = identity(len(game.A)), game.is_discrete
+        return candidate._replace(Y=solved_in_bits(candidate.loop, one, is_discrete=is_discrete))
 
 
 def _without_noise(X: arb_mat, game: Game) -> arb_mat:

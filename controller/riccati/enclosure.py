@@ -28,14 +28,21 @@ from controller.riccati.balls import (
 from controller.riccati.candidate import (
     MOST_STATES_IN_BITS,
     Candidate,
+    Proposal,
     candidate_in_bits,
-    candidate_in_doubles,
     corrected,
+    corrected_in_doubles,
     first_units,
+    proposed,
     sizes_of,
 )
 from controller.riccati.equation import Units, equation_of
-from controller.riccati.lyapunov import FailedError, NotProvedError, solved_in_bits
+from controller.riccati.lyapunov import (
+    FailedError,
+    NotProvedError,
+    solved_in_bits,
+    solved_in_doubles,
+)
 from controller.riccati.rationals import zeros_of
 from controller.riccati.refusal import (
     Stabilizing,
@@ -84,21 +91,20 @@ class Enclosure:
         return vars(self)
 
     @cached_property
-    def P(self) -> arb_mat:
-        """P of the value z'P z, (n, n)."""
+    def P_in_units(self) -> arb_mat:
+        """P of the states in units of powers of two, (n, n)."""
         with precision(self.bits):
-            return self.units.value_of_user(self.proved.P)
+            return self.units.value(self.proved.P)
 
     @cached_property
-    def K(self) -> arb_mat:
-        """K of the policy u = -K z, (m, n)."""
-        inputs = self.units.inputs
+    def K_in_units(self) -> arb_mat:
+        """K of the states and inputs in units of powers of two, (m, n)."""
         with precision(self.bits):
-            return self.units.gain_of_user(part(self.proved.gains, slice(len(inputs))), inputs)
+            return self.units.gain(part(self.proved.gains, slice(len(self.units.inputs))))
 
     @cached_property
-    def L(self) -> arb_mat:
-        """L of the worst disturbance d = L z, (k, n); 0 without a disturbance."""
+    def L_in_units(self) -> arb_mat:
+        """L of the states and disturbances in units of powers of two, (k, n)."""
         equation, P, gains = self.proved
         with precision(self.bits):
             EP = equation.E.transpose() * P
@@ -106,8 +112,55 @@ class Enclosure:
             if of_disturbances is None:
                 L = EP * equation.w  # w = 1/δ², 0 without a disturbance
             else:  # (δ² - E'P E) L = E'P (A - B K) keeps the digits of a small L.
-                L = of_disturbances.solve(EP * equation.control_loop(P, gains))
-            return self.units.gain_of_user(L, self.units.disturbances)
+                L = of_disturbances.solve(EP * equation.control_loop(gains))
+            return self.units.gain(L)
+
+    @cached_property
+    def P(self) -> arb_mat:
+        """P of the value z'P z, (n, n)."""
+        return self._of_user("P")
+
+    @cached_property
+    def K(self) -> arb_mat:
+        """K of the policy u = -K z, (m, n)."""
+        return self._of_user("K")
+
+    @cached_property
+    def L(self) -> arb_mat:
+        """L of the worst disturbance d = L z, (k, n); 0 without a disturbance."""
+        return self._of_user("L")
+
+    @cached_property
+    def _known(self) -> dict[str, Numbers]:
+        """What `numbers` has returned, by name."""
+        return {}
+
+    def numbers(self, name: str) -> Numbers:
+        """Return the numbers of "P", "K" or "L" in units of powers of two."""
+        if name not in self._known:
+            balls = getattr(self, f"{name}_in_units")
+            self._known[name] = Numbers(midpoints(balls), radii(balls))
+        return self._known[name]
+
+    def rounded(self, name: str) -> np.ndarray:
+        """Return the midpoints of "P", "K" or "L", read-only, 0 where no digit is known."""
+        middle, radius = self.numbers(name)
+        with np.errstate(over="ignore"):
+            known = np.where(np.abs(middle) <= radius, 0.0, middle)
+            rounded = np.ldexp(known, np.add.outer(self._rows(name), -self.units.states))
+        rounded.setflags(write=False)
+        return np.asarray(rounded)
+
+    def _rows(self, name: str) -> np.ndarray:
+        """Return the exponents of the rows of "P", "K" or "L" in the user's units."""
+        states, inputs, disturbances, _ = self.units
+        return {"P": -states, "K": inputs, "L": disturbances}[name]
+
+    def _of_user(self, name: str) -> arb_mat:
+        """Return "P", "K" or "L" in the user's units."""
+        with precision(self.bits):
+            in_units = getattr(self, f"{name}_in_units")
+            return scaled_balls(in_units, self._rows(name), -self.units.states)
 
     @cached_property
     def digits(self) -> Digits:
@@ -121,10 +174,7 @@ class Enclosure:
         if self.bits >= ATTEMPTS[-2]:
             zero_states = zero_states | _rounds_to_zero(self.P).all(1)
             zero_gains = zero_gains | _rounds_to_zero(self.K)
-        states, inputs = self.units.states, self.units.inputs
-        with precision(self.bits):
-            P, K = scaled_balls(self.P, states, states), scaled_balls(self.K, -inputs, states)
-        P_radius, P_middle = radii(P), midpoints(P)
+        P_middle, P_radius = self.numbers("P")
         with np.errstate(all="ignore"):
             sizes = sizes_of(P_middle)
             has_value = sizes > np.diag(P_radius)
@@ -133,14 +183,20 @@ class Enclosure:
             roots = np.sqrt(sizes[has_value])
             kept = np.ix_(has_value, has_value)
             of_P = _digits(P_middle[kept], P_radius[kept], np.outer(roots, roots))
-            K_radius = np.where(zero_gains, 0.0, radii(K))
-            K_middle = np.where(zero_gains, 0.0, midpoints(K))
+            K_middle, K_radius = (np.where(zero_gains, 0.0, each) for each in self.numbers("K"))
             # K_ij is relative to √P_jj times the largest K_ik / √P_kk of the row.
             scales = np.abs(K_middle)
             rows = scales[:, has_value] / roots
             scales[:, has_value] = rows.max(1, keepdims=True, initial=0.0) * roots
             of_K = _digits(K_middle, K_radius, scales)
         return Digits(*map(max, of_P, of_K))
+
+
+class Numbers(NamedTuple):
+    """Midpoints and radii of the balls of a matrix."""
+
+    middle: np.ndarray
+    radius: np.ndarray
 
 
 class Digits(NamedTuple):
@@ -236,10 +292,14 @@ def _outcomes(
 
     An outcome is an enclosure, a reason why there is no value, or "" if nothing is proved.
     """
-    # A candidate in doubles, and Newton's steps from it with twice the bits.
+    # A solution in doubles, Newton's steps from it, and with twice the bits.
     with precision(BITS), np.errstate(all="ignore"):
         try:
-            candidate = candidate_in_doubles(game, delta, near)
+            proposal = proposed(game, delta, near)
+            enclosure = proved_in_doubles(proposal)
+            if enclosure is not None and (not digits or enclosure.digits.are_known):
+                yield enclosure
+            candidate = corrected(proposal.equation, ball_matrix(proposal.X))
         except FailedError:
             equation = equation_of(game, near or first_units(game, delta), delta)
             yield why_no_value(equation, None, frequency, in_bits=False)
@@ -292,6 +352,13 @@ def enclosure_of(found: Stabilizing) -> Enclosure:
     """
     prove_value(found)
     return Enclosure(found.equation.game, found.equation.units, found, bits())
+
+
+def proved_in_doubles(proposal: Proposal) -> Enclosure | None:
+    """Return the enclosure that one residual in balls proves, or None."""
+    with suppress(FailedError, NotProvedError):
+        return enclosure_of(stabilizing(corrected_in_doubles(*proposal)))
+    return None
 
 
 def _outcome(candidate: Candidate, *, digits: bool, in_bits: bool) -> Enclosure | str:
@@ -440,22 +507,21 @@ def _first_order_change(enclosure: Enclosure) -> float:
     """
     game, (states, inputs, disturbances, exact_T) = enclosure.game, enclosure.units
     # P, K, L, V and W are those of the states y in units of the proof, F is that of T y.
-    P_balls = scaled_balls(enclosure.P, states, states)
-    P = midpoints(P_balls)
-    K = midpoints(scaled_balls(enclosure.K, -inputs, states))
-    L = midpoints(scaled_balls(enclosure.L, -disturbances, states))
+    P, K, L = (enclosure.numbers(name).middle for name in "PKL")
     sizes = sizes_of(P)
-    is_known = sizes > np.diag(radii(P_balls))  # other P_ii may be 0
+    is_known = sizes > np.diag(enclosure.numbers("P").radius)  # other P_ii may be 0
     W = np.diag(np.where(is_known, 1.0 / np.where(is_known, sizes, 1.0), 0.0))
     equation, proved_P, gains = enclosure.proved
-    loop = equation.loop(proved_P, gains)
-    F, T = midpoints(loop), np.eye(len(P))
+    F, T = equation.in_doubles.loop(proved_P, gains).middle, np.eye(len(P))
     T_inverse = T
     if exact_T is not None:
         T, T_inverse = midpoints(exact_T), midpoints(exact_T.inv())
     # V solves F V + V F' + W = 0, which is solved in the states T y of F.
-    W_of_Ty = ball_matrix(T @ W @ T.T)
-    V_of_Ty = midpoints(solved_in_bits(loop.transpose(), W_of_Ty, is_discrete=equation.is_discrete))
+    W_of_Ty, is_discrete = T @ W @ T.T, equation.is_discrete
+    V_of_Ty = solved_in_doubles(F.T, W_of_Ty, is_discrete=is_discrete)
+    if V_of_Ty is None:
+        loop = equation.loop(proved_P, gains).transpose()
+        V_of_Ty = midpoints(solved_in_bits(loop, ball_matrix(W_of_Ty), is_discrete=is_discrete))
     V = T_inverse @ V_of_Ty @ T_inverse.T
     # Changes of A, B and E count as 2 Σ (P V)_ij dF_ij, in discrete time with P F V in place of
     # P V, where dF = √α (dA - dB K + dE L).

@@ -9,12 +9,14 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balls import (
+    UNDERFLOW,
+    Near,
     ball_matrix,
     identity,
     norm,
@@ -23,6 +25,7 @@ from controller.riccati.balls import (
     stacked,
     symmetric_part,
 )
+from hfa_support.cached import cached_property
 
 if TYPE_CHECKING:
     from flint import arb, arb_mat
@@ -42,19 +45,13 @@ class Units(NamedTuple):
     disturbances: np.ndarray
     T: arb_mat | None = None
 
-    def value_of_user(self, X: arb_mat) -> arb_mat:
-        """Return P of the user's states, (n, n), for X of the states of the equation."""
-        of_y = X if self.T is None else symmetric_part(self.T.transpose() * X * self.T)
-        return scaled_balls(of_y, -self.states, -self.states)
+    def value(self, X: arb_mat) -> arb_mat:
+        """Return P of the states y, (n, n), for X of the states of the equation."""
+        return X if self.T is None else symmetric_part(self.T.transpose() * X * self.T)
 
-    def gain_of_user(self, rows: arb_mat, units: np.ndarray) -> arb_mat:
-        """Return a gain for the user's states, (m, n), from one for the states of the equation.
-
-        rows: the gain for the states of the equation
-        units: of its rows, (m,) integers
-        """
-        of_y = rows if self.T is None else rows * self.T
-        return scaled_balls(of_y, units, -self.states)
+    def gain(self, rows: arb_mat) -> arb_mat:
+        """Return a gain for the states y, (m, n), from one for the states of the equation."""
+        return rows if self.T is None else rows * self.T
 
 
 def users_units(game: Game) -> Units:
@@ -66,14 +63,16 @@ def users_units(game: Game) -> Units:
 
 
 class Entries(NamedTuple):
-    """Matrices of a game in exact units, without discount. Q and R are symmetric."""
+    """Matrices of a game in exact units, without discount, in balls or `Near`. Q and R are
+    symmetric.
+    """
 
-    A: arb_mat
-    B: arb_mat
-    E: arb_mat
-    Q: arb_mat
-    R: arb_mat
-    N: arb_mat
+    A: Any
+    B: Any
+    E: Any
+    Q: Any
+    R: Any
+    N: Any
 
     @classmethod
     def of(cls, game: Game, units: Units) -> Entries:
@@ -86,18 +85,36 @@ class Entries(NamedTuple):
         Raises ZeroDivisionError if T may be singular with the bits of `precision`.
         """
         doubles = (game.A, game.B, game.E, game.Q, game.R, game.N)
-        of_loop_game = game.balls if isinstance(game, LoopGame) else None
-        A, B, E, Q, R, N = of_loop_game or map(ball_matrix, doubles)
+        A, B, E, Q, R, N = game.balls or doubles if isinstance(game, LoopGame) else doubles
         states, inputs, disturbances, T = units
         A, B = scaled_balls(A, -states, states), scaled_balls(B, -states, inputs)
         E, N = scaled_balls(E, -states, disturbances), scaled_balls(N, states, inputs)
-        Q = symmetric_part(scaled_balls(Q, states, states))
-        R = symmetric_part(scaled_balls(R, inputs, inputs))
+        Q, R = scaled_balls(Q, states, states), scaled_balls(R, inputs, inputs)
+        if not np.array_equal(game.weights, game.weights.T):
+            Q, R = symmetric_part(Q), symmetric_part(R)
         if T is None:
             return cls(A, B, E, Q, R, N)
         to_y = T.inv()
         Q = symmetric_part(to_y.transpose() * Q * to_y)
         return cls(T * A * to_y, T * B, T * E, Q, R, to_y.transpose() * N)
+
+    @classmethod
+    def near(cls, game: Game, units: Units) -> Entries:
+        """Return the matrices of `of` in doubles, without T exact but for what underflows.
+
+        Raises ZeroDivisionError as `of` does.
+        """
+        states, inputs, disturbances, T = units
+        if T is not None or isinstance(game, LoopGame):
+            return cls(*map(Near.of, cls.of(game, units)))
+
+        def scaled(matrix: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> Near:
+            return Near(np.ldexp(matrix, np.add.outer(rows, columns)), UNDERFLOW)
+
+        A, B = scaled(game.A, -states, states), scaled(game.B, -states, inputs)
+        E, N = scaled(game.E, -states, disturbances), scaled(game.N, states, inputs)
+        Q, R = scaled(game.Q, states, states), scaled(game.R, inputs, inputs)
+        return cls(A, B, E, symmetric_part(Q), symmetric_part(R), N)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -127,33 +144,58 @@ class Sensitivity(NamedTuple):
 
 
 class Equation(ABC):
-    """Riccati equation of a game in exact units, whose matrices are balls.
+    """Riccati equation of a game in exact units.
 
     game: the game
     units: exact units
     delta: in place of that of the game
-    entries: of the game in the units, if they are known
+    is_near: whether the matrices are `Near` ones, with arguments of either kind; else balls
 
     A, B, E, Q, R, N: √α A, √α B, √α E with the discount α, and the weights
     w: 1 / delta², 0 without a disturbance
 
-    Raises ZeroDivisionError if R is singular in continuous time.
+    All are computed when they are first used, and then raise ZeroDivisionError if T or, in
+    continuous time, R may be singular.
     """
 
     is_discrete: ClassVar[bool]
 
-    def __init__(
-        self, game: Game, units: Units, delta: float, entries: Entries | None = None
-    ) -> None:
+    def __init__(self, game: Game, units: Units, delta: float, *, is_near: bool = False) -> None:
         from flint import arb
 
-        self.game, self.units, self.delta = game, units, delta
+        self.game, self.units, self.delta, self.is_near = game, units, delta, is_near
         self.n = len(game.A)
         self.is_disturbed = math.isfinite(delta) and bool(game.E.any())
         self.w = 1 / arb(delta) ** 2 if self.is_disturbed else arb(0)
-        A, B, E, self.Q, self.R, self.N = entries or Entries.of(game, units)
-        root = arb(game.discount).sqrt()
-        self.A, self.B, self.E = A * root, B * root, E * root
+
+    @cached_property
+    def entries(self) -> Entries:
+        """The matrices, with the discount."""
+        from flint import arb
+
+        entries = (Entries.near if self.is_near else Entries.of)(self.game, self.units)
+        if self.game.discount == 1.0:
+            return entries
+        root = arb(self.game.discount).sqrt()
+        A, B, E, *weights = entries
+        return Entries(A * root, B * root, E * root, *weights)
+
+    A = property(lambda self: self.entries.A)
+    B = property(lambda self: self.entries.B)
+    E = property(lambda self: self.entries.E)
+    Q = property(lambda self: self.entries.Q)
+    R = property(lambda self: self.entries.R)
+    N = property(lambda self: self.entries.N)
+
+    @cached_property
+    def in_doubles(self) -> Self:
+        """The same equation with `Near` matrices."""
+        return type(self)(self.game, self.units, self.delta, is_near=True)
+
+    def of_kind(self, matrix: np.ndarray | arb_mat) -> Any:
+        """Return a matrix as one of the kind of this equation."""
+        balls = ball_matrix(matrix) if isinstance(matrix, np.ndarray) else matrix
+        return Near.of(balls) if self.is_near else balls
 
     @abstractmethod
     def gains_and_residual(self, X: arb_mat) -> tuple[arb_mat, arb_mat]:
@@ -167,21 +209,30 @@ class Equation(ABC):
         """
 
     @abstractmethod
-    def loop(self, X: arb_mat, gains: arb_mat) -> arb_mat:
+    def changes(self, X: Any, loop: Any, Z: Any) -> tuple[Any, Any]:
+        """Return the gains of X + Z minus those of X, and q(Z), (n, n), of the residual at X + Z.
+
+        With the loop F at X, the residual is that at X plus F'Z + Z F + q(Z), in discrete time
+        plus F'Z F - Z + q(Z).
+
+        loop: of both players at X
+
+        Raises ZeroDivisionError as `gains_and_residual` does.
+        """
+
+    @abstractmethod
+    def loop(self, X: Any, gains: Any) -> Any:
         """Return the loop of both players, A - B K + E L, (n, n).
 
         gains: of X
         """
 
-    @abstractmethod
-    def control_loop(self, X: arb_mat, gains: arb_mat) -> arb_mat:
-        """Return the loop without disturbance, A - B K, (n, n).
-
-        gains: of X
-        """
+    def control_loop(self, gains: Any) -> Any:
+        """Return the loop without disturbance, A - B K, (n, n)."""
+        return self.A - self.B * part(gains, slice(self.R.nrows()))
 
     @abstractmethod
-    def weights(self, X: arb_mat) -> tuple[arb_mat, arb_mat | None]:
+    def weights(self, X: Any) -> tuple[Any, Any]:
         """Return the weights of the inputs and of the disturbances, which must be positive.
 
         They are R, (m, m), and None for δ², in discrete time R + B'X B and δ² - E'X E, (k, k).
@@ -189,7 +240,7 @@ class Equation(ABC):
         """
 
     @abstractmethod
-    def sensitivity(self, X: arb_mat, loop: arb_mat) -> Sensitivity:
+    def sensitivity(self, X: Any, loop: Any) -> Sensitivity:
         """Return bounds of the changes of the loop and the gains at X.
 
         loop: of both players at X
@@ -213,53 +264,65 @@ class ContinuousEquation(Equation):
 
     The gain of X is R⁻¹ (B'X + N'), and the loop of both players is A - B R⁻¹ N' - S X with
     S = B R⁻¹ B' - w E E'.
-
-    open_loop: A - B R⁻¹ N', (n, n)
-    of_control: B R⁻¹ B', (n, n)
     """
 
     is_discrete = False
 
-    def __init__(
-        self, game: Game, units: Units, delta: float, entries: Entries | None = None
-    ) -> None:
-        super().__init__(game, units, delta, entries)
-        self.R_inverse = self.R.inv()
-        self.B_over_R = self.B * self.R_inverse
-        self.open_loop = self.A - self.B_over_R * self.N.transpose()
-        self.of_control = self.B_over_R * self.B.transpose()
-        self.S = self.of_control - self.E * self.E.transpose() * self.w
+    @cached_property
+    def R_inverse(self) -> Any:
+        """R⁻¹, (m, m)."""
+        return self.R.inv()
 
-    def gains_and_residual(self, X: arb_mat) -> tuple[arb_mat, arb_mat]:
+    def gains_and_residual(self, X: Any) -> tuple[Any, Any]:
         """Return the gain (m, n) and the residual (n, n) of X."""
         right = self.B.transpose() * X + self.N.transpose()
         gain = self.R_inverse * right
-        XA, XE = X * self.A, X * self.E
+        XA = X * self.A
         residual = XA + XA.transpose() + self.Q - right.transpose() * gain
-        return gain, residual + XE * XE.transpose() * self.w
+        if self.is_disturbed:
+            XE = X * self.E
+            residual = residual + XE * XE.transpose() * self.w
+        return gain, residual
 
-    def loop(self, X: arb_mat, gains: arb_mat) -> arb_mat:
-        """Return A - B R⁻¹ N' - S X."""
-        return self.open_loop - self.S * X
+    def changes(self, X: Any, loop: Any, Z: Any) -> tuple[Any, Any]:
+        """Return R⁻¹ B'Z and -Z S Z."""
+        BZ = self.B.transpose() * Z
+        of_gains = self.R_inverse * BZ
+        quadratic = -(BZ.transpose() * of_gains)
+        if self.is_disturbed:
+            EZ = self.E.transpose() * Z
+            quadratic = quadratic + EZ.transpose() * EZ * self.w
+        return of_gains, quadratic
 
-    def control_loop(self, X: arb_mat, gains: arb_mat) -> arb_mat:
-        """Return A - B R⁻¹ N' - B R⁻¹ B'X."""
-        return self.open_loop - self.of_control * X
+    def loop(self, X: Any, gains: Any) -> Any:
+        """Return A - B K + w E E'X."""
+        loop = self.control_loop(gains)
+        return loop + self.E * (self.E.transpose() * X) * self.w if self.is_disturbed else loop
 
-    def weights(self, X: arb_mat) -> tuple[arb_mat, None]:
+    def weights(self, X: Any) -> tuple[Any, None]:
         """Return R and None: d costs δ²."""
         return self.R, None
 
-    def sensitivity(self, X: arb_mat, loop: arb_mat) -> Sensitivity:
-        """Return |S|, |R⁻¹ B'| and 0: loop and gains are linear in X, and the weight is R."""
+    def sensitivity(self, X: Any, loop: Any) -> Sensitivity:
+        """Return bounds of |S|, |R⁻¹ B'| and 0: loop and gains are linear in X; the weight is R."""
         from flint import arb
 
-        return Sensitivity(norm(self.S), norm(self.B_over_R), arb(0))
+        of_control = norm(self.R_inverse * self.B.transpose())
+        of_S = of_control * norm(self.B) + self.w * norm(self.E) ** 2
+        return Sensitivity(of_S, of_control, arb(0))
+
+    def blocks(self) -> tuple[Any, Any, Any]:
+        """Return A - B R⁻¹ N', S and Q - N R⁻¹ N', of which the Hamiltonian consists."""
+        B_over_R, N_transposed = self.B * self.R_inverse, self.N.transpose()
+        S = B_over_R * self.B.transpose()
+        if self.is_disturbed:
+            S = S - self.E * self.E.transpose() * self.w
+        return self.A - B_over_R * N_transposed, S, self.Q - self.N * self.R_inverse * N_transposed
 
     def hamiltonian(self) -> arb_mat:
         """Return [[A - B R⁻¹N', -S], [-(Q - N R⁻¹N'), -(A - B R⁻¹N')']], (2n, 2n)."""
-        cost = self.Q - self.N * self.R_inverse * self.N.transpose()
-        return stacked([[self.open_loop, -self.S], [-cost, -self.open_loop.transpose()]])
+        A, S, Q = self.blocks()
+        return stacked([[A, -S], [-Q, -A.transpose()]])
 
     def half_plane_matrix(self) -> arb_mat:
         """Return the Hamiltonian."""
@@ -276,19 +339,27 @@ class StepEquation(Equation):
 
     is_discrete = True
 
-    def __init__(
-        self, game: Game, units: Units, delta: float, entries: Entries | None = None
-    ) -> None:
-        super().__init__(game, units, delta, entries)
-        self.G, self.W, self.C = self.B, self.R, self.N
-        if self.is_disturbed:
-            d = units.disturbances
-            # -δ² I in the units of d
-            of_disturbance = scaled_balls(identity(len(d)), d, d) * (-1 / self.w)
-            coupling = 0 * (self.B.transpose() * self.E)
-            self.G = stacked([[self.B, self.E]])
-            self.W = stacked([[self.R, coupling], [coupling.transpose(), of_disturbance]])
-            self.C = stacked([[self.N, 0 * self.E]])
+    @cached_property
+    def G(self) -> Any:
+        """[B E], (n, m + k)."""
+        return stacked([[self.B, self.E]]) if self.is_disturbed else self.B
+
+    @cached_property
+    def W(self) -> Any:
+        """Weight of the players, (m + k, m + k)."""
+        if not self.is_disturbed:
+            return self.R
+        m, d = self.R.nrows(), self.units.disturbances
+        # -δ² I in the units of d
+        of_disturbance = self.of_kind(scaled_balls(identity(len(d)), d, d) * (-1 / self.w))
+        coupling = self.of_kind(np.zeros((m, len(d))))
+        return stacked([[self.R, coupling], [coupling.transpose(), of_disturbance]])
+
+    @cached_property
+    def C(self) -> Any:
+        """[N 0], (n, m + k)."""
+        none = self.of_kind(np.zeros(self.game.E.shape))
+        return stacked([[self.N, none]]) if self.is_disturbed else self.N
 
     def gains_and_residual(self, X: arb_mat) -> tuple[arb_mat, arb_mat]:
         """Return the gains (m + k, n) and the residual (n, n) of X."""
@@ -302,19 +373,21 @@ class StepEquation(Equation):
         players = k.transpose() * right + error.transpose() * gains
         return gains, self.A.transpose() * ahead - X + self.Q - players
 
-    def weight(self, X: arb_mat) -> arb_mat:
+    def changes(self, X: Any, loop: Any, Z: Any) -> tuple[Any, Any]:
+        """Return k = (W + G'(X + Z) G)⁻¹ G'Z F with the loop F at X, and -F'Z G k."""
+        GZF = self.G.transpose() * (Z * loop)
+        of_gains = self.weight(X + Z).inv() * GZF
+        return of_gains, -(GZF.transpose() * of_gains)
+
+    def weight(self, X: Any) -> Any:
         """Return the weight of the players in one step, W + G'X G, (m + k, m + k)."""
         return self.W + self.G.transpose() * (X * self.G)
 
-    def loop(self, X: arb_mat, gains: arb_mat) -> arb_mat:
+    def loop(self, X: Any, gains: Any) -> Any:
         """Return A - G k."""
         return self.A - self.G * gains
 
-    def control_loop(self, X: arb_mat, gains: arb_mat) -> arb_mat:
-        """Return A - B K."""
-        return self.A - self.B * part(gains, slice(self.R.nrows()))
-
-    def weights(self, X: arb_mat) -> tuple[arb_mat, arb_mat | None]:
+    def weights(self, X: Any) -> tuple[Any, Any]:
         """Return R + B'X B, and δ² - E'X E or None without a disturbance: blocks of `weight`."""
         weight, m = self.weight(X), self.R.nrows()
         if not self.is_disturbed:
@@ -322,16 +395,15 @@ class StepEquation(Equation):
         inputs, disturbances = slice(m), slice(m, None)
         return part(weight, inputs, inputs), -part(weight, disturbances, disturbances)
 
-    def sensitivity(self, X: arb_mat, loop: arb_mat) -> Sensitivity:
-        """Return the bounds, with the weight V = W + G'X G and |V⁻¹| |G'Z G| <= 1/2.
+    def sensitivity(self, X: Any, loop: Any) -> Sensitivity:
+        """Return the bounds, with the weight V = W + G'X G and |V⁻¹G'Z G| <= 1/2.
 
-        The gains of X + Z are k + (V + G'Z G)⁻¹ G'Z F, and |(V + G'Z G)⁻¹| <= 2 |V⁻¹|. The loop
-        changes by G times the change of the gains.
+        The gains of X + Z are k + (1 + V⁻¹G'Z G)⁻¹ V⁻¹G'Z F, and the first inverse is at most 2.
+        The loop changes by G times the change of the gains.
         """
-        G, inverse = norm(self.G), norm(self.weight(X).inv())
-        gains = 2 * inverse * G
+        G, of_Z = norm(self.G), norm(self.weight(X).inv() * self.G.transpose())
         # |F| counts for the loop only: for the gains, F'Y F <= Y bounds Z F as it bounds Z.
-        return Sensitivity(loop=gains * G * norm(loop), gains=gains, weight=inverse * G**2)
+        return Sensitivity(loop=2 * of_Z * G * norm(loop), gains=2 * of_Z, weight=of_Z * G)
 
     def pencil(self) -> tuple[arb_mat, arb_mat]:
         """Return L and M, (2n + m + k, 2n + m + k), whose pencil L - z M is singular at the
@@ -365,7 +437,7 @@ def pencil_blocks(A: Any, G: Any, Q: Any, W: Any, C: Any, one: Any, growth: Any 
     return L, M
 
 
-def equation_of(game: Game, units: Units, delta: float, entries: Entries | None = None) -> Equation:
+def equation_of(game: Game, units: Units, delta: float) -> Equation:
     """Return the Riccati equation of a game, with the arguments of `Equation`."""
     kind = StepEquation if game.is_discrete else ContinuousEquation
-    return kind(game, units, delta, entries)
+    return kind(game, units, delta)

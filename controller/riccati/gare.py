@@ -41,7 +41,6 @@ from trim.linear.margins import (
 
 if TYPE_CHECKING:
     import control
-    from flint import arb_mat
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -78,7 +77,7 @@ class Solution(Result, Reported):
     @cached_property
     def disturbance_gain(self) -> Matrix:
         """L of the worst disturbance d = L z, (k, n)."""
-        return _rounded(self.enclosure.L)
+        return self.enclosure.rounded("L")
 
     @property
     def L(self) -> Matrix:
@@ -300,18 +299,10 @@ def solve(game: Game) -> Solution:
             raise NoSolutionError(enclosure)
         advice = minimum_delta(game).advice(game.delta)
         raise NoSolutionError(f"no value of the game: {enclosure}; {advice}")
-    P, K = _rounded(enclosure.P), _rounded(enclosure.K)
+    P, K = enclosure.rounded("P"), enclosure.rounded("K")
     if not (np.isfinite(P).all() and np.isfinite(K).all()):
         raise NoSolutionError("P or K is beyond the range of doubles; choose other units")
     return Solution(game, enclosure, Certificate(enclosure, data_change(enclosure)), P, K)
-
-
-def _rounded(matrix: arb_mat) -> np.ndarray:
-    """Return the midpoints, read-only, 0 where a ball contains 0 and thus no digit is known."""
-    entries = [0.0 if ball.contains(0) else float(ball) for ball in matrix.entries()]
-    rounded = np.reshape(entries, (matrix.nrows(), matrix.ncols()))
-    rounded.setflags(write=False)
-    return rounded
 
 
 def lqr(

@@ -19,10 +19,11 @@ from controller.riccati.candidate import (
     MOST_CHANGES,
     MOST_STATES_IN_BITS,
     candidate_in_bits,
-    candidate_in_doubles,
+    corrected,
     disturbance_units,
+    proposed,
 )
-from controller.riccati.enclosure import Enclosure, enclosure_of
+from controller.riccati.enclosure import Enclosure, enclosure_of, proved_in_doubles
 from controller.riccati.equation import Entries, LoopGame, Units, equation_of
 from controller.riccati.lyapunov import FailedError, Lyapunov, NotProvedError, loop_units
 from controller.riccati.refusal import between_eigenvalues, half_plane_eigenvalues, stabilizing
@@ -74,7 +75,11 @@ class DisturbedLoop(NamedTuple):
         units = self.units(game, delta)
         for changes in (0, MOST_CHANGES):  # states in which D is nearly 1 are seldom needed
             with suppress(FailedError, NotProvedError):
-                return enclosure_of(stabilizing(candidate_in_doubles(game, delta, units, changes)))
+                proposal = proposed(game, delta, units, changes)
+                if found := proved_in_doubles(proposal):
+                    return found
+                candidate = corrected(proposal.equation, ball_matrix(proposal.X))
+                return enclosure_of(stabilizing(candidate))
         return enclosure_of(stabilizing(candidate_in_bits(game, delta)))
 
     def game(self) -> LoopGame:

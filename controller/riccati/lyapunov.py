@@ -14,7 +14,7 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.balls import (
     ATTEMPTS,
-    ROUNDOFF,
+    Near,
     ball_matrix,
     bits,
     identity,
@@ -169,7 +169,7 @@ class Lyapunov(Generic[Middle]):
         return self.sign_function.lyapunov(half_of_C + half_of_C.transpose())
 
 
-def change_along(loop: arb_mat, Y: arb_mat, *, is_discrete: bool) -> arb_mat:
+def change_along(loop: Any, Y: Any, *, is_discrete: bool) -> Any:
     """Return the change of z'Y z along z' = F z, F'Y + Y F, in discrete time F'Y F - Y."""
     if is_discrete:
         return loop.transpose() * (Y * loop) - Y
@@ -191,18 +191,12 @@ def solved_in_bits(
     Raises FailedError.
     """
     F, C = F.mid(), C.mid()
+    rounded = solved_in_doubles(midpoints(F), midpoints(C), is_discrete=is_discrete)
+    if rounded is not None:
+        return ball_matrix(rounded)
     D, residual = 0 * C, C
     with suppress(FailedError), np.errstate(all="ignore"):
-        F_rounded, C_rounded = midpoints(F), midpoints(C)
-        solver = solver or Lyapunov(F_rounded, is_discrete=is_discrete)
-        # Usually, doubles suffice.
-        rounded = solver.solve(-C_rounded)
-        moved = F_rounded.T @ rounded
-        change = moved @ F_rounded - rounded if is_discrete else moved + moved.T
-        size = np.linalg.norm(F_rounded) + 1.0
-        rounding = len(C_rounded) * ROUNDOFF * 4.0 * size**2 * np.linalg.norm(rounded)
-        if np.linalg.norm(change + C_rounded) + rounding < 1e-6 * np.linalg.norm(C_rounded):
-            return ball_matrix(rounded)
+        solver = solver or Lyapunov(midpoints(F), is_discrete=is_discrete)
         for _ in range(NEWTON_STEPS):
             D = (D + ball_matrix(solver.solve(-midpoints(residual)))).mid()
             before, residual = residual, change_along(F, D, is_discrete=is_discrete) + C
@@ -211,6 +205,16 @@ def solved_in_bits(
             if not norm(residual) < norm(before) * 0.5:
                 break
     return Lyapunov(F, is_discrete=is_discrete).solve(-C)
+
+
+def solved_in_doubles(F: np.ndarray, C: np.ndarray, *, is_discrete: bool) -> np.ndarray | None:
+    """Return D as `solved_in_bits` does, (n, n), or None if its residual may be larger."""
+    with suppress(FailedError), np.errstate(all="ignore"):
+        D = Lyapunov(F, is_discrete=is_discrete).solve(-C)
+        residual = change_along(Near(F), Near(D), is_discrete=is_discrete) + Near(C)
+        if residual.size < 1e-6 * np.linalg.norm(C):
+            return D
+    return None
 
 
 def discounted(loop: arb_mat, game: Game) -> arb_mat:
@@ -232,25 +236,30 @@ def half_the_bits() -> arb:
     return arb(2) ** (-bits() // 2)
 
 
-def stability_of(loop: arb_mat, *, is_discrete: bool) -> bool | None:
+def stability_of(loop: Any, *, is_discrete: bool) -> bool | None:
     """Return whether a loop F is stable, or None if the bits of `precision` do not prove it.
 
     Let F'Y + Y F < 0, in discrete time F'Y F - Y < 0. F is stable if Y > 0, and not if Y is not,
     because Y would be positive definite if F were stable. Y is sought in doubles, then in bits.
 
-    loop: F, (n, n), balls
+    loop: F, (n, n), balls, or `Near`: then in doubles alone
     """
-    units = loop_units(midpoints(loop))
-    F = scaled_balls(loop, -units, units)
-    middles: tuple[Any, ...] = (midpoints(F), F.mid())
-    for middle in middles:
+    loops = [loop]
+    if not isinstance(loop, Near):
+        units = loop_units(midpoints(loop))
+        F = scaled_balls(loop, -units, units)
+        loops = [Near.of(F), F]
+    for F in loops:
         with suppress(FailedError), np.errstate(all="ignore"):
+            middle: Any = F.middle if isinstance(F, Near) else F.mid()
             form = Lyapunov(middle, is_discrete=is_discrete).decreasing_form()
-            Y = symmetric(ball_matrix(form) if isinstance(form, np.ndarray) else form)
-            decreases = is_positive_definite(-change_along(F, Y, is_discrete=is_discrete))
-            is_stable = is_positive_definite(Y) if decreases else None
-            if is_stable is not None:
-                return is_stable
+            Y = Near(form) if isinstance(form, np.ndarray) else symmetric(form)
+            if is_positive_definite(-change_along(F, Y, is_discrete=is_discrete)):
+                is_stable = is_positive_definite(Y)
+                if is_stable is None and isinstance(Y, Near):
+                    is_stable = is_positive_definite(Y.in_balls)
+                if is_stable is not None:
+                    return is_stable
     return None
 
 

@@ -15,12 +15,12 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.balls import (
     BITS,
+    Near,
     ball_matrix,
     identity,
     is_positive_definite,
     norm,
     precision,
-    symmetric,
 )
 from controller.riccati.candidate import Candidate, half_plane_in_doubles
 from controller.riccati.equation import ContinuousEquation, Equation, StepEquation
@@ -60,24 +60,19 @@ class Stabilizing(NamedTuple):
 def stabilizing(candidate: Candidate) -> Stabilizing:
     """Return the ball about X that is proved to contain the stabilizing solution.
 
-    Of X and Y, only the midpoints of the symmetric parts count.
-
     Raises NotProvedError if the candidate does not prove it.
     """
     from flint import arb
 
-    equation, X, Y = candidate.equation, symmetric(candidate.X), symmetric(candidate.Y)
+    equation, X, gains, residual, loop, Y, near_X = candidate
     try:
-        if candidate.at_X is None:
-            gains, residual = equation.gains_and_residual(X)
-            loop = equation.loop(X, gains)
-        else:
-            gains, residual, loop = candidate.at_X
-        sensitivity = equation.sensitivity(X, loop)
+        judged = equation if near_X is None else equation.in_doubles
+        sensitivity = judged.sensitivity(near_X or X, loop)
     except ZeroDivisionError:
         raise NotProvedError("the weight at X may be singular") from None
     # The loop is stable if Y > 0 decreases along it.
-    defect = norm(change_along(loop, Y, is_discrete=equation.is_discrete) + identity(equation.n))
+    one = Near(np.eye(equation.n)) if isinstance(loop, Near) else identity(equation.n)
+    defect = norm(change_along(loop, Y, is_discrete=equation.is_discrete) + one)
     if not (defect < DEFECT and is_positive_definite(Y)):
         raise NotProvedError("the loop of both players at X")
     # The solution is proved to be X + Z with -ζ Y <= Z <= ζ Y.
@@ -94,7 +89,10 @@ def stabilizing(candidate: Candidate) -> Stabilizing:
     if not size * loop_change * twice_through < 0.5:
         raise NotProvedError("the loop of both players near X")
     # |Z_ij| <= s_i s_j with the roots s of the diagonal of ζ Y.
-    s = ball_matrix([[(zeta * Y[i, i]).sqrt().upper() for i in range(equation.n)]])
+    diagonal = (
+        np.diag(Y.middle).tolist() if isinstance(Y, Near) else [Y[i, i] for i in range(equation.n)]
+    )
+    s = ball_matrix([[(zeta * entry).sqrt().upper() for entry in diagonal]])
     plus_minus = arb(0, 1)  # all numbers from -1 to 1
     ones = ball_matrix(np.ones((gains.nrows(), 1)))
     of_gains = ones * s * (sensitivity.gains * norm(s) * plus_minus)
@@ -113,14 +111,18 @@ def prove_value(found: Stabilizing) -> None:
     Raises NotProvedError if the ball does not prove it.
     """
     equation, P, gains = found
-    for weight in equation.weights(P):
-        if weight is not None and not is_positive_definite(weight):
-            raise NotProvedError("a player pays")
+    if not any(map(_is_value, (equation.in_doubles, equation), (P, P), (gains, gains))):
+        raise NotProvedError("a player pays, or the loop without disturbance is not stable")
+
+
+def _is_value(equation: Equation, P: arb_mat, gains: arb_mat) -> bool:
+    """Return whether both conditions of `prove_value` are proved by the matrices of an equation."""
+    if not all(weight is None or is_positive_definite(weight) for weight in equation.weights(P)):
+        return False
     # Without a disturbance, A - B K is the loop of both players, which is stable for any `found`.
-    if equation.is_disturbed:
-        control_loop = equation.control_loop(P, gains)
-        if not stability_of(control_loop, is_discrete=equation.is_discrete):
-            raise NotProvedError("the loop without disturbance")
+    control_loop = equation.control_loop(gains) if equation.is_disturbed else None
+    is_discrete = equation.is_discrete
+    return control_loop is None or stability_of(control_loop, is_discrete=is_discrete) is True
 
 
 #: An eigenvalue whose real part is below this fraction of its size may be on the axis. It proposes
@@ -257,7 +259,7 @@ def _why_not_the_value(found: Stabilizing) -> str:
         return (
             f"in one step, the disturbance gains more than {equation.delta:.6g} squared of its cost"
         )
-    control_loop = equation.control_loop(P, gains)
+    control_loop = equation.control_loop(gains)
     if stability_of(control_loop, is_discrete=equation.is_discrete) is False:
         return f"for every input, the gain from the disturbance is at least {equation.delta:.6g}"
     return ""

@@ -20,7 +20,6 @@ H-infinity Optimal Control, Theorem 4.11.
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -58,6 +57,8 @@ if TYPE_CHECKING:
 THREE_DIGITS = 1e-6
 #: A cost that is higher by less than this fraction is the same double.
 SAME_DOUBLE = ROUNDOFF
+#: In place of a largest optimum of 0: far below any cost, and far above the radius of a cost of 0.
+NO_COST = 2.0**-300
 #: Steps in which an upper bound is sought above the estimate, as powers of ten.
 _POWERS_ABOVE = range(-12, -5)
 
@@ -148,7 +149,7 @@ def reference_cost(P: np.ndarray, box: np.ndarray) -> np.ndarray:
     box: half-widths b, (n,)
     """
     largest = float(np.abs(np.linalg.eigvalsh(P * np.outer(box, box))).max())
-    return np.diag((largest or sys.float_info.min) / box**2)  # P may be 0
+    return np.diag((largest or NO_COST) / box**2)
 
 
 def without_bound(game: Game, *, low: float = math.inf, is_stable: bool = False) -> Suboptimality:

@@ -99,7 +99,7 @@ def lyapunov_solution(equation, X):
 
 def proved_ball(equation, X, Y):
     """Return the ball about X that X and Y prove to contain the stabilizing solution."""
-    return stabilizing(Candidate(equation, X, Y))
+    return stabilizing(Candidate.at(equation, X, Y))
 
 
 def contains(balls, exact):
