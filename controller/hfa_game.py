@@ -73,12 +73,13 @@ def published_game(
     return Game(A=plant, B=B, names=names, **(weights | changes))
 
 
-def load_game(path: str | Path, **changes: Any) -> Game:
+def load_game(path: str | Path, *, row: str | None = None, **changes: Any) -> Game:
     """Return the game of the plant in a file (`stored_game` with `paper_defaults`).
 
     Notes on unused and missing entries are issued as warnings.
 
     path: file of the plant
+    row: name of a row, of a file with the linear models of several conditions
     changes: Q, R, delta or N in place of the entries of the file
 
     Raises BadInputError, which names the file, under the conditions of `stored_game`.
@@ -88,7 +89,7 @@ def load_game(path: str | Path, **changes: Any) -> Game:
     """
     from hfa_support.errors import warn
 
-    stored = stored_game(path, defaults=paper_defaults, **changes)
+    stored = stored_game(path, defaults=paper_defaults, row=row, **changes)
     for note in stored.notes:
         warn(note)
     return stored.game

@@ -18,6 +18,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.readers.matrices_file import (
     NAME_KEYS,
     entries_of,
+    entries_of_row,
     is_discrete,
     one_number,
     plant_matrices,
@@ -352,6 +353,7 @@ def stored_game(
     *,
     defaults: Callable[[Mapping[str, Any], PlantNames], Defaults] = no_defaults,
     sizes: Callable[[PlantNames], Mapping[str, float]] | None = None,
+    row: str | None = None,
     **changes: Any,
 ) -> StoredGame:
     """Return the game of the plant in a file with A, B, Q, R and optionally E, delta and N.
@@ -366,6 +368,7 @@ def stored_game(
     path: the plant file
     defaults: function (entries, names) -> defaults for missing entries
     sizes: function of the names -> deviations of which Q and R are 1/size² (`weights_of_sizes`)
+    row: name of a row, of a file with the linear models of several conditions
     changes: Q, R, delta or N in place of the entry of the file; None keeps the entry
 
     Raises BadInputError, which names the file, if the file cannot be read, A or B is missing, Q or
@@ -373,7 +376,7 @@ def stored_game(
     """
     contents = read_arrays(path)
     with prefix_errors(path):
-        stored, notes = entries_of(contents, {"A", "B"})
+        stored, notes = entries_of(entries_of_row(contents, row), {"A", "B"})
         parts = {key: stored[key] for key in MODEL_KEYS if key in stored}
         if "disturbances" in stored and "E" in parts:  # a file written by `hfa linearize`
             del parts["E"]

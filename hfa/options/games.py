@@ -373,10 +373,11 @@ def _game_of_file(request: GameOptions, plant: Path, inputs: Sequence[str]) -> N
             raise BadInputError(
                 f"--{name} and --model both define the plant; remove one of these options"
             )
-    of_aircraft = ("aircraft", *OF_THE_TRIM, "parameters", "units", "dynamics")
+    of_trim = [name for name in OF_THE_TRIM if name != "row"]
+    of_aircraft = ("aircraft", *of_trim, "parameters", "units", "dynamics")
     refuse(request, of_aircraft, "applies only to the aircraft; remove this option or --model")
     weights = given_weights(request, None)
-    stored = stored_game(plant, defaults=paper_defaults, **weights)
+    stored = stored_game(plant, defaults=paper_defaults, row=request.row, **weights)
     named = NamedGame(
         stored.game,
         warnings=stored.notes,

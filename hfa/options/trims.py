@@ -80,7 +80,7 @@ class TrimOptions(AircraftOptions):
         rare=True,
     )
     conditions: Path | None = option("a .csv file of conditions; --row names one", "FILE")
-    row: str | None = option("name of the condition in the file of --conditions", "NAME")
+    row: str | None = option("name of the condition of --conditions, or of models", "NAME")
     start: str | None = option(
         "initial point of the trim search: an operating point (.json), or NAME=VALUE,NAME=VALUE",
         "FILE",

@@ -3,17 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_aircraft.control_systems import plant_model
+from hfa_aircraft.control_systems import (
+    LINEAR,
+    LINEAR_WITH_OFFSETS,
+    OutputRow,
+    plant_about,
+    plant_model,
+)
 from hfa_aircraft.model import Model
-from hfa_aircraft.signals import PlantNames
+from hfa_aircraft.signals import PlantNames, Signal
 from hfa_support.arrays.read import read_arrays
-from hfa_support.errors import BadInputError, advice, numbers_in, prefix_errors, shortened, shown
+from hfa_support.errors import (
+    BadInputError,
+    advice,
+    numbers_in,
+    prefix_errors,
+    refuse_unknown,
+    shortened,
+    shown,
+)
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 from hfa_support.units import conversion_factor
 
@@ -177,6 +191,45 @@ def entries_of(contents: dict[str, Any], needed: set[str]) -> tuple[dict[str, An
     return stored, notes
 
 
+def entries_of_row(contents: dict[str, Any], row: str | None) -> dict[str, Any]:
+    """Return the entries of one plant of a file, that of a row if the file has several.
+
+    contents: entries of the file, from `read_arrays`
+    row: name of a row of `hfa linearize --conditions`, or None
+
+    Raises BadInputError if the row is missing, unknown or without a trim.
+    """
+    rows = dict(_models(contents))
+    if not rows:
+        if row is not None:
+            raise BadInputError("the file has one plant, without rows; remove --row")
+        return contents
+    if row is None:
+        names = shortened(", ".join(rows), 200)
+        raise BadInputError(f"the file has the plants of {len(rows)} rows; add --row NAME: {names}")
+    refuse_unknown("unknown row", row, tuple(rows))
+    A, B = (np.asarray(rows[row].get(key, ()), dtype=float) for key in "AB")
+    if not A.size or np.isnan(A).any():
+        raise BadInputError(f"row {row} has no trim and no plant; choose another row")
+    shared = {
+        key: contents[key] for key in (*NAME_KEYS, "schema", "disturbances") if key in contents
+    }
+    return {**shared, "A": A, "B": B}
+
+
+def _models(contents: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield name and matrices of each row of a file with the plants of several conditions."""
+    models, names = contents.get("models"), contents.get("names")
+    if isinstance(models, list):
+        for model in models:
+            if isinstance(model, Mapping) and "name" in model:
+                yield str(np.ravel(model["name"])[0]), dict(model)
+    elif names is not None and np.ndim(contents.get("A", 0)) == 3:
+        matrices = zip(np.ravel(names), contents["A"], contents["B"], strict=True)
+        for name, A, B in matrices:
+            yield str(name), {"A": A, "B": B}
+
+
 def _refuse_other_conventions(stored: Mapping[str, Any]) -> None:
     """Raise BadInputError for B1, B2, C1, D12 of COMPleib and a descriptor matrix of MATLAB."""
     # Files that this program wrote have the entry `schema`.
@@ -311,10 +364,77 @@ def plant_names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> 
     return PlantNames(states, inputs, state_units, input_units)
 
 
+#: Schema of a file with a linear model that this program wrote.
+WRITTEN = "hfa.linear-model/1"
+
+
+def written_plant(
+    stored: Mapping[str, Any],
+    name: str,
+    names: PlantNames,
+    outputs: tuple[str, ...],
+    A: np.ndarray,
+    B: np.ndarray,
+) -> Model:
+    """Return the plant of a file of schema `WRITTEN`, with its offsets, outputs and disturbances.
+
+    stored: name -> value of the entries of the file
+    name: name of the model
+    names: names of the states and inputs
+    outputs: names of the rows of C
+
+    Raises BadInputError for an entry of another shape, and without a unit for each name.
+    """
+    n, m, k = len(names.states), len(names.inputs), len(outputs)
+    disturbances = words(stored, "disturbances")
+    unit_texts = words(stored, "output_units") or ("1",) * k
+    signals = _signals_at(outputs, unit_texts, numbers_of_shape("output_offsets", stored, (k,)))
+    rows = [
+        numbers_of_shape(key, stored, (k, size))
+        for key, size in (("C", n), ("D", m), ("F", len(disturbances)))
+    ]
+    # The first note marks a linear plant. The file of one contains this note among its warnings.
+    warnings = words(stored, "warnings")
+    linear_note = LINEAR if LINEAR in warnings else LINEAR_WITH_OFFSETS
+    X0 = numbers_of_shape("state_offsets", stored, (n,))
+    U0 = numbers_of_shape("input_offsets", stored, (m,))
+    still = np.zeros(len(disturbances))
+    return plant_about(
+        name,
+        states=_signals_at(names.states, words(stored, "state_units"), X0),
+        inputs=_signals_at(names.inputs, words(stored, "input_units"), U0),
+        disturbances=_signals_at(disturbances, words(stored, "disturbance_units"), still),
+        matrices=(A, B, numbers_of_shape("E", stored, (n, len(disturbances)))),
+        outputs=dict(zip(outputs, map(OutputRow, signals.values(), *rows), strict=True)),
+        notes=tuple(dict.fromkeys((linear_note, *warnings))),
+    )
+
+
+def numbers_of_shape(name: str, stored: Mapping[str, Any], shape: tuple[int, ...]) -> np.ndarray:
+    """Return an array of a file as numbers of this shape, zeros if the file does not have it."""
+    if name not in stored:
+        return np.zeros(shape)
+    array = numbers_in(name, stored[name])
+    if array.shape not in (shape, (1, *shape)):  # a .mat file has vectors as rows
+        raise BadInputError(f"{name} is {shape_text(array.shape)}; give {shape_text(shape)}")
+    return array.reshape(shape)
+
+
+def _signals_at(
+    names: tuple[str, ...], units: tuple[str, ...], offsets: np.ndarray
+) -> dict[str, Signal]:
+    """Return name -> signal that starts at its offset; there must be a unit for each name."""
+    if len(units) != len(names):
+        raise BadInputError(f"there are {len(units)} units for {len(names)} names")
+    entries = zip(names, units, offsets.tolist(), strict=True)
+    return {name: Signal(unit, start=offset) for name, unit, offset in entries}
+
+
 def linear_plant(path: str) -> Model:
     """Return the model x' = A x + B u of a plant in a file, with its trim at the origin.
 
-    A file without B has a plant without inputs, x' = A x. Q, R and N become `about.weights`.
+    A file without B has a plant without inputs, x' = A x. Q, R and N become `about.weights`. What
+    `hfa linearize -o` wrote has its offsets, outputs and disturbances too.
 
     path: file with A, and optionally B, Q, R, N, and names and units of states and inputs
 
@@ -322,6 +442,11 @@ def linear_plant(path: str) -> Model:
     """
     contents = read_arrays(path)
     with prefix_errors(path):
+        if rows := dict(_models(contents)):
+            raise BadInputError(
+                f"the file has the plants of {len(rows)} rows; give a file with one plant, or to "
+                "hfa solve and verify --model FILE --row NAME"
+            )
         stored, notes = entries_of(contents, {"A", "B"})
         if is_discrete(stored):
             raise BadInputError(
@@ -335,8 +460,10 @@ def linear_plant(path: str) -> Model:
         else:
             A, B = plant_matrices(stored)
         n, m = B.shape
-        names = plant_names(stored, n, m, notes)
-    model = plant_model(path, names.completed(n, m), A, B)
+        names = plant_names(stored, n, m, notes).completed(n, m)
+        if words(stored, "schema") == (WRITTEN,):
+            return written_plant(stored, path, names, words(stored, "outputs"), A, B)
+    model = plant_model(path, names, A, B)
     weights: dict[str, Any] = {name: stored[name] for name in ("Q", "R", "N") if name in stored}
     unused = ["E"] if "E" in stored and "disturbances" not in stored else []
     if "delta" in stored and one_number("delta", stored["delta"]) < math.inf:

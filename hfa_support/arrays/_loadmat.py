@@ -27,7 +27,7 @@ _PIECE_SIZE = 2**20
 
 def content(value: Any) -> Any:
     """Return what a value of a .mat file contains: an array of numbers or texts, name -> content
-    for a structure, or None for other kinds and for a structure without arrays.
+    for a structure, a list of several, or None for other kinds and for one without arrays.
 
     A sparse matrix is returned as a full matrix.
 
@@ -40,8 +40,9 @@ def content(value: Any) -> Any:
         return value.toarray()
     if not isinstance(value, np.ndarray):
         return None
-    if value.dtype.names and value.size == 1:  # a structure
-        return content({name: value[name].item() for name in value.dtype.names})
+    if value.dtype.names:  # a structure, or an array of structures
+        rows = [content(dict(zip(value.dtype.names, row, strict=True))) for row in value.ravel()]
+        return rows[0] if len(rows) == 1 else rows or None
     if value.dtype.kind == "O":  # a cell array
         return _texts(value)
     return value if value.dtype.kind in "iufcbU" else None

@@ -1,12 +1,14 @@
 """The linear models of a file of conditions: one object, one file, the models of single rows."""
 
 import json
+from pathlib import Path
 
 import control
 import numpy as np
 import pandas as pd
 import pytest
 from cli import answer, assert_refused, hfa as command
+from project import ROOT
 from scipy.io import loadmat
 
 import hfa
@@ -185,3 +187,30 @@ def test_outputs_of_one_and_of_all_conditions_are_told_apart_by_row(words, tmp_p
     assert_refused(all_rows, 2, "old has files")
     one_row = command("linearize", *words, "--row", "turn", "-o", str(tmp_path / "new"))
     assert_refused(one_row, 2, "without --row")
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".json", pytest.param(".mat", marks=pytest.mark.slow)])
+def test_the_game_on_a_row_of_stored_models_is_that_at_its_condition(folder, suffix):
+    """`solve --model FILE --row NAME` takes the plant of one row; without --row, the rows are named."""
+    Path("rows.csv").write_text("name,dihedral\nfive,5\nten,10\n")
+    command("linearize", "--conditions", "rows.csv", "-o", f"models{suffix}")
+    words = ("solve", "--model", f"models{suffix}")
+    assert_refused(command(*words), 2, "--row NAME: five, ten")
+    assert_refused(command(*words, "--row", "six"), 2, "choose from five, ten")
+    assert_refused(command("trim", "--aircraft", f"models{suffix}"), 2, "plants of 2 rows")
+    found, there = (answer(*words, "--row", "ten")["P"], answer("solve", "--dihedral", "10")["P"])
+    np.testing.assert_allclose(found, there, rtol=1e-9)
+
+
+def test_a_stored_linear_model_is_read_back_whole(folder):
+    """The trim, the outputs, the winds and n/alpha of a linear model that `linearize -o` wrote are those of
+    the aircraft.
+    """
+    navion = ("--aircraft", f"{ROOT}/examples/navion.py:NAVION")
+    outputs = ("--outputs", "alpha,load_factor")
+    first = answer("linearize", *navion, *outputs, "-o", "one.json")
+    again = answer("linearize", "--aircraft", "one.json", *outputs)
+    for name in ("A", "B", "C", "D", "state_offsets", "input_offsets", "output_offsets"):
+        np.testing.assert_allclose(again[name], first[name], atol=1e-12, err_msg=name)
+    qualities = [each["handling_qualities"]["n/alpha"]["value"] for each in (first, again)]
+    assert qualities[1] == pytest.approx(qualities[0], rel=1e-9)

@@ -10,13 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from hfa_aircraft.control_systems import (
-    LINEAR,
-    LINEAR_WITH_OFFSETS,
-    OutputRow,
-    plant_about,
     plant_model,
 )
-from hfa_aircraft.signals import PlantNames, Signal, StatesAndInputs
+from hfa_aircraft.signals import PlantNames, StatesAndInputs
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors
 from hfa_support.matrices import LARGEST, balanced, checked_matrix, in_order, labels_of, shape_text
@@ -485,50 +481,16 @@ def _checked_in_order(name: str, matrix: Any, *orders: tuple[str, ...]) -> np.nd
 
 def _with_all(linear: LinearModel, stored: Mapping[str, Any], name: str) -> LinearModel:
     """Return the model of A to D in a file with all other entries that `save` wrote."""
-    from hfa_aircraft.readers.matrices_file import words
+    from hfa_aircraft.readers.matrices_file import numbers_of_shape, words, written_plant
 
-    n, m, k = len(linear.states), len(linear.inputs), len(linear.outputs)
-    disturbances = words(stored, "disturbances")
-    E = _stored("E", stored, (n, len(disturbances)))
-    F = _stored("F", stored, (k, len(disturbances)))
-    Y0 = _stored("output_offsets", stored, (k,))
-    X0, U0 = _stored("state_offsets", stored, (n,)), _stored("input_offsets", stored, (m,))
-    output_units = words(stored, "output_units") or ("1",) * k
-    outputs = _signals(linear.outputs, output_units, Y0)
-    rows = map(OutputRow, outputs.values(), linear.C, linear.D, F)
-    # The first note marks a linear plant. The file of one contains this note among its warnings.
-    warnings = words(stored, "warnings")
-    linear_note = LINEAR if LINEAR in warnings else LINEAR_WITH_OFFSETS
-    model = plant_about(
-        name,
-        states=_signals(linear.states, words(stored, "state_units"), X0),
-        inputs=_signals(linear.inputs, words(stored, "input_units"), U0),
-        disturbances=_signals(
-            disturbances, words(stored, "disturbance_units"), np.zeros(len(disturbances))
-        ),
-        matrices=(linear.A, linear.B, E),
-        outputs=dict(zip(outputs, rows, strict=True)),
-        notes=tuple(dict.fromkeys((linear_note, *warnings))),
+    names = PlantNames(linear.states, linear.inputs, (), ())
+    model = written_plant(stored, name, names, linear.outputs, linear.A, linear.B)
+    n, k, disturbances = len(linear.states), len(linear.outputs), words(stored, "disturbances")
+    return replace(
+        linear,
+        E=numbers_of_shape("E", stored, (n, len(disturbances))),
+        F=numbers_of_shape("F", stored, (k, len(disturbances))),
+        disturbances=disturbances,
+        output_offsets=numbers_of_shape("output_offsets", stored, (k,)),
+        point=point_of_plant(model),
     )
-    point = point_of_plant(model)
-    return replace(linear, E=E, F=F, disturbances=disturbances, output_offsets=Y0, point=point)
-
-
-def _stored(name: str, stored: Mapping[str, Any], shape: tuple[int, ...]) -> np.ndarray:
-    """Return an array of a file as numbers of this shape, zeros if the file does not have it."""
-    if name not in stored:
-        return np.zeros(shape)
-    array = numbers_in(name, stored[name])
-    if array.shape not in (shape, (1, *shape)):  # a .mat file has vectors as rows
-        raise BadInputError(f"{name} is {shape_text(array.shape)}; give {shape_text(shape)}")
-    return array.reshape(shape)
-
-
-def _signals(
-    names: tuple[str, ...], units: tuple[str, ...], offsets: np.ndarray
-) -> dict[str, Signal]:
-    """Return name -> signal that starts at its offset; there must be a unit for each name."""
-    if len(units) != len(names):
-        raise BadInputError(f"there are {len(units)} units for {len(names)} names")
-    entries = zip(names, units, offsets.tolist(), strict=True)
-    return {name: Signal(unit, start=offset) for name, unit, offset in entries}
