@@ -407,6 +407,7 @@ FORGED = [
     ({_K: [[[0.0, -0.2]]]}, "not below"),
     ({_K: [[[1.0, -2.9]]]}, "not below"),
     ({f"{_FLIGHT}__parameters__drag": -2.0}, "not below"),
+    ({f"{_FLIGHT}__parameters__drag": -9.5}, "drag beyond the model's limits"),
     ({f"{_FLIGHT}__range": [1.0, 4.5]}, "open at pull"),
     ({_LIFT: [-9.0, 1.5]}, "lift is not proved"),
     ({_LIFT: [1.5, 4.0]}, "lift is not proved"),

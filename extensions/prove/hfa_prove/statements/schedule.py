@@ -144,6 +144,17 @@ def _read_limits(file: Fields, name: str, known: Any) -> dict[str, tuple[float, 
     return limits
 
 
+def _read_parameters(file: Fields, name: str, known: Any) -> dict[str, float]:
+    """Return parameter -> value, refused if beyond the limits of the model."""
+    signals = known.model.parameters
+    values = file.all_numbers(name, tuple(signals))
+    for parameter, value in values.items():
+        signal = signals[parameter]
+        is_within = signal.min <= value <= signal.max
+        require(is_within, f"parameters: {parameter} beyond the model's limits", value)
+    return values
+
+
 def _read_range(file: Fields, name: str) -> tuple[float, float]:
     """Return the ends (low, high) of an interval, low < high."""
     low, high = file.pair(name)
@@ -161,7 +172,7 @@ class Flight(Stored):
     """Trims of an aircraft at every scheduling value of an interval, within its limits.
 
     model: the equations
-    parameters: every parameter of the model -> value
+    parameters: every parameter of the model -> value within its limits
     imposed: imposed variable -> value, the same for every trim
     limits: state, input or output -> (lowest, highest)
     range: lowest and highest scheduling value
@@ -170,10 +181,7 @@ class Flight(Stored):
     """
 
     model: Model = entry(read_model, store=facts, subject="aircraft")
-    parameters: Mapping[str, float] = entry(
-        lambda file, name, known: file.all_numbers(name, tuple(known.model.parameters)),
-        subject="parameters",
-    )
+    parameters: Mapping[str, float] = entry(_read_parameters, subject="parameters")
     imposed: Mapping[str, float] = entry(
         lambda file, name, known: file.numbers(
             name,
@@ -289,7 +297,8 @@ class ScheduleStatement(Stored):
         lambda file, name, known: Gains.read(file.fields(name), known.flight),
         store=lambda gains: gains.content(),
     )
-    decay_rate: float = entry(lambda file, name, known: file.number(name, least=0.0))
+    # 0.0 is added because a file may have -0.0.
+    decay_rate: float = entry(lambda file, name, known: file.number(name, least=0.0) + 0.0)
     scheduled_rate: float | None = entry(
         lambda file, name, known: file.positive(name) if file.has(name) else None,
         store=lambda rate: "inf" if math.isinf(rate) else rate,

@@ -30,7 +30,7 @@ FLOAT = Model(
     {"lift": Signal("N", 1.0, -9.0, 4.0)},
     float_equations,
     outputs={"load": Signal("N", 1.0, -9.0)},
-    parameters={"pull": Signal("N/m", start=1.0), "drag": Signal("N s/m", start=0.1)},
+    parameters={"pull": Signal("N/m", start=1.0), "drag": Signal("N s/m", start=0.1, min=-9.0)},
     schedule="pull",
     trim={"depth": 1.0, "heave": 0.0},
     source=Source("float.py:FLOAT", "3" * 64),
