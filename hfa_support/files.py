@@ -123,14 +123,17 @@ def _moved_whole(target: Path) -> Iterator[Path]:
         yield temporary
         temporary.replace(target)
     except OSError as error:
-        own_names = (str(target), str(temporary))
-        if error.filename is not None and str(error.filename) not in own_names:
-            raise  # of another file, in the `with` block
+        if error.filename is not None:
+            named = Path(os.fsdecode(error.filename))
+            if not {target, temporary} & {named, *named.parents}:
+                raise  # of another file, in the `with` block
         # A folder in which the temporary file was made is writable, but full.
         which = "another" if temporary.exists() else "a writable"
         raise BadInputError(
             f"cannot write {target}: {error.strerror}; choose {which} folder"
         ) from error
+    except BadInputError as error:  # of a file inside the folder
+        raise BadInputError(str(error).replace(str(temporary), str(target))) from error
     finally:
         if temporary.is_dir():
             import shutil

@@ -17,6 +17,7 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.readers.matrices_file import (
     NAME_KEYS,
+    doubts_of_time,
     entries_of,
     entries_of_row,
     is_discrete,
@@ -385,6 +386,7 @@ def stored_game(
         parts |= {key: value for key, value in changes.items() if value is not None}
         used = (*MODEL_KEYS, *NAME_KEYS, *(DISCRETE_KEYS if is_discrete(stored) else ()))
         notes += unused(stored, used, f"a model file contains {', '.join(MODEL_KEYS)}")
+        notes += doubts_of_time(stored, A)
         names = plant_names(stored, len(A), B.shape[1], notes)
         names = names._replace(origin=str(path))
         if sizes is not None:

@@ -293,6 +293,20 @@ def is_discrete(stored: Mapping[str, Any]) -> bool:
     return time == ("discrete",) or has_dt
 
 
+def doubts_of_time(stored: Mapping[str, Any], A: np.ndarray) -> tuple[str, ...]:
+    """Return a question if the file states no time, and each mode of x' = A x would grow, but none
+    of x⁺ = A x, as of a sampled plant.
+
+    stored: entries of the file
+    A: (n, n)
+    """
+    eigenvalues = np.linalg.eigvals(A)
+    is_like_samples = (eigenvalues.real > 0.0).all() and (np.abs(eigenvalues) <= 1.0).all()
+    if not is_like_samples or {"time", "dt"} & set(stored):
+        return ()
+    return ('every mode of x\' = A x grows, but none of x⁺ = A x: did you mean time = "discrete"?',)
+
+
 def one_number(name: str, value: Any) -> float:
     """Return the single number in an entry of a plant file.
 
@@ -464,11 +478,12 @@ def linear_plant(path: str) -> Model:
         if words(stored, "schema") == (WRITTEN,):
             return written_plant(stored, path, names, words(stored, "outputs"), A, B)
     model = plant_model(path, names, A, B)
+    doubts = doubts_of_time(stored, A)
     weights: dict[str, Any] = {name: stored[name] for name in ("Q", "R", "N") if name in stored}
     unused = ["E"] if "E" in stored and "disturbances" not in stored else []
     if "delta" in stored and one_number("delta", stored["delta"]) < math.inf:
         unused.insert(0, "delta")
-    notes_on_model = model.about.notes
+    notes_on_model = (*model.about.notes, *doubts)
     if unused:
         verb = "are" if len(unused) > 1 else "is"
         notes_on_model += (

@@ -14,7 +14,7 @@ from game_files import small, stored
 from project import ROOT
 
 import hfa
-from hfa_support.files import folder_written_whole
+from hfa_support.files import folder_written_whole, write_text
 
 pytestmark = pytest.mark.usefixtures("folder")
 AT_15 = ("--dihedral", "15")
@@ -131,6 +131,19 @@ def test_a_full_disk_is_reported_with_the_name_of_the_output(monkeypatch, is_nam
 
     monkeypatch.setattr(Path, "replace", full)
     assert_refused(run("trim", *AT_15, "-o", "trim.json"), 2, "trim.json")
+    assert os.listdir() == []
+
+
+def test_a_full_disk_is_reported_with_the_name_of_a_file_in_the_folder(monkeypatch):
+    """A file in a folder that is written whole is named as the user will know it."""
+
+    def full(temporary, _):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(temporary))
+
+    monkeypatch.setattr(Path, "replace", full)
+    says = f"^cannot write {Path('models/a.json')}: "
+    with pytest.raises(hfa.BadInputError, match=says), folder_written_whole("models") as folder:
+        write_text(folder / "a.json", "{}")
     assert os.listdir() == []
 
 

@@ -13,6 +13,7 @@ from scipy.sparse import csc_matrix
 from stored_games import stored as stored_game
 
 from controller import load_game
+from controller.game.linear_game import stored_game as read_game
 from hfa import BadInputError, Game, read_critic, solve
 from hfa_model import LINEAR_STATES, published_models
 from hfa_model.parameters import published_data
@@ -202,3 +203,16 @@ def test_damaged_files_are_refused_in_one_line(name, content, said):
     """A damaged file of each format is refused by one line."""
     Path(name).write_bytes(content)
     assert re.search(said, refusal(load_game, name))
+
+
+def test_a_sampled_plant_without_a_sample_time_is_asked_about():
+    """A file with the A of a sampled pendulum asks whether time is discrete; one that says so, or with a
+    damped mode, does not.
+    """
+    for A, more, is_asked in (
+        ([[0.99, 0.1], [-0.2, 0.95]], {}, True),
+        ([[0.99, 0.1], [-0.2, 0.95]], {"time": "continuous"}, False),
+        ([[0.99, 0.1], [-0.2, -0.95]], {}, False),
+    ):
+        notes = read_game(small("plant.json", A=A, **more)).notes
+        assert any("did you mean time" in note for note in notes) is is_asked
