@@ -98,25 +98,17 @@ def load_game(path: str | Path, *, row: str | None = None, **changes: Any) -> Ga
 def paper_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
     """Return the paper's E, Q, R and delta as defaults for the file of the paper's aircraft.
 
-    A plant with six states and five inputs is taken for the paper's aircraft
-    - if its known names are those of the aircraft, or
-    - if it has no names, and the file does not contain both Q and R.
-    For any other plant, the result contains no defaults. E, Q and R are converted to the units in
-    the file.
+    A plant is the paper's aircraft if its states have the names of the aircraft, and its inputs
+    have them or none. For any other plant, the result contains no defaults. E, Q and R are
+    converted to the units in the file.
 
     parts: entries of the file, with A and B
     names: names and units in the file
 
     Raises BadInputError if a unit cannot be converted.
     """
-    m = len(INPUTS)
-    n = len(LINEAR_STATES)
-    if parts["A"].shape != (n, n) or parts["B"].shape != (n, m):
-        return Defaults()
-    if names.states or names.inputs:
-        if names.states not in ((), LINEAR_STATES) or names.inputs not in ((), INPUTS):
-            return Defaults()
-    elif "Q" in parts and "R" in parts:
+    is_papers = names.states == LINEAR_STATES and names.inputs in ((), INPUTS)
+    if not is_papers or "dt" in parts:
         return Defaults()
     units = {"state_units": names.state_units, "input_units": names.input_units}
     of_paper = PlantNames(state_units=LINEAR_UNITS, input_units=INPUT_UNITS)

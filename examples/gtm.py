@@ -11,7 +11,7 @@ of CaSoS at 45 m/s is alpha .04924, elevator .04892, throttle 14.33. The trim he
 .04920, 14.30.
 
     hfa linearize --aircraft examples/gtm.py:GTM --hold speed=45
-    hfa fly --aircraft examples/gtm.py:GTM --hold speed=40 --policy exact --gust 100:3
+    hfa fly --aircraft examples/gtm.py:GTM --hold speed=40 --policy none --gust 100:3
     hfa prove schedule --aircraft examples/gtm.py:GTM --at 30:60
 """
 

@@ -149,7 +149,8 @@ def verify(
         checks.append(_rank_check(critic))
         reason = checks[-1].reason  # "" if the check passes
     if not reason and any(check.kind == "error" and not check.ok for check in checks):
-        reason = _reason(exact, compared, widths, limit)
+        reason = judged.declared.other_game or _reason(exact, compared, widths, limit)
+        reason = reason or judged.declared.assumed
     above = 100.0 * loop.suboptimality.high  # of a linear policy, proved
     if findings is not None:  # of a network, simulated
         above = findings.flown.cost_above_optimum_flown_percent

@@ -48,6 +48,8 @@ OWN_FILES = (*MATRIX_FILES, *SUFFIXES)
 #: Alias of an entry -> its standard name.
 _ALIASES = {"weights": "W", "gains": "K"}
 _GAME_ENTRIES = (*MODEL_KEYS, "discount")
+#: Those of the game on a plant.
+_OF_THE_GAME = ("Q", "R", "N", "E", "delta", "discount")
 #: Entries that are always used or compared.
 _ALWAYS_READ = (
     *_ALIASES,
@@ -93,7 +95,7 @@ def critic_file(path: str | Path) -> CriticFile:
         return CriticFile(partial(_critic_of_network, path), is_network=True)
     entries = entries_in(path)
     with prefix_errors(path):
-        return CriticFile(partial(_critic_of, entries))
+        return CriticFile(partial(_critic_of, entries), game=partial(_game_in, entries, str(path)))
 
 
 def critic_in(path: str | Path, game: Game, reading: Reading | None = None) -> Critic:
@@ -126,7 +128,13 @@ def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
     """Return the critic in the entries of a file of arrays."""
     refuse_other_step(entries, game.dt)
     scales = file_scales(entries, game.names)
-    notes = [*_other_signals(entries, game.names), *_other_matrices(entries, game, scales)]
+    notes = list(_other_signals(entries, game.names))
+    others = _other_entries(entries, game)
+    other_game = ""
+    if others:
+        verb = "is" if len(others) == 1 else "are"
+        other_game = f"{' and '.join(others)} of the file {verb} not that of the game"
+        notes.append(other_game)
     if game.is_discrete and "H" in entries:
         read = ["H", "H_signals", "P", "K", "L"]
         critic = _critic_of_q_function(entries, game, scales)
@@ -136,8 +144,12 @@ def _critic_of(entries: dict[str, Any], game: Game, reading: Reading) -> Critic:
         read += ["S"] if "K" in entries else []  # the P of MATLAB's lqr
         read += ["L"] if game.is_discrete else []
         critic = _critic_of_parts(entries, game, reading, scales)
-    notes += unused(entries, (*_ALWAYS_READ, *read), f"read: {', '.join(read)}")
-    return replace(critic, declared=NOTHING._replace(notes=tuple(notes))) if notes else critic
+    of_lqr = "S" in entries and "S" in read  # whose P is S
+    found = ", ".join(name for name in read if name in entries and not (of_lqr and name == "P"))
+    notes += unused(entries, (*_ALWAYS_READ, *read), f"read: {found}")
+    if not notes:
+        return critic
+    return replace(critic, declared=NOTHING._replace(notes=tuple(notes), other_game=other_game))
 
 
 def _critic_of_parts(
@@ -229,26 +241,53 @@ def _other_signals(entries: Mapping[str, Any], plant: PlantNames) -> Iterator[st
             yield f"converted {', '.join(converted)}"
 
 
-def _other_matrices(entries: Mapping[str, Any], game: Game, scales: FileScales) -> Iterator[str]:
-    """Yield notes on A, B, E, Q, R, N, delta and discount of a file that differ from the game's."""
+def _game_in(entries: Mapping[str, Any], path: str, names: PlantNames) -> dict[str, Any]:
+    """Return the entries Q, R, N, E, delta, dt and discount of a critic's file in plant units.
+
+    The result is empty if the file is of more states, as those of servos.
+    """
+    if len(words(entries, "states")) not in (0, len(names.states)):
+        return {}
+    with prefix_errors(path):
+        game = _in_units(entries, file_scales(entries, names))
+        step = sample_time(entries)
+    weights = {name: game[name] for name in _OF_THE_GAME if name in game}
+    return weights | {"dt": step} if step else weights
+
+
+def _in_units(entries: Mapping[str, Any], scales: FileScales) -> dict[str, Any]:
+    """Return the entries of a file that a game has, too, in the units of the plant."""
     s, r = scales  # factors of states and inputs from the plant's units to the file's
     factors = {"A": s / s[:, None], "B": r / s[:, None], "E": 1.0 / s[:, None]}
     factors |= {"Q": np.outer(s, s), "R": np.outer(r, r), "N": np.outer(s, r)}
+    converted: dict[str, Any] = {}
     for name in (name for name in _GAME_ENTRIES if name in entries):
-        entry, own = entries[name], np.asarray(getattr(game, name))
-        if own.ndim == 0:  # delta or discount; JSON has null for an infinite delta
-            stored = np.asarray(math.inf if entry is None else one_number(name, entry))
-            if not np.isclose(stored, own, rtol=_BY_PRINTING, atol=0.0):
-                yield f"{name} of the file is not that of the game: {stored:g} in place of {own:g}"
+        entry = entries[name]
+        if name not in factors:  # JSON has null for an infinite delta
+            converted[name] = math.inf if entry is None else one_number(name, entry)
             continue
         stored = numbers_in(name, entry)
         if name in "QR" and stored.ndim == 1:
             stored = np.diag(stored)
-        if stored.size == own.size:
-            converted = stored.reshape(own.shape) * factors[name]
-            if np.allclose(converted, own, _BY_PRINTING, atol=_BY_ROUNDING * np.abs(own).max()):
-                continue
-        yield f"{name} of the file is not that of the game"
+        factor = factors[name]
+        if name != "E" and stored.size == factor.size:
+            stored = stored.reshape(factor.shape)
+        is_column = name == "E" and stored.ndim == 2 and len(stored) == len(s)
+        converted[name] = stored * factor if is_column or stored.shape == factor.shape else stored
+    return converted
+
+
+def _other_entries(entries: Mapping[str, Any], game: Game) -> list[str]:
+    """Return the matrices, delta and discount of a file that are not the game's."""
+    others = []
+    for name, stored in _in_units(entries, file_scales(entries, game.names)).items():
+        own = np.asarray(getattr(game, name))
+        size = np.abs(own).max(initial=0.0) if own.ndim else 0.0
+        if np.shape(stored) != own.shape or not np.allclose(
+            stored, own, rtol=_BY_PRINTING, atol=_BY_ROUNDING * size
+        ):
+            others.append(f"{name} {stored:g}" if not own.ndim else name)
+    return others
 
 
 def gain_in(entries: Mapping[str, Any], plant: PlantNames) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -14,6 +14,7 @@ from controller.critic.features import basis_of
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
 from hfa_aircraft.readers.matrices_file import FileScales
+from hfa_aircraft.signals import PlantNames
 
 if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel
@@ -54,12 +55,15 @@ class CriticFile(NamedTuple):
     is_network: whether the settings of networks apply
     inputs: the inputs that the policy moves, () if the file has none
     cost: "Q" and "R" -> name -> weight, empty if the file has none
+    game: function of the plant's names -> Q, R, N, E, delta, dt and discount, those that the file
+        has, in the units of the plant
     """
 
     critic: Callable[[Game, Reading], Critic]
     is_network: bool = False
     inputs: tuple[str, ...] = ()
     cost: Mapping[str, Mapping[str, float]] = {}
+    game: Callable[[PlantNames], Mapping[str, Any]] = lambda names: {}
 
 
 def in_plant_units(

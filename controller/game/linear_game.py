@@ -53,7 +53,7 @@ _SHOWN = 40
 def default_weight(
     matrix: str, model: Model, states: Sequence[str], inputs: Sequence[str]
 ) -> np.ndarray:
-    """Return the default Q, R or N: that of the model, else diag(1/nominal²) or 0.
+    """Return Q, R or N of the model, else the weights diag(1/nominal²) of flights, or N = 0.
 
     With diag(1/nominal²), the cost rate of a deviation of nominal size is 1.
 
@@ -83,6 +83,18 @@ def default_weight(
     column_places = [places[name] for name in columns]
     weight_of_names = weight[np.ix_(row_places, column_places)]
     return np.asarray(weight_of_names / np.outer(model.nominal(rows), model.nominal(columns)))
+
+
+def weights_of_flights(linear: LinearModel, Q: Any = None, R: Any = None) -> dict[str, Any]:
+    """Return Q and R of the cost of flights, by default 1/nominal²; None for those of the model.
+
+    Reports of flights print them.
+    """
+    model, given = linear.model, {"Q": Q, "R": R}
+    for matrix, weight in given.items():
+        if weight is None and matrix not in model.about.weights:
+            given[matrix] = default_weight(matrix, model, linear.states, linear.inputs)
+    return given
 
 
 def weights_of_sizes(
@@ -209,7 +221,7 @@ def game(
     linear: the linear model, or a `StateSpace` in continuous time
     Q: (n, n), or its diagonal, (n,), or state -> weight, with 0 for all other states
     R: (m, m), or its diagonal, (m,), or input -> weight, for every input. The defaults of Q and R
-        are those of the paper's aircraft, or in the file of a linear plant, else diag(1/nominal²)
+        are those of the paper's aircraft, or in the file of a linear plant
     delta: > 0; inf for LQR, without a disturbance; by default 200 for the paper's aircraft, for
         others inf
     E: (n, k), disturbance matrix; by default the identity. E=linear.E is the matrix of the model's
@@ -243,6 +255,13 @@ def game(
     # An E that is the matrix of the winds has their names.
     if E is not None and linear.disturbances and np.array_equal(E, linear.E):
         names = names._replace(disturbances=linear.disturbances)
+    for matrix, given in (("Q", Q), ("R", R)):
+        if given is None and matrix not in linear.model.about.weights:
+            raise BadInputError(
+                f"there is no {matrix} of {linear.model.title}; give --Q and --R, or --sizes "
+                "NAME=SIZE,... (Python: Q=, R= or sizes=), the deviations that are as bad as one "
+                f"another, of {shortened(', '.join((*linear.states, *linear.inputs)), 200)}"
+            )
     default = partial(
         default_weight, model=linear.model, states=linear.states, inputs=linear.inputs
     )
@@ -363,8 +382,8 @@ def stored_game(
     - Without any value, E is the identity, delta is inf (linear quadratic regulator) and N is 0.
     - In a file with the entry `disturbances`, E describes the wind and is not used.
     - If neither A nor B is at the top level, the entries of the only structure with both are read.
-    - With time = "discrete", or the sample time dt, the game is in discrete time, and `defaults` is
-      not used. The file may then also contain `discount`.
+    - With time = "discrete", or the sample time dt, the game is in discrete time. The file may then
+      also contain `discount`.
 
     path: the plant file
     defaults: function (entries, names) -> defaults for missing entries
@@ -392,8 +411,6 @@ def stored_game(
         if sizes is not None:
             named = names.completed(*B.shape)
             parts |= weights_of_sizes(sizes(named), named.states, named.inputs)
-        if is_discrete(stored):
-            defaults = no_defaults
         parts |= _time(stored)
         game = _completed(parts | {"names": names}, defaults(parts, names), notes)
         noted = tuple(f"{path}: {note}" for note in notes)

@@ -195,7 +195,7 @@ def given_learning(request: LearnRequest) -> NamedGame:
 
     weights = given_weights(request, None)
     game = game_of_data(list(request.data), **weights)
-    sources = weight_sources(weights, deployed=(), of_file=())
+    sources = weight_sources(weights, of_critic=(), of_file=())
     return NamedGame(game, weights_from=sources, source={"model": str(request.data[0])})
 
 

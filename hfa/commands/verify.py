@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import ClassVar, NamedTuple
 
+from controller.critic.critic import Critic
 from controller.critic.critic_file import critic_file, critic_suffixes
 from controller.critic.reading import CriticFile
 from controller.game.zero_sum import Game
@@ -120,25 +121,40 @@ def given_critics(request: VerifyRequest) -> GivenCritics:
     """Return the critics and the game that the options define."""
     files = {str(path): critic_file(path) for paths in request.weights for path in paths}
     _refuse_unused(request, files)
-    single_file = next(iter(files.values())) if len(files) == 1 else None
-    named = given_game(request, request.inputs, single_file)
+    first = next(iter(files))  # the critics of several files are judged on the game of the first
+    named = given_game(request, request.inputs, files[first])
     moved = named.game.names.inputs
     # Of a deployment file that declares only some inputs of the aircraft.
     is_part = named.linear is not None and len(moved) < len(named.linear.model.inputs)
-    deployed = [name for name, source in named.weights_from.items() if source == "deployment"]
+    of_critic = [name for name, source in named.weights_from.items() if source == "critic"]
     notes = list(named.warnings)
-    for path in files:
-        if deployed:
-            notes.append(f"used: {' and '.join(deployed)} of {path}")
-        if is_part and not request.inputs:
-            notes.append(f"{path} moves {', '.join(moved)}; the other inputs stay at the trim")
+    if of_critic:
+        notes.append(f"used: {', '.join(of_critic)} of {first}")
+    if is_part and not request.inputs:
+        notes.append(f"{first} moves {', '.join(moved)}; the other inputs stay at the trim")
     named = replace(named, warnings=tuple(notes))
     if named.game.is_discrete:
         refuse(request, ("discount", "dt", "reference"), CONTINUOUS_ONLY)
     game = named.game
-    if request.discount is not None and request.dt is not None:
-        game = game.sampled(request.dt, request.discount)
+    dt, discount = request.dt, request.discount
+    if dt is None and not game.is_discrete:
+        of_file = files[first].game(game.names)
+        dt, discount = of_file.get("dt"), of_file.get("discount")
+    if dt is not None and discount is not None:
+        game = game.sampled(dt, discount)
     return GivenCritics(files, named, game)
+
+
+def _with_assumption(critic: Critic, named: NamedGame) -> Critic:
+    """Return the critic with the sentence that nothing gives the weights of its game."""
+    assumed = [name for name, source in named.weights_from.items() if source == "default"]
+    if not {"Q", "R"} <= set(assumed):
+        return critic
+    says = (
+        f"{', '.join(assumed)} are the paper's, as neither an option nor the file gives others: "
+        "give those of the critic by --Q and --R or --sizes, and --delta (inf for LQR)"
+    )
+    return replace(critic, declared=critic.declared._replace(assumed=says))
 
 
 def _refuse_unused(request: VerifyRequest, files: Mapping[str, CriticFile]) -> None:
@@ -174,7 +190,7 @@ def verify(request: VerifyRequest, given: GivenCritics) -> Outcome:
         with named.hinting_at_discrete_time(), prefix_errors(path):
             verdicts[path] = judge(
                 game,
-                file.critic(game, reading),
+                _with_assumption(file.critic(game, reading), named),
                 limit=request.limit_error,
                 flights=FLIGHTS if len(files) <= _MANY else _FEW_FLIGHTS,
                 linear=named.linear,
@@ -215,6 +231,4 @@ def _report(request: VerifyRequest, named: NamedGame, verdicts: Mapping[str, Ver
         if verdict.critic.network and not verdict.critic.has_weights:
             about.append("Without sample time, delay and input limits; see hfa assess")
         report = verdict_report(verdict, limit_cost=request.limit_cost, about=about, source=path)
-    game = named.game
-    weights = {"Q": game.Q, "R": game.R, "weights_from": named.weights_from}
-    return report.with_data(named, weights | ({"N": game.N} if game.N.any() else {}))
+    return report.with_data(named, weights_from=named.weights_from)

@@ -14,7 +14,14 @@ import numpy as np
 
 from controller.critic.critic_file import critic_suffixes
 from controller.critic.reading import CriticFile, Reading
-from controller.game.linear_game import flown, game as game_of, sizes_text, weights_line
+from controller.game.linear_game import (
+    flown,
+    game as game_of,
+    names_of_linear,
+    sizes_text,
+    weights_line,
+    weights_of_flights,
+)
 from controller.game.zero_sum import Game
 from controller.hfa_game import plant_names
 from controller.riccati.lyapunov import stabilizes
@@ -111,12 +118,6 @@ def reading_of(request: ReadingOptions, linear: LinearModel | None = None) -> Re
     return Reading(request.basis, request.network, activation, scale, linear)
 
 
-#: Default weights for an aircraft other than the HFA, for notes and helps.
-USUAL_WEIGHTS = {
-    "Q": "1/nominal^2 on the diagonal",
-    "R": "1/nominal^2 on the diagonal",
-    "delta": "inf (no disturbance)",
-}
 #: Reason why an option is refused for a discrete-time plant.
 CONTINUOUS_ONLY = (
     "applies only to continuous time; remove this option for a plant with time = discrete"
@@ -151,7 +152,7 @@ def _diagonal_option(name: str, signals: str) -> Any:
     """Return the option of Q or R, whose diagonal has an entry for each of these signals."""
     return option(
         f"diagonal of {name} in the order of the {signals}, or NAME=a,...; default: of the paper "
-        f"for the HFA, of the file of a plant, else {USUAL_WEIGHTS[name]}",
+        "for the HFA, else of the file of the plant or of the critic",
         "a,b,...",
         diagonal,
         names=f"--{name}",
@@ -261,11 +262,11 @@ def _sizes_of_file(texts: Mapping[str, str], names: PlantNames) -> dict[str, flo
 
 
 def given_game(
-    request: GameOptions, inputs: Sequence[str] = (), deployment: CriticFile | None = None
+    request: GameOptions, inputs: Sequence[str] = (), critic: CriticFile | None = None
 ) -> NamedGame:
     """Return the game of the options, on a plant file or on an aircraft at a trim.
 
-    inputs, deployment: as for `weighted_game`; a deployment is not used with a plant file
+    inputs, critic: as for `weighted_game`; a deployment is not used with a plant file
 
     Raises BadInputError in these cases:
     - The plant file is not valid, or is combined with an option of the aircraft.
@@ -273,14 +274,14 @@ def given_game(
     Raises NoSolutionError if the aircraft has no trim.
     """
     if request.plant is not None:
-        return _flown(request, _game_of_file(request, request.plant, inputs))
+        return _flown(request, _game_of_file(request, request.plant, inputs, critic))
     if request.aircraft is None and request.at is None and request.dihedral is None:
         raise BadInputError(
             "no plant is given; add --dihedral DEG, --aircraft FILE or --model FILE"
         )
     given = given_trim(request)
     weights = given_weights(request, given.model)
-    return _flown(request, game_at(given, weights, inputs, deployment))
+    return _flown(request, game_at(given, weights, inputs, critic))
 
 
 def _flown(request: GameOptions, named: NamedGame) -> NamedGame:
@@ -294,12 +295,12 @@ def game_at(
     given: GivenTrim,
     weights: Mapping[str, Any],
     inputs: Sequence[str] = (),
-    deployment: CriticFile | None = None,
+    critic: CriticFile | None = None,
 ) -> NamedGame:
     """Return the game on the linear model of an aircraft at a trim (`weighted_game`)."""
     point = trimmed(given)
     linear = linearize(point.model, point)
-    named = weighted_game(weights, linear, inputs, deployment)
+    named = weighted_game(weights, linear, inputs, critic)
     warnings = (*linear.point.warnings, *linear.nonsmooth_points, *named.warnings)
     return replace(named, warnings=warnings, source=given.source)
 
@@ -308,23 +309,30 @@ def weighted_game(
     weights: Mapping[str, Any],
     linear: LinearModel,
     inputs: Sequence[str] = (),
-    deployment: CriticFile | None = None,
+    critic: CriticFile | None = None,
+    *,
+    of_flights: bool = False,
 ) -> NamedGame:
     """Return the game on a linear model, with notes on weights that no option gives.
 
-    weights: given weights; others are those of the deployment, else of the model's file, else
-        default values
+    weights: given weights; others are those of the critic's file, else of the model's file, else of
+        the paper for its aircraft
     inputs: inputs that move, or () for those of the deployment, else all; the weights of others are
         not used
-    deployment: critic file whose cost is used if it weighs linear states, or None
+    critic: critic file whose weights are used, those of a deployment if it weighs linear states
+    of_flights: whether Q and R may be `weights_of_flights`, which reports of flights print
+
+    Raises BadInputError if Q or R has no value.
     """
-    cost: Mapping[str, Any] = {}  # of the deployment
-    if deployment is not None and set(deployment.cost.get("Q", ())) <= set(linear.states):
-        cost = deployment.cost
-    if deployment is not None and set(deployment.inputs) < set(linear.inputs):
-        inputs = inputs or deployment.inputs
-    used = {} if "sizes" in weights else dict(cost)  # the sizes define Q and R
-    used |= weights
+    cost: Mapping[str, Any] = {}  # of the critic's file
+    if critic is not None and set(critic.inputs) < set(linear.inputs):
+        inputs = inputs or critic.inputs
+    if critic is not None and set(critic.cost.get("Q", ())) <= set(linear.states):
+        cost = critic.cost or _without_time(critic.game(names_of_linear(linear)))
+    used = _beside(cost, weights)
+    cost = {name: value for name, value in cost.items() if name in used and name not in weights}
+    if of_flights and "sizes" not in used:
+        used |= weights_of_flights(linear, used.get("Q"), used.get("R"))
     not_moved = [name for name in linear.inputs if inputs and name not in inputs]
     for name in ("R", "sizes"):
         # A mapping must name every input. One that does not move gets any weight, here 1.
@@ -339,34 +347,68 @@ def weighted_game(
     notes: tuple[str, ...] = ()
     if of_file := [name for name, source in sources.items() if source == "file"]:
         notes += (f"used: {' and '.join(of_file)} of {linear.model.name}",)
-    missing = [name for name, source in sources.items() if source == "default"]
-    if is_file and missing:
-        usual = [f"{name} {USUAL_WEIGHTS[name]}" for name in missing]
-        notes += (f"{' and '.join(missing)} not given; used: {', '.join(usual)}",)
+    missing = [name for name, source in sources.items() if source == "default"] if is_file else []
+    if missing:
+        usual = {"delta": "inf (no disturbance)"}
+        listed = [f"{name} {usual.get(name, '1/nominal^2 on the diagonal')}" for name in missing]
+        notes += (f"{' and '.join(missing)} not given; used: {', '.join(listed)}",)
     named = NamedGame(game, notes, linear=linear, weights_from=sources)
     return named.with_inputs(inputs) if inputs else named
 
 
-def weight_sources(
-    given: Iterable[str], deployed: Iterable[str], of_file: Iterable[str]
-) -> dict[str, str]:
-    """Return name of a weight -> its source: "default", "file", "deployment", "given" by an option,
-    or "sizes" of Q and R. N has an entry if a source gives it.
+def _without_time(game: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the weights of a critic's game."""
+    return {name: value for name, value in game.items() if name not in ("dt", "discount")}
 
-    given, deployed, of_file: names of the weights of options, a deployment, the plant's file; of a
-        weight in several, the first counts
+
+def _beside(cost: Mapping[str, Any], weights: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the weights of a critic's file beside given ones, which replace them.
+
+    Cross weights belong to both Q and R.
+    """
+    replaced = ("Q", "R", "N") if "sizes" in weights else ()
+    if not {"Q", "R"}.isdisjoint(weights):
+        replaced = (*replaced, "N")
+    return {name: value for name, value in cost.items() if name not in replaced} | dict(weights)
+
+
+def weight_sources(
+    given: Iterable[str], of_critic: Iterable[str], of_file: Iterable[str]
+) -> dict[str, str]:
+    """Return name of a weight -> its source: "default", "file", "critic", "given" by an option, or
+    "sizes" of Q and R. N has an entry if a source gives it.
+
+    given, of_critic, of_file: names of the weights of options, the critic's file, the plant's file;
+        of a weight in several, the first counts
     """
     sources = dict.fromkeys(("Q", "R", "delta"), "default")
     sources |= {name: "file" for name in of_file if name in (*sources, "N")}
-    sources |= dict.fromkeys(deployed, "deployment")
+    sources |= {name: "critic" for name in of_critic if name in (*sources, "N")}
     typed = {name: "given" for name in given if name != "sizes"}
     return sources | typed | dict.fromkeys(("Q", "R") if "sizes" in given else (), "sizes")
 
 
-def _game_of_file(request: GameOptions, plant: Path, inputs: Sequence[str]) -> NamedGame:
-    """Return the game on a plant file, in which the inputs move, or all of them for ()."""
-    from controller.game.linear_game import stored_game
+def _game_of_file(
+    request: GameOptions, plant: Path, inputs: Sequence[str], critic: CriticFile | None
+) -> NamedGame:
+    """Return the game on a plant file, in which the inputs move, or all of them for ().
+
+    critic: critic file, whose weights are used where neither an option nor the plant file has them
+    """
+    from controller.game.linear_game import Defaults, stored_game
     from controller.hfa_game import paper_defaults
+
+    of_critic: dict[str, Any] = {}
+
+    def defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
+        """Return the weights of the critic's file, else of the paper for its aircraft."""
+        usual = paper_defaults(parts, names)
+        if critic is None:
+            return usual
+        found = _beside(_without_time(critic.game(names.completed(*parts["B"].shape))), parts)
+        of_critic.update({name: found[name] for name in found if name not in parts})
+        words = {**usual.words, **dict.fromkeys(of_critic, "of the critic's file")}
+        return Defaults({**usual.values, **of_critic}, words)
 
     for name in ("at", "dihedral"):
         if getattr(request, name) is not None:
@@ -377,13 +419,13 @@ def _game_of_file(request: GameOptions, plant: Path, inputs: Sequence[str]) -> N
     of_aircraft = ("aircraft", *of_trim, "parameters", "units", "dynamics")
     refuse(request, of_aircraft, "applies only to the aircraft; remove this option or --model")
     weights = given_weights(request, None)
-    stored = stored_game(plant, defaults=paper_defaults, row=request.row, **weights)
+    stored = stored_game(plant, defaults=defaults, row=request.row, **weights)
     named = NamedGame(
         stored.game,
         warnings=stored.notes,
         plant_provenance=stored.provenance,
         has_time=stored.has_time,
-        weights_from=weight_sources(weights, (), stored.declared),
+        weights_from=weight_sources(weights, of_critic, stored.declared),
         source={"model": str(plant)},
     )
     return named.with_inputs(inputs) if inputs else named
@@ -455,15 +497,21 @@ class NamedGame(Result):
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
-        names = self.game.names
+        game, names = self.game, self.game.names
+        time = {"dt": game.dt, "discount": game.discount} if game.is_discrete else {}
         return {
             "plant": names.origin,
             "states": names.states,
             "inputs": names.inputs,
             "state_units": names.state_units,
             "input_units": names.input_units,
-            "delta": self.game.delta,
+            "Q": game.Q,
+            "R": game.R,
+            "E": game.E,
+            "delta": game.delta,
             "warnings": self.warnings,
+            **time,
+            **({"N": game.N} if game.N.any() else {}),
         } | without_empty(plant_provenance=dict(self.plant_provenance) or None)
 
 

@@ -62,7 +62,7 @@ def test_a_commanded_pitch_is_a_trim_of_this_pitch():
     model = hfa.load_model(f"{ROOT}/examples/navion.py:NAVION")
     point = hfa.trim(model)
     linear = hfa.linearize(model, point)
-    solution = hfa.solve(hfa.game(linear))
+    solution = hfa.solve(hfa.game(linear, Q=np.ones(8), R=np.ones(4)))
     pitch = point["pitch"] + 0.03
     gamma = brentq(lambda gamma: hfa.trim(model, gamma=gamma)["pitch"] - pitch, 0.0, 0.1)
     found = track(linear, solution, {"pitch": 0.03})

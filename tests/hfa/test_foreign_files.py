@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import hfa
+from cli import answer, assert_refused, hfa
 from game_files import small, stored
+from scipy.linalg import solve_continuous_are
 
 from hfa.main import BAD_INPUT
 
@@ -131,8 +132,51 @@ def test_a_solution_of_another_trim_is_named(tmp_path):
     solved = str(tmp_path / "solved.json")
     assert hfa("solve", "--dihedral", "10", "-q", "-o", solved).code == 0
     trim = "of the aircraft at dihedral 10 deg, published dynamics; the game is of"
-    delta = "delta of the file is not that of the game: 200 in place of 300"
+    delta = "delta 200 of the file is not that of the game"
     for dihedral, of_game, said in (("10", "200", ""), ("11", "200", trim), ("10", "300", delta)):
         result = hfa("verify", "--dihedral", dihedral, "--delta", of_game, "--weights", solved)
         report = " ".join(result.out.split())
         assert [each for each in (trim, delta) if each in report] == ([said] if said else [])
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_plant_of_the_papers_shape_has_no_weights_of_the_paper():
+    """Six states and five inputs without the paper's names are another plant: Q is asked for."""
+    values = np.random.default_rng(1)
+    file = stored("foreign.npz", A=values.normal(size=(6, 6)), B=values.normal(size=(6, 5)))
+    assert_refused(hfa("solve", "--model", file), 2, "there is no Q")
+
+
+#: A plant without weights, and a game on it.
+PLANT = {"A": [[0.0, 1.0], [2.0, -0.3]], "B": [[0.0], [1.0]]}
+OF_GAME = ("--Q", "10,1", "--R", ".1", "--delta", "30")
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_critics_file_has_its_game():
+    """`verify` judges a learned file on its own Q, R and delta. Beside others, these are the reason."""
+    plant = stored("plant.json", **PLANT)
+    assert hfa("learn", "--model", plant, *OF_GAME, "-o", "learned.npz").code == 0
+    words = ("verify", "--model", plant, "--weights", "learned.npz")
+    own = answer(*words)
+    assert (own["ok"], own["delta"]) == (True, 30.0)
+    assert own["weights_from"] == dict.fromkeys(("Q", "R", "delta"), "critic")
+    other = answer(*words, "--Q", "1,1", code=1)
+    assert other["weights_from"]["Q"] == "given"
+    assert other["diagnosis"] == "Q of the file is not that of the game"
+    three = stored("K.npz", K=np.ones((1, 2)), Q=np.eye(3), R=np.eye(1))
+    assert_refused(hfa(*words[:-1], three), 2, "Q")
+
+
+@pytest.mark.usefixtures("folder")
+def test_under_the_papers_weights_no_gain_is_said_to_contradict_its_own_value():
+    """A right LQR gain and its P of other weights fail on the paper's game, whose weights are the
+    reason, unless the mistake is one of the gain.
+    """
+    linear = answer("linearize", "--dihedral", "7")
+    A, B = np.array(linear["A"]), np.array(linear["B"])
+    P = solve_continuous_are(A, B, np.eye(6), np.eye(5))
+    K = B.T @ P
+    file = stored("colleague.npz", K=K, S=P)
+    found = answer("verify", "--dihedral", "7", "--weights", file, code=1)
+    assert "--Q and --R" in found["diagnosis"]

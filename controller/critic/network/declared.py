@@ -128,6 +128,8 @@ class Declared(NamedTuple):
     observations: names of the observations, () if the file has none
     inputs: number of observations, or 0 if the file does not state it
     notes: sentences on what the file contains and the policy does not use
+    other_game: sentence on entries of the file that differ from those of the game, or ""
+    assumed: sentence on weights of the game that nothing gives, or ""
     has_mean: whether the outputs of the policy are the mean, followed by as many deviations
     """
 
@@ -141,6 +143,8 @@ class Declared(NamedTuple):
     observations: tuple[str, ...] = ()
     inputs: int = 0
     notes: tuple[str, ...] = ()
+    other_game: str = ""
+    assumed: str = ""
     has_mean: bool = False
 
 

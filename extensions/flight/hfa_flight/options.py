@@ -230,12 +230,12 @@ def policy_of_word(
     return predictive(*of_game, delta=game.delta, budget=math.inf, limits=limits, **given)
 
 
-def noted_game(weights: Mapping[str, Any], linear: LinearModel) -> Game:
-    """Return the game of a linear model with some weights that are given.
+def noted_game(weights: Mapping[str, Any], linear: LinearModel, of_flights: bool = False) -> Game:
+    """Return the game of a linear model with some weights that are given (`weighted_game`).
 
     For the others, the game has default values, and each is named in a warning.
     """
-    named = weighted_game(weights, linear)
+    named = weighted_game(weights, linear, of_flights=of_flights)
     for note in named.warnings:
         warn(note)
     return named.game
@@ -265,7 +265,8 @@ def policy_of_options(
     condition: function from the scheduling variable to the trim condition of a gain table
     commands: steps that a gain table follows
     """
-    from controller.game.linear_game import flown
+    from controller.critic.critic_file import critic_file
+    from controller.game.linear_game import flown, names_of_linear
     from controller.riccati.gare import solve
     from hfa_flight.policies.given import policy_of_file
     from hfa_flight.policies.policy import GainPolicy
@@ -274,8 +275,12 @@ def policy_of_options(
     if not isinstance(path, Path):
         rate = getattr(request, "rate", None)  # of a command that samples
         return GainPolicy(EXACT, solve(flown(noted_game(weights, linear), rate, 0.0)).K)
-    # The policy of a critic, of the kind GAIN, or of a network may depend on the cost.
-    game = weighted_game(weights, linear).game if request.kind in (GAIN, NETWORK) else None
+    game = None
+    if request.kind in (GAIN, NETWORK):  # whose policy may depend on the cost
+        file = critic_file(path)
+        known = {*weights, *file.game(names_of_linear(linear)), *linear.model.about.weights}
+        if {"Q", "R"} <= known or "sizes" in known:
+            game = weighted_game(weights, linear, critic=file).game
     return policy_of_file(path, linear.point, game, reading_of(request), condition, commands)
 
 

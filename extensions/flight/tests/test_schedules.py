@@ -135,7 +135,7 @@ def test_a_policy_with_a_reference_follows_no_other():
     point = hfa.trim(TANK)
     table = GainSchedule(np.array([0.0, 1.0]), np.ones((2, 1, 2)), TANK)
     linear = hfa.linearize(TANK, point)
-    tracking = hfa.track(linear, hfa.solve(hfa.game(linear)), {"level": 0.1})
+    tracking = hfa.track(linear, hfa.solve(hfa.game(linear, Q=np.ones(2), R=[1.0])), {"level": 0.1})
     up = Scenario(reference=Waveform(np.array([0.1, 0.0]), np.zeros(2)))
     for policy in (table, tracking):
         hfa.fly(TANK, point, policy, 0.1)

@@ -381,10 +381,10 @@ OF_GAME = {name: getattr(GAME, name) for name in ("A", "B", "E", "Q", "R", "delt
         ({"states": ["Angle", "rate"]}, ""),
         ({"states": ["angel", "rate"]}, "states angel, rate of the file, taken as angle, rate"),
         (OF_GAME | {"Q": np.diag(GAME.Q), "discount": 1.0}, ""),
-        *(({name: 1.01 * entry}, f"{name} of the file is not") for name, entry in OF_GAME.items()),
-        ({"discount": 0.9}, "discount of the file is not that of the game: 0.9 in place of 1"),
+        *(({name: 1.01 * entry}, "of the file is not") for name, entry in OF_GAME.items()),
+        ({"discount": 0.9}, "discount 0.9 of the file is not that of the game"),
         ({"Q": np.eye(3)}, "Q of the file is not"),
-        ({"seed": 1, "schema": "mine"}, "unused: schema, seed; read: W, P, K"),
+        ({"seed": 1, "schema": "mine"}, "unused: schema, seed; read: K"),
         ({"L": np.eye(2), "basis": "cubic"}, "unused: L, basis"),
     ],
 )

@@ -8,6 +8,7 @@ from own_models import GTM, trimmed
 from scipy.linalg import solve_continuous_are
 
 import hfa
+from controller.game.linear_game import weights_of_flights
 from hfa import BadInputError, Model, Signal
 from hfa.main import main
 from hfa_aircraft import in_si
@@ -54,7 +55,8 @@ def test_a_solution_passes_in_other_units_of_its_aircraft(is_stored_in_si, tmp_p
         ),
     )
     games = [
-        hfa.game(hfa.linearize(each, hfa.trim(each)), delta=2.0) for each in (model, in_si(model))
+        hfa.game(linear, **weights_of_flights(linear), delta=2.0)
+        for linear in (hfa.linearize(each, hfa.trim(each)) for each in (model, in_si(model)))
     ]
     judging, solved = games if is_stored_in_si else games[::-1]
     path = tmp_path / "solution.json"
@@ -96,11 +98,11 @@ def test_default_weights_are_those_of_the_plant_file(folder, capsys):
         assert (of_u2.R.tolist(), of_u2.N.tolist()) == ([[2.0]], [[0.0], [0.2]])
 
 
-def test_the_default_weight_of_a_state_is_that_of_its_nominal_size():
-    """Q is diag(1/nominal²) where a model declares no weights."""
-    game = hfa.game(trimmed(GTM).linearize())
-    nominal = np.array([GTM.signals[name].nominal for name in GTM.linear])
-    assert np.diag(game.Q) == pytest.approx(nominal**-2.0)
+def test_an_aircraft_without_weights_has_no_game():
+    """Q and R are asked for where neither the model nor the user states them."""
+    for given in ({}, {"Q": np.ones(4)}):
+        with pytest.raises(BadInputError, match=r"there is no [QR] of .*--sizes"):
+            hfa.game(trimmed(GTM).linearize(), **given)
 
 
 def test_sizes_are_weights_of_deviations_that_are_as_bad_as_one_another(linear):

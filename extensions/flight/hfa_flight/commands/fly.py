@@ -230,7 +230,10 @@ def _fly_once(request: FlyRequest, given: GivenTrim) -> Outcome:
     # The first line of a law's report has the cost of the flight.
     is_law = request.kind in LAWS
     if is_law or request.Q is not None or request.R is not None or request.sizes:
-        game = weighted_game(given_weights(request, model), linearize(model, point)).game
+        named = weighted_game(
+            given_weights(request, model), linearize(model, point), of_flights=is_law
+        )
+        game = named.game
         weights = Cost(game.Q, game.R)
     plant = NonlinearPlant(with_errors(model, scenario), point)
     loop = FlightLoop(plant, policy, scenario, weights)
@@ -376,7 +379,7 @@ def _steering(
         steps = command_steps(commands)
         return _Steering(policy_of_options(request, linear, given.common.at, steps))
     if request.kind in LAWS:
-        game = noted_game(given_weights(request, model), linear)
+        game = noted_game(given_weights(request, model), linear, of_flights=True)
         settings = {"horizon": request.horizon, "margin": request.margin}
         return _Steering(policy_of_word(request.kind, game, point, limits, **settings))
     # A constant gain follows a command as its reference, or a reference with feedforward.

@@ -161,7 +161,8 @@ def optimize(request: OptimizeRequest, asked: TrimInput) -> Outcome:
     deviations = each_of("--initial", model, request.deviations, linear_state)
     limits = each_of("--limit", model, request.limits, span)
     point = trimmed(end)
-    game = weighted_game(given_weights(request, model), linearize(model, point)).game
+    weights = given_weights(request, model)
+    game = weighted_game(weights, linearize(model, point), of_flights=True).game
     game.refuse_cross_weights("the cost of hfa optimize")
     problem = flight_problem(model, point, game.Q, game.R, limits=limits)
     judged = dict(_policy(what, game, point, limits) for what in request.policy)

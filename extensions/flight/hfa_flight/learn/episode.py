@@ -58,7 +58,7 @@ def usual_sample_time(model: Model, points: Sequence[OperatingPoint]) -> float:
     the aircraft and of its LQR loop with the default weights at all trims. A slower policy than the
     LQR does not need a shorter one.
     """
-    from controller.game.linear_game import game
+    from controller.game.linear_game import game, weights_of_flights
     from controller.riccati.gare import solve
 
     fastest = 0.0
@@ -66,7 +66,7 @@ def usual_sample_time(model: Model, points: Sequence[OperatingPoint]) -> float:
         linear = linearize(model, point)
         fastest = max(fastest, spectral_radius(linear.A))
         try:
-            K = solve(game(linear, delta=np.inf)).K
+            K = solve(game(linear, **weights_of_flights(linear), delta=np.inf)).K
         except NoSolutionError:
             continue
         fastest = max(fastest, spectral_radius(linear.A - linear.B @ K))

@@ -10,7 +10,12 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.game.linear_game import default_weight, game, matrix_text
+from controller.game.linear_game import (
+    default_weight,
+    game,
+    matrix_text,
+    weights_of_flights,
+)
 from controller.riccati.gare import solve
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
@@ -319,8 +324,8 @@ def flight_problem(
 ) -> FlightProblem:
     """Return the optimal control problem of flights to a trim.
 
-    Q, R: weights, as `hfa.game` accepts them and with its defaults; R is the weight of the moving
-        inputs
+    Q, R: weights, as `hfa.game` accepts them, by default those of `weights_of_flights`; R is the
+        weight of the moving inputs
     inputs: inputs that move, by default all; the others are constant
     limits: state -> (lowest, highest), absolute, replacing the limits of the flight envelope
 
@@ -334,7 +339,7 @@ def flight_problem(
         for name in inputs:
             refuse_unknown("there is no input", name, linear.inputs)
         linear = linear.select(inputs=tuple(inputs))
-    lqr = game(linear, Q=Q, R=R, delta=np.inf)
+    lqr = game(linear, **weights_of_flights(linear, Q, R), delta=np.inf)
     lqr.refuse_cross_weights("the cost of these flights")
     solution = solve(lqr)
     envelope = flight_envelope(model, point, limits)
