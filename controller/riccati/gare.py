@@ -245,6 +245,7 @@ class Solution(Result, Reported):
             "delta_min": self.delta_min,
             "delta_margin": self.delta_margin,
         } | without_empty(
+            dt=self.game.dt if isinstance(self.game.dt, float) else None,
             discount=self.discount,
             spectral_radius=self.spectral_radius,
             H=self.H,

@@ -18,6 +18,7 @@ from hfa.options.parser import option, refuse
 from hfa.options.trims import GivenTrim, trim_input
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.export.c_text import (
+    AIRCRAFT_FILES,
     c_filter_texts,
     c_model_texts,
     c_policy_texts,
@@ -201,6 +202,7 @@ def _write_source(
     policy = policy_of_options(request, linear, given.common.at)
     texts = c_model_texts(linear, policy, origin)
     if request.filter:
+        del texts[AIRCRAFT_FILES[-1]]  # the example loop of a policy at x
         texts |= c_filter_texts(_filtered(request, given, linear, policy), origin)
     return write_texts(target, texts)
 

@@ -13,7 +13,9 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
+from hfa_flight.air.gusts import state_of
 from hfa_flight.air.held_step import in_samples
+from hfa_flight.air.sensors import measured
 from hfa_flight.policies.deployment.policy import DeployedPolicy
 from hfa_flight.policies.estimate import (
     IMPOSSIBLE,
@@ -165,30 +167,61 @@ def _command(policy: DeployedPolicy) -> ca.Function:
     return ca.Function("command", [X, U], [commanded], {"cse": True})
 
 
-#: Header and source file.
-FILTER_FILES = ("hfa_filter.h", "hfa_filter.c")
+#: Header, source and example file.
+FILTER_FILES = ("hfa_filter.h", "hfa_filter.c", "loop_filter.c")
 
 
 def c_filter_texts(policy: FilteredPolicy, origin: str) -> dict[str, str]:
-    """Return the C source of one sample of a policy behind a filter, as file name -> text.
+    """Return the C source of one sample of a policy behind a filter, as file name -> text, with an
+    example loop of the aircraft of `c_model_texts`.
 
     origin: comment on the origin of the policy
     """
     model = policy.point.model
+    state, amount = displaced_state(model)
     fields = {
         "origin": comment_lines(origin),
         "title": comment_lines(f"{model.title}, {policy.filter.text()}"),
-        "sensors": enumerators(units_of(in_gusts(model), policy.filter.sensors), "FILTER_"),
+        "sensors": enumerators(_meanings(policy), "FILTER_"),
         "inputs": enumerators(units_of(model, model.inputs), "FILTER_"),
         "dt": repr(policy.dt),
+        "delay": repr(policy.delay),
+        "states": len(model.states),
+        "winds": max(1, len(model.disturbances)),
         "memory": memory_size(policy.filter) + commands_under_way(policy) * len(policy.point.u),
         "impossible": IMPOSSIBLE,  # standard deviations
         "share": memory_slices(policy.filter).share.start,  # place of the acting share
         "fade": policy.fade,  # s
         "restarts_after": RESTARTS_AFTER,  # samples
         "sample": c_function(filter_sample(policy), "sample", ("memory", "y"), ("u", "later")),
+        "sensed": c_function(_sensed(policy), "sensed", ("x", "w"), ("y",)),
+        "state": state.upper(),
+        "amount": amount,
+        "unit": model.unit(state),
     }
     return {file: filled(file, **fields) for file in FILTER_FILES}
+
+
+def _meanings(policy: FilteredPolicy) -> dict[str, str]:
+    """Return sensor -> what it measures, and its unit."""
+    model, moving = policy.point.model, in_gusts(policy.point.model)
+    over_ground = {state_of(model, name) for name in ("speed", "alpha", "beta")}
+    return {
+        name: f"{'state' if name in model.states else 'output'} {name}"
+        f"{' over the ground' * (name in over_ground)}, {moving.unit(name)}"
+        for name in policy.sensors
+    }
+
+
+def _sensed(policy: FilteredPolicy) -> ca.Function:
+    """Return the function (X, w) -> measured values y without errors, in absolute values."""
+    point, model = policy.point, policy.point.model
+    x = ca.SX.sym("x", len(model.states))
+    w = ca.SX.sym("w", max(1, len(model.disturbances)))  # C has no arrays without entries
+    winds = dict(zip(model.disturbances, ca.vertsplit(w), strict=False))
+    no_inputs = ca.SX.zeros(len(model.inputs))  # on which no sensor of a filter depends
+    y = measured(point, policy.sensors, x - ca.DM(point.x), no_inputs, model.p, winds)
+    return ca.Function("sensed", [x, w], [ca.densify(y + ca.DM(policy.filter.at_trim))])
 
 
 def commands_under_way(policy: FilteredPolicy) -> int:
@@ -326,7 +359,9 @@ def _policy_in_c(linear: LinearModel, policy: Policy | None) -> _PolicyInC:
         return _PolicyInC(no_gain, formula, _BODY_OF_CALL, tables={}, function=function)
     if policy is None or isinstance(policy, GainPolicy):
         K = no_gain if policy is None else policy.K
-        return _PolicyInC(K, formula_of_gain, _BODY_OF_GAIN, tables={}, function="")
+        all_states = no_gain.copy()
+        all_states[:, : K.shape[1]] = K  # which may not see the positions of servos
+        return _PolicyInC(all_states, formula_of_gain, _BODY_OF_GAIN, tables={}, function="")
     assert isinstance(policy, ScheduledGainPolicy)  # of a file without a sample time
     model, schedule = linear.point.model, policy.schedule
     K = schedule.table.at(linear.point.values[model.schedule])

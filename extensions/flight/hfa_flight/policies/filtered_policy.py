@@ -34,6 +34,7 @@ from hfa_flight.policies.filter_margins import (
 )
 from hfa_flight.policies.kalman import KalmanFilter
 from hfa_flight.policies.policy import (
+    GainPolicy,
     Measurements,
     NextSample,
     OpenLoop,
@@ -529,8 +530,8 @@ def _nonlinear_step(kalman: KalmanFilter, seconds: float) -> BoundFunction:
 
 def own_sample_time(policy: Policy, otherwise: float) -> float:
     """Return the sample time of a policy, s, or `otherwise` for one without samples."""
-    if isinstance(policy, SampledPolicy):
-        return policy.dt
+    if isinstance(policy, SampledPolicy) or (isinstance(policy, GainPolicy) and policy.dt):
+        return policy.dt or otherwise
     return policy.deployed.deployment.dt if isinstance(policy, DeployedPolicy) else otherwise
 
 

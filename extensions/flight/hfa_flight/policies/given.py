@@ -17,7 +17,7 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.critic.critic_file import critic_in, entries_in, is_network
+from controller.critic.critic_file import critic_in, entries_in, is_network, sample_time
 from controller.critic.network.declared import NOTHING
 from controller.critic.reading import Reading
 from controller.game.linear_game import names_of_linear
@@ -81,10 +81,12 @@ def policy_of_file(
         schedule = load_gain_schedule(path, point.model)
         at = condition or usual_condition(point.model).at
         return scheduled_gains(f"gains of {path}", schedule, point, at, commands)
-    servos = len(positions_of_servos(point.model))
-    K: Any = entries_in(path).get("K") if servos and kind == GAIN else None
-    if np.ndim(K) == 2 and np.shape(K)[1] == len(point.model.linear) - servos:
-        return GainPolicy(f"gain of {path}", np.asarray(K))  # without the positions of servos
+    entries: Mapping[str, Any] = {} if kind == NETWORK else entries_in(path)
+    K: Any = entries.get("K")
+    dt = sample_time(entries)
+    without_servos = len(point.model.linear) - len(positions_of_servos(point.model))
+    if np.ndim(K) == 2 and (isinstance(dt, float) or np.shape(K)[1] == without_servos):
+        return GainPolicy(f"gain of {path}", np.asarray(K), dt=dt or None)
     critic = critic_in(path, game or _without_cost(point.linearize()), reading)
     if game is None and critic.slope_gain is not None:  # u = -½ R⁻¹B' ∂V/∂z
         raise BadInputError(

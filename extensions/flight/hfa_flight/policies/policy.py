@@ -132,12 +132,14 @@ class GainPolicy(Policy):
 
     K: (m, k), or (k,) for one input, held column by column
     feedforward: u_d, (m,), or None for 0
+    dt: sample time of a gain of a game in discrete time, s, which flies behind a filter, or None
 
     Raises BadInputError for another shape or a number that is not finite.
     """
 
     K: np.ndarray
     feedforward: Waveform | None = None
+    dt: float | None = None
 
     def __post_init__(self) -> None:
         """Raise BadInputError for an invalid gain, and store it in `held`."""

@@ -23,7 +23,7 @@ from hfa_flight.air.gusts import ALPHA, ANGLE_OF_ATTACK, has_angle_of_attack
 from hfa_flight.air.held_step import slices_of
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.sensors import measured
-from hfa_flight.policies.policy import SAME_TIME, Measurements, Policy
+from hfa_flight.policies.policy import SAME_TIME, GainPolicy, Measurements, Policy
 from hfa_support.errors import BadInputError
 from trim.linear.nonsmooth import linearization_at
 from trim.point.operating_point import OperatingPoint
@@ -230,6 +230,11 @@ class FlightLoop:
         for name, size in sizes.items():
             if size != k:
                 raise BadInputError(f"the {name} has {size} channels; give {k}, one for each state")
+        if isinstance(self.policy, GainPolicy) and self.policy.dt is not None:
+            raise BadInputError(
+                f"the {self.policy.name} is that of samples of {self.policy.dt:g} s; fly it behind "
+                "a filter (--filter)"
+            )
         if not self.policy.sensors and (
             self.scenario.samples is not None and np.isnan(self.scenario.samples).any()
         ):

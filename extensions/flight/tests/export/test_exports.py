@@ -2,6 +2,7 @@
 
 import math
 import re
+import subprocess
 import zipfile
 from collections import namedtuple
 from pathlib import Path
@@ -235,3 +236,60 @@ def test_an_exported_filter_equals_the_policy_behind_it(folder):
         # The estimate begins at sample 0, and anew at 1: commands are faded in from then on.
         assert np.array_equal(u, linear.point.u) == (number in (0, 1))
     assert policy.unused > 0
+
+
+#: Sensors of a pitot tube and a vane, with biases of these two.
+IN_THE_AIR = {
+    "airspeed": hfa.Sensor(0.3, 2.0),
+    "angle_of_attack": hfa.Sensor(0.003, 0.017),
+    **{name: NOISE[name] for name in ("pitch", "pitch_rate", "dihedral")},
+}
+
+
+@pytest.mark.slow
+def test_an_exported_filter_with_servos_and_a_delay_equals_its_policy_and_flies(folder):
+    """The C code of a filter with sensors in the air, biases, servos of 20 ms and commands that act 10 ms
+    late gives the commands of the Python policy, and its example loop brings the aircraft back to the
+    trim.
+    """
+    model = hfa.with_servos(hfa.aircraft(), hfa.Servo(0.02))
+    point = hfa.trim(model, dihedral=math.radians(10.0))
+    linear = point.linearize()
+    sizes = {**dict.fromkeys(linear.states[:6], 0.1), "speed": 20.0, "pitch_rate": 0.05}
+    sizes |= {**dict.fromkeys(linear.inputs, 0.1), "throttle": 40.0}
+    hfa.solve(hfa.game(linear, sizes=sizes, rate=100.0)).save("K.npz")
+    angles = {"airspeed": 1.0}
+    typed = [
+        f"--{what}={name}={value / angles.get(name, math.radians(1.0))!r}"
+        for name, sensor in IN_THE_AIR.items()
+        for what, value in (
+            ("noise", getattr(sensor, "noise", sensor)), ("bias", getattr(sensor, "bias", 0.0)),
+        )
+        if value
+    ]  # fmt: skip
+    latency = ["--servo", "20ms", "--rate", "100", "--delay", "10ms"]
+    exported(
+        *latency, "--policy", "K.npz", "--filter", "--turbulence=light:20000", *typed, "-o", "c"
+    )
+    compiled(folder / "c", "-O0", "-shared", "-fPIC", "hfa_filter.c", "-o", "library.so")
+    header = Path("c/hfa_filter.h").read_text("utf-8")
+    size, known = (
+        int(re.search(rf"FILTER_{word} (\d+)", header)[1]) for word in ("MEMORY", "KNOWN")
+    )
+    assert "FILTER_AIRSPEED, /* output airspeed, ft/s */" in header
+
+    policy = hfa.filter(linear, IN_THE_AIR, "light:20000").policy(np.load("K.npz")["K"])
+    policy, _ = policy.in_scenario(Scenario(1.0, delay=0.01))
+    policy.begin(point.x)
+    memory, u, random = np.eye(1, size, known).ravel(), np.zeros(5), np.random.default_rng(1)
+    for number in range(60):
+        y = policy.filter.at_trim + innovations_of(policy.filter) * random.uniform(-2.0, 2.0, 5)
+        called(folder / "c", "hfa_filter", memory, y, u)
+        np.testing.assert_allclose(u, policy(0.01 * number, y), rtol=1e-11, atol=1e-11)
+    assert np.abs(memory[-5:]).max() > 1e-4  # the command under way
+    files = ("loop_filter.c", "hfa_filter.c", "hfa_aircraft.c")
+    compiled(folder / "c", "-O1", *files, "-lm", "-o", "loop_filter")
+    printed = subprocess.run([str(folder / "c" / "loop_filter")], capture_output=True, text=True)
+    ends = {line.split()[0]: float(line.split()[1]) for line in printed.stdout.splitlines()}
+    assert abs(ends["speed"] - point["speed"]) < 0.5
+    assert abs(ends["pitch_rate"]) < 0.01
