@@ -6,6 +6,7 @@ import json
 import os
 import platform
 import statistics
+import subprocess
 import time
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
@@ -116,6 +117,24 @@ def machine() -> dict[str, str]:
     return found | {"python": platform.python_version()} | versions
 
 
+def commit() -> str:
+    """Return the commit of the measured code, "+" after it if files other than the figures are
+    changed, or "unknown".
+    """
+    try:
+        head = _git("rev-parse", "--short=9", "HEAD")
+        changed = _git("status", "--porcelain", "--untracked-files=no", "--", ":/", ":!benchmarks")
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"
+    return f"{head}+" if changed else head
+
+
+def _git(*words: str) -> str:
+    """Return what a command of Git prints."""
+    command = ["git", "-C", str(PAGE.parent.parent), *words]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+
 def store(measured: Mapping[str, Sequence[Comparison]], order: Sequence[str], load: float) -> None:
     """Write the comparisons of jobs to results.json, and those of all jobs into the page.
 
@@ -127,7 +146,11 @@ def store(measured: Mapping[str, Sequence[Comparison]], order: Sequence[str], lo
 
     Raises BadInputError if other jobs were measured on another machine or with other versions.
     """
-    earlier = stored() if RESULTS.exists() else {"machine": machine(), "loads": {}, "jobs": {}}
+    earlier = (
+        stored()
+        if RESULTS.exists()
+        else {"machine": machine(), "loads": {}, "commits": {}, "jobs": {}}
+    )
     others = set(order) - set(measured)
     kept = {name: rows for name, rows in earlier["jobs"].items() if name in others}
     if kept and earlier["machine"] != machine():
@@ -139,7 +162,9 @@ def store(measured: Mapping[str, Sequence[Comparison]], order: Sequence[str], lo
     jobs = {name: [list(row) for row in rows_of[name]] for name in order if name in rows_of}
     loads = {**earlier["loads"], **dict.fromkeys(measured, load)}
     loads = {name: loads[name] for name in jobs}
-    data = {"machine": machine(), "loads": loads, "jobs": jobs}
+    commits = {**earlier["commits"], **dict.fromkeys(measured, commit())}
+    commits = {name: commits.get(name, "unknown") for name in jobs}
+    data = {"machine": machine(), "loads": loads, "commits": commits, "jobs": jobs}
     before, _, after = PAGE.read_text("utf-8").partition(BEGIN)
     _, end, after = after.partition(END)
     if not end:
@@ -154,12 +179,14 @@ def figures(data: Mapping[str, Any]) -> str:
     data: content of results.json
     """
     rows = [Comparison(*row) for rows in data["jobs"].values() for row in rows]
+    measured = ", ".join(dict.fromkeys(data["commits"].values()))
     on = data["machine"]
     versions = ", ".join(f"{name} {on[name]}" for name in ("python", *_PACKAGES))
     loads = data["loads"].values()
     return (
-        f"{markdown(rows).rstrip()}\n\nMeasured on {on['processor']} with {on['cores']} cores "
-        f"({versions}); load average before the jobs {min(loads):.2g} to {max(loads):.2g}.\n"
+        f"{markdown(rows).rstrip()}\n\nMeasured of commit {measured} on {on['processor']} with "
+        f"{on['cores']} cores ({versions}); load average before the jobs {min(loads):.2g} to "
+        f"{max(loads):.2g}.\n"
     )
 
 
