@@ -203,7 +203,8 @@ def _known_of(trimmed: Trimmed) -> dict[str, _Known]:
             add(name, name, parameters[name].unit, unit, parameters[name].start, none)
     known.setdefault("gravity", _Known("", "", STANDARD_GRAVITY, none))
     if trimmed.in_wind:  # these may be relative to the ground
-        known.pop("gamma", None)
+        for name in ("gamma", "climb_rate", "altitude_dot"):
+            known.pop(name, None)
     constants: dict[str, float] = {}
     if "altitude" in known:
         air = air_at(known["altitude"].value, "si")
