@@ -92,7 +92,7 @@ def _of_conditions(request: LinearizeRequest, given: TrimInput) -> Outcome:
     refuse(request, ("picture", "bode"), "is of a single condition; add --row NAME, or remove it")
     book = linear_models(
         given.model,
-        given.asked(),
+        given.asked(trimmed),
         **_signals(request, given.model),
         progress=ProgressLine("linearize"),
     )

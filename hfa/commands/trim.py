@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from hfa.options.advice import trimmed
-from hfa.options.argument_types import one_of
 from hfa.options.command import Outcome, Request, command, output_option, picture_option
-from hfa.options.conditions import ListedCondition
+from hfa.options.conditions import ListedCondition, airplane_class, flight_category
 from hfa.options.parser import option
 from hfa.options.points import GivenPoints, PointOptions, given_points
 from hfa.options.trims import TrimInput, trim_input
@@ -26,7 +25,16 @@ from hfa_support.reporting.text import Table
 from trim.hfa.reports import trim_figure, trim_report
 from trim.point.condition import stated_cells
 from trim.point.solve import TrimError
-from trim.point.status import NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED, WARNED
+from trim.point.status import (
+    CATEGORY,
+    CLASS,
+    NAME,
+    RESULTS,
+    STALLED,
+    TRIMMED,
+    UNTRIMMED,
+    WARNED,
+)
 from trim.reports.book import Condition, book_of, matrix_figure, with_range
 from trim.reports.levels import CATEGORIES, CLASSES, Airplane
 from trim.reports.sheet import brief, brief_list, matrix, read_first, revision
@@ -36,21 +44,6 @@ if TYPE_CHECKING:
 
 #: Largest number of sheets.
 _MOST_SHEETS = 100
-_ROMAN = {"1": "i", "2": "ii", "3": "iii", "4": "iv"}
-
-
-def _airplane_class(text: str) -> str:
-    """Return the class of an airplane, typed as "iii", "III" or "3": "III"."""
-    number, dash, letter = text.partition("-")  # "2-C" is II-C, of airplanes on carriers
-    word = f"{_ROMAN.get(number, number)}{dash}{letter}"
-    if word.lower() == "ii":
-        word = "ii-l"  # on land
-    return one_of(*(name.lower() for name in CLASSES))(word).upper()
-
-
-def _category(text: str) -> str:
-    """Return the flight phase category, in upper case."""
-    return one_of(*(name.lower() for name in CATEGORIES))(text).upper()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,14 +62,14 @@ class TrimRequest(Request, PointOptions):
     class_: str = option(
         f"airplane class of MIL-F-8785C: {', '.join(CLASSES)}; default by weight",
         "CLASS",
-        _airplane_class,
+        airplane_class,
         default="",
         rare=True,
     )
     category: str = option(
         f"flight phase category of MIL-F-8785C: {', '.join(CATEGORIES)}; default B",
         "CATEGORY",
-        _category,
+        flight_category,
         default="B",
         rare=True,
     )
@@ -97,16 +90,17 @@ def _single(request: TrimRequest, given: TrimInput) -> Outcome:
     """Return the outcome of a single trim: its sheet, printed in short unless --full or --json."""
     single = given.single()
     point = trimmed(single)
-    name = given.rows[0].name if given.rows else ""
+    # The condition is a row of --conditions, or has the values of --at and --hold.
+    at = {} if single.at is None else {single.model.schedule: single.at}
+    row = given.rows[0] if given.rows else ListedCondition("", {**single.hold, **at}, (), {})
+    name, airplane = row.name, row.airplane(request.class_, request.category)
     printed = None  # in place of the report, which has the whole sheet
     if not (request.full or request.json):
-        printed = _with_name(brief(point, Airplane(request.class_, request.category)), name)
+        printed = _with_name(brief(point, airplane), name)
     report = printed
     if report is None or request.output is not None:  # files contain the whole sheet
-        # The condition is a row of --conditions, or has the values of --at and --hold.
-        at = {} if single.at is None else {single.model.schedule: single.at}
-        row = given.rows[0] if given.rows else ListedCondition("", {**single.hold, **at}, (), {})
-        whole = _with_document(_with_name(_sheet(request, point), name), request)
+        sheet = _sheet(point, airplane, full=request.full)
+        whole = _with_document(_with_name(sheet, name), request)
         report = replace(whole, records=matrix([_stated(given, row)], [whole.sheet]))
     return Outcome(
         report=report,
@@ -141,10 +135,9 @@ def _with_document(report: Report, request: TrimRequest) -> Report:
     return report.with_document(request.document) if request.document else report
 
 
-def _sheet(request: TrimRequest, point: OperatingPoint) -> Report:
+def _sheet(point: OperatingPoint, airplane: Airplane, *, full: bool) -> Report:
     """Return the report of a trim, with its picture."""
-    airplane = Airplane(request.class_, request.category)
-    report = trim_report(point, full=request.full, airplane=airplane)
+    report = trim_report(point, full=full, airplane=airplane)
     if not with_range(point):  # the picture would show no variable between its limits
         return report
     picture = Picture("trim.png", report.title.partition("\n")[0], partial(trim_figure, point))
@@ -157,17 +150,19 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
     """
     model = points.trims.model
     is_whole = request.full or request.json or request.output is not None
-    airplane = Airplane(request.class_, request.category)
     conditions: list[Condition] = []
     stated: list[dict[str, Any]] = []
     refused: list[BadInputError] = []  # with the row of the file
     for row in points.conditions(_MOST_SHEETS):
         stated.append(_stated(points.trims, row))
         point: OperatingPoint | None
+        airplane = row.airplane(request.class_, request.category)
         try:
             point = trimmed(points.trims.trim_of(row))
             # Of a list that is only printed, the rows that are read first suffice.
-            report = _sheet(request, point) if is_whole else read_first(point, airplane)
+            report = read_first(point, airplane)
+            if is_whole:
+                report = _sheet(point, airplane, full=request.full)
             report = _with_name(report, row.name)
         except TrimError as error:
             point, report = None, _failed(model, row, error, error.found.data)
@@ -208,8 +203,9 @@ def _with_name(report: Report, name: str) -> Report:
 
 def _stated(trims: TrimInput, row: ListedCondition) -> dict[str, Any]:
     """Return heading -> cell of the columns that define a condition, with its name, for a file."""
-    name = {NAME: row.name} if row.name else {}
-    return name | stated_cells(trims.model, trims.stated(row))
+    texts = {NAME: row.name, CLASS: row.class_, CATEGORY: row.category}
+    stated = {heading: text for heading, text in texts.items() if text}
+    return stated | stated_cells(trims.model, trims.stated(row))
 
 
 #: Column of the overview -> name of its figure on a sheet.

@@ -3,21 +3,25 @@ limits."""
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from hfa.options.argument_types import option_errors, quantity, span
+from hfa.options.argument_types import one_of, option_errors, quantity, span
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, choice_of, prefix_errors, shown, warn
-from hfa_support.units import split_unit
-from trim.point.status import FREE, HELD, LIMIT, NAME, RESULTS
+from hfa_support.units import STANDARD_GRAVITY, conversion_factor, split_unit
+from trim.point.status import CATEGORY, CLASS, FREE, HELD, LIMIT, NAME, RESULTS
+from trim.reports.levels import CATEGORIES, CLASSES, Airplane
 
 if TYPE_CHECKING:
     from hfa_support.arrays.tables import Column
 
+#: Columns of texts.
+_TEXTS = (NAME, FREE, LIMIT, CLASS, CATEGORY)
 #: What separates names in a cell.
 _SEPARATORS = re.compile(r"[;\s]+")
 
@@ -31,6 +35,7 @@ class ListedCondition(NamedTuple):
     limits: variable -> (lowest, highest)
     where: file, row and name, for messages, or ""
     in_degrees: angles without a unit, other than 0, which are read in degrees
+    class_, category: airplane class and flight phase category of MIL-F-8785C, or ""
     """
 
     name: str
@@ -39,6 +44,29 @@ class ListedCondition(NamedTuple):
     limits: Mapping[str, tuple[float, float]]
     where: str = ""
     in_degrees: tuple[str, ...] = ()
+    class_: str = ""
+    category: str = ""
+
+    def airplane(self, class_: str, category: str) -> Airplane:
+        """Return class and category of the condition, with these where it states none."""
+        return Airplane(self.class_ or class_, self.category or category)
+
+
+_ROMAN = {"1": "i", "2": "ii", "3": "iii", "4": "iv"}
+
+
+def airplane_class(text: str) -> str:
+    """Return the class of an airplane, typed as "iii", "III" or "3": "III"."""
+    number, dash, letter = text.partition("-")  # "2-C" is II-C, of airplanes on carriers
+    word = f"{_ROMAN.get(number, number)}{dash}{letter}"
+    if word.lower() == "ii":
+        word = "ii-l"  # on land
+    return one_of(*(name.lower() for name in CLASSES))(word).upper()
+
+
+def flight_category(text: str) -> str:
+    """Return the flight phase category, in upper case."""
+    return one_of(*(name.lower() for name in CATEGORIES))(text).upper()
 
 
 def listed_conditions(path: str | Path, model: Model) -> list[ListedCondition]:
@@ -47,8 +75,9 @@ def listed_conditions(path: str | Path, model: Model) -> list[ListedCondition]:
     The first row has names of variables, rates and parameters, each with a unit if it is not that
     of the model or deg: "gamma", "altitude [FL]", "kcas [KT]". A cell may have a unit of its own. A
     blank cell imposes nothing. The column `name` has names of conditions, `free` the variables that
-    are set free, `limit` limits NAME=LOW:HIGH, several separated by blanks or semicolons. A column
-    `results` and those behind it are not read. Lines that begin with # are comments.
+    are set free, `limit` limits NAME=LOW:HIGH, several separated by blanks or semicolons, `class`
+    and `category` those of MIL-F-8785C. A weight sets the parameter `mass`, if there is one. A
+    column `results` and those behind it are not read. Lines that begin with # are comments.
 
     path: the file
     model: model of the aircraft
@@ -59,7 +88,7 @@ def listed_conditions(path: str | Path, model: Model) -> list[ListedCondition]:
 
     given = takewhile(lambda column: column.name != RESULTS, read_columns(path))
     columns = [_named(column, model) for column in given]
-    names = dict.fromkeys((NAME, FREE, LIMIT), "") | {
+    names = dict.fromkeys(_TEXTS, "") | {
         name: model.signals[name].unit if name in model.signals else ""
         for name in _imposable(model)
     }
@@ -169,7 +198,7 @@ def _name_of(model: Model, typed: str) -> str:
     respelled = model.about.name_of(re.sub(r"\W+", "_", name.replace(".", "")).lower())
     if name in _imposable(model):
         return name
-    return respelled if respelled in {*_imposable(model), NAME, FREE, LIMIT} else name
+    return respelled if respelled in {*_imposable(model), *_TEXTS} else name
 
 
 def _condition(
@@ -182,13 +211,23 @@ def _condition(
     """
     values, in_degrees = {}, []
     for name, cell in row.items():
-        if not cell or name in (NAME, FREE, LIMIT):
+        if not cell or name in _TEXTS:
             continue
         with option_errors(f"{where}, column {name}"):
             text = _with_unit(cell, columns[name].unit or "")
             values[name] = quantity(model, name, text)
         if not split_unit(text)[1] and values[name] != float(text):
             in_degrees.append(name)
+    if "weight" in values and "mass" in model.parameters:
+        if "mass" in values:
+            raise BadInputError(f"{where}: weight and mass are one; clear one of the cells")
+        newtons = values.pop("weight") * (conversion_factor(model.unit("weight"), "N") or math.nan)
+        per_kg = conversion_factor("kg", model.unit("mass")) or math.nan
+        values["mass"] = newtons / STANDARD_GRAVITY * per_kg
+    airplane = []
+    for name, kind in ((CLASS, airplane_class), (CATEGORY, flight_category)):
+        with option_errors(f"{where}, column {name}"):
+            airplane.append(kind(row[name]) if row.get(name) else "")
     free = tuple(_name_of(model, name) for name in _words(row.get(FREE, "")))
     for name in free:
         if name in values:
@@ -199,7 +238,7 @@ def _condition(
     parameters_last = dict(sorted(values.items(), key=lambda entry: entry[0] in model.parameters))
     limits = _limits(where, model, row.get(LIMIT, ""))
     return ListedCondition(
-        row.get(NAME, ""), parameters_last, free, limits, where, tuple(in_degrees)
+        row.get(NAME, ""), parameters_last, free, limits, where, tuple(in_degrees), *airplane
     )
 
 

@@ -18,11 +18,18 @@ from hfa.options.argument_types import (
     span,
     value_range,
 )
-from hfa.options.conditions import ListedCondition, chosen_row, listed_conditions
+from hfa.options.conditions import (
+    ListedCondition,
+    airplane_class,
+    chosen_row,
+    flight_category,
+    listed_conditions,
+)
 from hfa.options.parser import PAPER, option
 from hfa.options.plants import AircraftOptions, loaded_aircraft
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import ISA
+from hfa_aircraft.units import in_si
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown
 from hfa_support.provenance import Change
 from trim.hfa.level_flight import CONDITIONS, load_condition
@@ -222,24 +229,34 @@ class TrimInput(NamedTuple):
             held = {self.model.schedule: given.at[0], **held}
         return StatedValues(held, given.free, given.limits)
 
-    def asked(self) -> list[AskedTrim]:
+    def asked(
+        self,
+        find: Callable[[GivenTrim], OperatingPoint],
+        class_: str = "",
+        category: str = "B",
+    ) -> list[AskedTrim]:
         """Return the trims of the conditions of a file.
+
+        find: function that returns the point of a trim
+        class_, category: where a condition states none
 
         Raises BadInputError for a variable that an option gives, too.
         """
         from trim.reports.models import AskedTrim
 
+        def found(row: ListedCondition) -> OperatingPoint:
+            return find(self.trim_of(row))
+
         return [
             AskedTrim(
-                row.name or str(number), self.stated(row), partial(self._found, row), row.where
+                row.name or str(number),
+                self.stated(row),
+                partial(found, row),
+                row.where,
+                row.airplane(class_, category),
             )
             for number, row in enumerate(self.rows, start=1)
         ]
-
-    def _found(self, row: ListedCondition) -> OperatingPoint:
-        """Return the operating point of a condition of a file, without advice if there is none."""
-        given = self.trim_of(row)
-        return trim(given.model, given.condition, given.start)
 
     def held(self) -> dict[str, float]:
         """Return variable or parameter -> its value of --hold or --isa.
@@ -398,12 +415,25 @@ def trim_input(
     )
 
 
-def conditions(model: Model, path: str | Path) -> Conditions:
+def conditions(
+    model: Model,
+    path: str | Path,
+    *,
+    states: Sequence[str] | None = None,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    units: str = "",
+    class_: str = "",
+    category: str = "B",
+) -> Conditions:
     """Return the trims and linear models of a file of conditions, a row for each condition.
 
     model: model of the aircraft
     path: CSV file: a row of names, then a row of values for each condition, which may hold and
         free other variables than the other rows
+    states, inputs, outputs: names, as in `linearize`
+    units: "si" for results and cells in SI units, or "" for those of the model
+    class_, category: of MIL-F-8785C, for rows that state none; "" the class by weight
 
     A condition without a trim has the reason in `reasons`.
 
@@ -417,9 +447,17 @@ def conditions(model: Model, path: str | Path) -> Conditions:
     """
     from trim.reports.models import linear_models
 
+    if units not in ("", "si"):
+        raise BadInputError(f"units is {units!r}; give 'si', or leave it out")
+    model = in_si(model) if units else model
     rows = tuple(listed_conditions(path, model))
     given = TrimInput(model, {"changed": {}}, usual_condition(model), rows=rows)
-    return linear_models(model, given.asked())
+    with option_errors("class_"):
+        class_ = airplane_class(class_) if class_ else ""
+    with option_errors("category"):
+        category = flight_category(category)
+    asked = given.asked(lambda each: trim(each.model, each.condition, each.start), class_, category)
+    return linear_models(model, asked, states=states, inputs=inputs, outputs=outputs)
 
 
 class GivenTrims(NamedTuple):

@@ -146,7 +146,7 @@ class ByName(tuple[Named, ...]):
 
 
 #: Text for a quality below level 3, the last one.
-BELOW_LEVEL_3 = "> 3"
+BELOW_LEVEL_3 = "below 3"
 #: Longest text that is printed as a value, characters.
 _LONGEST_VALUE = 24
 #: Gap between two columns, and least width of the column of notes.
@@ -218,8 +218,13 @@ class Row(Result):
 
     @property
     def stated_level(self) -> int | str | None:
-        """Level of flying qualities, with "> 3" for none of the three."""
-        return BELOW_LEVEL_3 if self.level is not None and self.level > 3 else self.level
+        """Level of flying qualities, "below 3" for none of the three."""
+        return None if self.level is None else stated_level(self.level)
+
+
+def stated_level(level: int) -> int | str:
+    """Return a level of flying qualities, "below 3" for none of the three."""
+    return BELOW_LEVEL_3 if level > 3 else level
 
 
 class Lacking(NamedTuple):

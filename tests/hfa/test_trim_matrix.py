@@ -406,3 +406,28 @@ def test_a_center_of_gravity_is_a_share_in_percent(tmp_path):
     assert other.values["altitude"] == pytest.approx(3.0 * 0.3048)
     assert row.values["speed"] == pytest.approx(70.0 * KNOT)
     assert row.values["altitude"] == pytest.approx(914.4, rel=1e-3)  # 3000 ft
+
+
+def test_class_category_and_weight_are_columns(tmp_path):
+    """Levels follow class and category of a row, in both commands, and a weight is the mass of the row."""
+    path = tmp_path / "rows.csv"
+    path.write_text("name,speed [m/s],category,class,weight [N]\na,25,,,\nb,25,c,1,150\n", "utf-8")
+    sheets = answer("trim", *UAV, "--conditions", str(path))["sheets"]
+    rows = [data["sheet"] for data in sheets]
+    assert [row["flight phase category"]["value"] for row in rows] == ["B", "C"]
+    assert rows[1]["mass"]["value"] == pytest.approx(150.0 / 9.80665)
+    levels = hfa.conditions(hfa.load_model(UAV[1]), path).levels
+    qualities = ("short period damping", "short period frequency", "CAP", "n/alpha")
+    for row, of_modes in zip(rows, levels, strict=True):
+        worst = max(row[name].get("level", 0) for name in qualities)
+        assert of_modes["short period"] == worst
+
+
+@pytest.mark.parametrize(
+    ("cells", "words"),
+    [(",x,", "category is 'x'"), ("5,,", "class is '5'"), (",,-1", "mass is -0.10")],
+)
+def test_a_wrong_class_category_or_weight_is_refused(cells, words, tmp_path):
+    path = tmp_path / "rows.csv"
+    path.write_text(f"speed [m/s],class,category,weight [N]\n25,{cells}\n", "utf-8")
+    assert_refused(command("trim", *UAV, "--conditions", str(path)), 2, words)

@@ -11,6 +11,7 @@ BALANCE = 1e-10
 RESULTS = "results"
 #: Columns of a table of conditions that are neither a variable nor a parameter.
 NAME, FREE, LIMIT = "name", "free", "limit"
+CLASS, CATEGORY = "class", "category"
 #: First word of the heading of an imposed value, "hold alpha [deg]"; a trim has "alpha [deg]".
 HELD = "hold"
 #: Results of the trims in a table of conditions.

@@ -32,8 +32,7 @@ from trim.point.operating_point import OperatingPoint
 from trim.point.status import RESULTS, TRIMMED
 from trim.reports.first_lines import first_lines, subject
 from trim.reports.sheet import result_of
-from trim.reports.trimmed import Quantity, Trimmed
-from trim.reports.warnings import PARAMETER_OF_ENTRY
+from trim.reports.trimmed import PARAMETER_OF_ENTRY, Quantity, Trimmed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -343,7 +342,7 @@ def _configuration_names(
         parameter = PARAMETER_OF_ENTRY.get(name, name)
         if values and (len(values) > 1 or parameter in changed):
             names.append(name)
-        changed.discard(parameter)  # the entry shows it
+            changed.discard(parameter)  # the entry shows it
     order = [*points[0].model.parameters] if points else []
     return [*names, *sorted(changed, key=order.index)]
 

@@ -31,6 +31,7 @@ TONES = {1: "good", 2: "near", 3: "far", NO_LEVEL: "bad"}
 #: Largest weights of the classes I and II-L, lbf, and least limit load factor of class IV.
 _LARGEST_WEIGHT_I, _LARGEST_WEIGHT_II = 12_500.0, 60_000.0
 _LEAST_LOAD_IV = 6.0
+_UNKNOWN_WEIGHT = "weight unknown"
 
 
 class Airplane(NamedTuple):
@@ -62,7 +63,7 @@ Limits: TypeAlias = Sequence[Span]
 class Chosen(NamedTuple):
     """Class and category of an airplane, and the reason for a class that the user did not state.
 
-    why: the reason, or ""
+    why: the reason; of a stated one that contradicts it; or ""
     """
 
     airplane: Airplane
@@ -80,7 +81,13 @@ def chosen_airplane(trimmed: Trimmed, airplane: Airplane) -> Chosen:
     I small and light, II of medium weight, III large and heavy, IV of high maneuverability.
     """
     if airplane.class_:
-        return Chosen(airplane, "")
+        usual, why = chosen_airplane(trimmed, airplane._replace(class_=""))
+        families = {chosen.class_.partition("-")[0] for chosen in (airplane, usual)}
+        contradicts = why.startswith("weight ") and "IV" not in families and len(families) > 1
+        known = contradicts and why != _UNKNOWN_WEIGHT
+        return Chosen(
+            airplane, f"stated; by hfa's convention, {why} is {usual.class_}" if known else ""
+        )
     outputs = trimmed.model.outputs
     largest_load = outputs["load_factor"].max if "load_factor" in outputs else math.inf
     if _LEAST_LOAD_IV <= largest_load < math.inf:
@@ -88,7 +95,7 @@ def chosen_airplane(trimmed: Trimmed, airplane: Airplane) -> Chosen:
     weight = _weight(trimmed)
     unit_per_lbf = None if weight is None else conversion_factor("lbf", weight.unit)
     if weight is None or unit_per_lbf is None:
-        return Chosen(airplane._replace(class_="I"), "weight unknown")
+        return Chosen(airplane._replace(class_="I"), _UNKNOWN_WEIGHT)
     if weight.value <= _LARGEST_WEIGHT_I * unit_per_lbf:
         class_, side, limit = "I", "up to", _LARGEST_WEIGHT_I
     elif weight.value <= _LARGEST_WEIGHT_II * unit_per_lbf:
@@ -236,7 +243,9 @@ def level_lines(trimmed: Trimmed, airplane: Airplane, rows: Sequence[Row]) -> li
     graded_names = [row.name for row in rows if row.level is not None]
     if not graded_names:
         return [f"{STANDARD}: not in this model: no mode that it has a rule for"]
-    reason = f" (by hfa's convention, {why}; --class changes it)" if why else ""
+    reason = f" ({why})" if why else ""
+    if why and not airplane.class_:
+        reason = f" (by hfa's convention, {why}; --class changes it)"
     sentences = [
         f"{STANDARD}: class {chosen.class_}{reason}, category {chosen.category} (--category "
         "changes it)"

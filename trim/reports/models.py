@@ -20,7 +20,7 @@ from hfa_support.files import folder_written_whole, write_text
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Entries, Result, Stack, json_text, save_data, storable
-from hfa_support.reporting.rows import with_names
+from hfa_support.reporting.rows import stated_level, with_names
 from hfa_support.reporting.text import Table, eigenvalue_text, shown_values, with_shown_unit
 from trim.linear.linear_model import MATRICES, OFFSETS, LinearModel
 from trim.linear.linearize import direct_disturbances
@@ -28,8 +28,8 @@ from trim.linear.modes import Mode
 from trim.point.condition import StatedValues, stated_cells
 from trim.point.margins import stalled
 from trim.point.operating_point import OperatingPoint
-from trim.point.status import NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED
-from trim.reports.levels import DEFAULT_AIRPLANE, graded_modes
+from trim.point.status import CATEGORY, CLASS, NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED
+from trim.reports.levels import DEFAULT_AIRPLANE, Airplane, graded_modes
 from trim.reports.trimmed import Trimmed
 from trim.tables import dataset, eigenvalue_headings, entry_headings
 
@@ -48,12 +48,25 @@ class AskedTrim(NamedTuple):
     stated: what the condition states
     trim: function that returns the trim
     where: file and row, for messages, or ""
+    airplane: class and category for the levels
     """
 
     name: str
     stated: StatedValues
     trim: Callable[[], OperatingPoint]
     where: str = ""
+    airplane: Airplane = DEFAULT_AIRPLANE
+
+    @property
+    def airplane_cells(self) -> dict[str, str]:
+        """Heading -> cell of class and category, as far as they are not the default."""
+        return {
+            heading: text
+            for heading, text, usual in zip(
+                (CLASS, CATEGORY), self.airplane, DEFAULT_AIRPLANE, strict=True
+            )
+            if text != usual
+        }
 
 
 class Signals(NamedTuple):
@@ -144,11 +157,13 @@ class Conditions(StatesAndInputs, Result, Reported):
 
     @cached_property
     def levels(self) -> tuple[dict[str, int | None], ...]:
-        """Mode -> its worst level by MIL-F-8785C at each condition: 4 for none of the three, None
-        without a limit. The class follows from weight and load factor (`chosen_airplane`), and the
-        category is B.
+        """Mode -> its worst level by MIL-F-8785C at each condition: 4 below level 3, None without a
+        limit. A class that a condition does not state is that of `chosen_airplane`.
         """
-        return tuple({} if linear is None else _levels(linear) for linear in self.linear)
+        return tuple(
+            {} if linear is None else _levels(linear, asked.airplane)
+            for linear, asked in zip(self.linear, self.asked, strict=True)
+        )
 
     @property
     def warnings(self) -> list[str]:
@@ -275,7 +290,10 @@ class Conditions(StatesAndInputs, Result, Reported):
 
         Angles are in degrees, but those of A and B in radians.
         """
-        asked = [{NAME: row.name} | stated_cells(self.model, row.stated) for row in self.asked]
+        asked = [
+            {NAME: row.name, **row.airplane_cells} | stated_cells(self.model, row.stated)
+            for row in self.asked
+        ]
         found = [self._found_cells(row) for row in range(len(self))]
         header = [*dict.fromkeys(heading for cells in (*asked, *found) for heading in cells)]
         whole = [condition | result for condition, result in zip(asked, found, strict=True)]
@@ -293,7 +311,8 @@ class Conditions(StatesAndInputs, Result, Reported):
         for mode in self.modes[row]:
             parts = mode.eigenvalue.real, mode.eigenvalue.imag
             cells |= zip(eigenvalue_headings(mode.name, model.time_unit), parts, strict=True)
-            cells[f"{mode.name} level"] = self.levels[row].get(mode.name) or ""
+            level = self.levels[row].get(mode.name)
+            cells[f"{mode.name} level"] = "" if level is None else stated_level(level)
         for matrix in ("A", "B"):
             stack = getattr(self, matrix)
             headings = entry_headings(model, matrix, *stack.names[1:])
@@ -415,14 +434,14 @@ def stacked(
     return arrays
 
 
-def _levels(linear: LinearModel) -> dict[str, int | None]:
+def _levels(linear: LinearModel, airplane: Airplane) -> dict[str, int | None]:
     """Return mode -> the worst level of its qualities, or None if the standard has no limit."""
     trimmed = Trimmed(linear.point)
     if trimmed.coherent is linear.point and linear.states == linear.model.linear:
         trimmed.modes = linear.modes  # of the same A, so that they are not computed again
     return {
         mode.name: max((row.level for row in qualities if row.level is not None), default=None)
-        for mode, qualities in graded_modes(trimmed, DEFAULT_AIRPLANE)
+        for mode, qualities in graded_modes(trimmed, airplane)
     }
 
 

@@ -205,6 +205,8 @@ ENTRIES = {
     "flap": "flap",
     "gear": "gear",
 }
+#: Entry -> its parameter, where that has another name.
+PARAMETER_OF_ENTRY = {"center_of_gravity": "cg"}
 
 
 #: States that are 0 in a model that has none of them, as in longitudinal motion.
@@ -351,10 +353,11 @@ class Trimmed:
                 configuration[name] = Quantity(number, si_unit(unit) if in_si else unit)
 
         parameters = dict(zip(model.parameters, model.p.tolist(), strict=True))
-        for name in ENTRIES:
-            if name not in configuration and name in (*parameters, *model.outputs, *model.inputs):
+        for entry in ENTRIES:
+            name = entry if entry in model.signals else PARAMETER_OF_ENTRY.get(entry, "")
+            if entry not in configuration and name in (*parameters, *model.outputs, *model.inputs):
                 value = parameters[name] if name in parameters else point[name]
-                configuration[name] = Quantity(value, model.unit(name))
+                configuration[entry] = Quantity(value, model.unit(name))
         if "mass" not in configuration and "weight" in model.outputs and parameters.get("gravity"):
             unit = {"lbf": "slug", "N": "kg"}.get(model.unit("weight"), "")
             if unit:

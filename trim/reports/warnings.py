@@ -18,11 +18,17 @@ from hfa_support.units import conversion_factor
 from trim.point.condition import release
 from trim.point.solve import trim
 from trim.reports.balances import balances_of
-from trim.reports.trimmed import ENTRIES, Quantity, Trimmed, named_value_text, value_text
+from trim.reports.trimmed import (
+    ENTRIES,
+    PARAMETER_OF_ENTRY,
+    Quantity,
+    Trimmed,
+    named_value_text,
+    value_text,
+)
 
-#: Parameter of a table -> its entry, where that has another name.
-_ENTRY_OF_PARAMETER = {"cg": "center_of_gravity"}
-PARAMETER_OF_ENTRY = {entry: name for name, entry in _ENTRY_OF_PARAMETER.items()}
+#: Parameter -> its entry, where that has another name.
+_ENTRY_OF_PARAMETER = {name: entry for entry, name in PARAMETER_OF_ENTRY.items()}
 #: Entries that are optional, because 0 or unimportant where they are missing.
 _OPTIONAL_ENTRIES = ("center_of_gravity_y", "Ixz")
 

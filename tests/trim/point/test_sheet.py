@@ -403,7 +403,7 @@ def test_levels_of_a_sheet_are_those_of_its_modes():
     assert len(levels) == 8
     assert all(data["sheet"][name]["value"] == qualities[name] for name in levels)
     _, flexible = sheet("hfa", dihedral=math.radians(15.0))
-    assert flexible["sheet"]["phugoid damping"]["level"] == "> 3"  # doubles in 44 s
+    assert flexible["sheet"]["phugoid damping"]["level"] == "below 3"  # doubles in 44 s
     landing = trim_report(point, airplane=Airplane("I", "C"))
     assert "level" in landing.data["sheet"]["n/alpha"]  # it has limits in category C only
 
