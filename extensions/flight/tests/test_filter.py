@@ -175,7 +175,7 @@ def test_biases_are_estimated(point, linear):
     drawn = scenario.drawn(5, 0, point)
     flight = hfa.fly(point.model, point, policy, scenario=drawn, predict=False)
     assert flight.departure is None
-    true = dict(zip(drawn.sensed, np.mean(drawn.samples, axis=0), strict=True))
+    true = dict(zip(drawn.sensors, np.mean(drawn.samples, axis=0), strict=True))
     for name, share in (("airspeed", 0.6), ("angle_of_attack", 0.3), ("pitch_rate", 0.1)):
         assert flight.loop.policy.biases[name] == pytest.approx(
             true[name], abs=share * IN_THE_AIR[name].bias

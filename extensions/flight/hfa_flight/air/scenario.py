@@ -12,6 +12,7 @@ import numpy as np
 from numpy.random import SeedSequence
 
 from hfa_aircraft.model import Model
+from hfa_aircraft.servos import positions_of_servos
 from hfa_aircraft.waveform import Waveform
 from hfa_flight.air.gust_equations import in_gusts, undeclared
 from hfa_flight.air.gusts import Gust
@@ -131,7 +132,7 @@ class Scenario(Reported):
     gust: motion of the air, or None
     uncertainty: random quantities, not yet drawn
     samples: errors of the sensors, (N, k), constant during each sample, or None
-    sensed: what these sensors measure, (k,), by default the states of the linear model
+    sensors: what these sensors measure -> `Sensor`, (k,); {} for the states of the linear model
     seed: seed of the drawn random quantities, or None if none are drawn
     air: disturbance of the model -> waveform, (1,)
     delay: delay of every command, s, a whole number of ticks
@@ -164,7 +165,7 @@ class Scenario(Reported):
     gust: Gust | None = None
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     samples: np.ndarray | None = None
-    sensed: tuple[str, ...] = ()
+    sensors: Mapping[str, Sensor] = field(default_factory=dict)
     seed: int | None = None
     air: Mapping[str, Waveform] = field(default_factory=dict)
     delay: float = 0.0
@@ -266,6 +267,20 @@ class Scenario(Reported):
         ends = [getattr(source, "until", math.inf) for source in sources if source is not None]
         return max(ends, default=0.0)
 
+    def text(self, model: Model) -> str:
+        """Return the latency, the sensors and the biases of flights with noise or turbulence."""
+        sensors = self.sensors or self.uncertainty.noise
+        words = [f"commands {1e3 * self.delay:.4g} ms late"] if self.delay else []
+        if servos := positions_of_servos(model):
+            lags = {1e3 * model.parameters[f"{name}_lag"].start for name in servos}
+            words.append(f"servos of {' and '.join(f'{lag:.4g}' for lag in sorted(lags))} ms")
+        missing = [] if words else ["latency"]
+        words += [f"{name} measured" for name in sensors if name not in model.states]
+        biased = sum(sensor.bias > 0.0 for sensor in sensors.values())
+        words += [f"{biased} {'bias' if biased == 1 else 'biases'}"] if biased else []
+        missing += [] if biased else ["bias"]
+        return ", ".join([*words, *([f"without {' and '.join(missing)}"] if missing else [])])
+
     def on(self, model: Model) -> Scenario:
         """Return this scenario with a missing initial condition of 0, checked for a model.
 
@@ -327,11 +342,12 @@ class Scenario(Reported):
             factors = uncertain.factors(seed, member).tolist()
             for name, factor in zip(uncertain.errors, factors, strict=True):
                 errors[name] = errors.get(name, 1.0) * factor
-        samples, sensed = None, point.model.linear
+        samples, sensors = None, {}
         if any(sensor != Sensor(0.0) for sensor in uncertain.noise.values()):
-            sensed = tuple(dict.fromkeys((*sensed, *uncertain.noise)))
+            names = tuple(dict.fromkeys((*point.model.linear, *uncertain.noise)))
             count, interval = self.sample_count, self.interval
-            samples = uncertain.samples(seed, member, count, sensed, interval)
+            samples = uncertain.samples(seed, member, count, names, interval)
+            sensors = {name: uncertain.noise.get(name, Sensor(0.0)) for name in names}
         gust = self.gust
         if uncertain.turbulence is not None:
             air = SeedSequence(seed, spawn_key=(member, _AIR)).generate_state(1, np.uint64)
@@ -342,7 +358,7 @@ class Scenario(Reported):
             gust=gust,
             uncertainty=Uncertainty(),
             samples=samples,
-            sensed=sensed,
+            sensors=sensors,
         )
         return replace(drawn, seed=seed) if drawn.is_random else drawn
 

@@ -11,16 +11,19 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import casadi as ca
+import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
+from hfa_flight.air.held_step import in_samples
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.sensors import measured
-from hfa_flight.export.c_text import filter_sample
+from hfa_flight.export.c_text import commands_under_way, filter_sample
 from hfa_flight.policies.estimate import known_start, memory_size, memory_slices
 from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.simulate.closed_loop import FlightLoop, NonlinearPlant
+from hfa_support.errors import BadInputError
 from trim.point.operating_point import OperatingPoint
 
 #: Longest Runge-Kutta step of an exported loop, s.
@@ -134,11 +137,21 @@ def _sampled(policy: FilteredPolicy, y: ca.SX, w: ca.SX, v: ca.SX) -> Sampled:
     without_errors = measured(policy.point, policy.sensors, x, u, model.p, winds)
     values = without_errors + ca.DM(kalman.at_trim) + v[:count]
     # An FMU begins with a memory of zeros, in place of that of its states, which are known.
-    memory, places = ca.SX.sym("memory", memory_size(kalman)), memory_slices(kalman)
-    start = ca.SX(ca.DM(known_start(kalman)))
+    under_way = np.zeros(commands_under_way(policy) * len(model.inputs))
+    start = ca.SX(ca.DM(np.append(known_start(kalman), under_way)))
+    memory, places = ca.SX.sym("memory", start.numel()), memory_slices(kalman)
     start[: len(kalman.states)] = x[model.state_places(kalman.states)]
     before = ca.if_else(memory[places.begun] == 0, start, memory)
-    results = filter_sample(policy).call([before, values])
+    u, later = filter_sample(policy).call([before, values])
+    if policy.delay:  # the command of some whole samples ago acts, of those under way
+        if in_samples(policy.delay, policy.dt).rest:
+            raise BadInputError(
+                f"the delay is {policy.delay:g} s; give an FMU a multiple of the sample time, "
+                f"{policy.dt:g} s"
+            )
+        m, first = len(model.inputs), memory_size(kalman)
+        u = before[first + m : first + 2 * m] + ca.DM(policy.point.u)
+    results = [u, later]
     function = ca.Function("sample", [y, ca.vertcat(w, v), memory], results)
     return Sampled(function, policy.dt, tuple(policy.point.u.tolist()))
 

@@ -490,11 +490,17 @@ class FilteredPolicy(SampledPolicy):
             return None
         return margins_of(self.filter, gain, self.delay)
 
+    def tolerates(self) -> str:
+        """Return the further delay that the linear loop tolerates, for a first line, or ""."""
+        further = None if self.margins is None else self.margins.unknown_delay
+        return "" if further is None else f"; {1e3 * further:.3g} ms more in the linear loop"
+
     def texts(self) -> list[str]:
         """Return sentences on the filter and on its loop."""
         margins = self.margins
         fading = f"Switched on in flight, commands are faded in over {self.fade:g} s (fade)."
-        return [self.filter.text(), *([] if margins is None else [margins.text()]), fading]
+        known = [text for text in (self.filter.text(), self.filter.text_of_biases()) if text]
+        return [*known, *([] if margins is None else [margins.text()]), fading]
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy: those of its law, and the filter."""

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, Self
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.servos import positions_of_servos
 from hfa_flight.air.gust_equations import in_gusts, seen_in_air
 from hfa_flight.air.gusts import state_of
 from hfa_flight.air.sensors import (
@@ -36,6 +37,7 @@ from hfa_support.errors import (
 )
 from hfa_support.matrices import of_step, spectral_radius
 from hfa_support.reporting.results import Result, without_empty
+from hfa_support.reporting.text import with_unit
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_of
 from trim.linear.nonsmooth import linearization_at
@@ -325,7 +327,13 @@ class KalmanFilter(Result):
 
     def text(self) -> str:
         """Return one line on the filter: its sensors, its air and its certificate."""
-        missing = [name for name in self.states if name not in self.sensors]
+        units = self.point.model.states
+        servos = positions_of_servos(self.point.model)
+        missing = [
+            f"{name} (error {with_unit(self.estimated[name], units[name].unit)})"
+            for name in self.states
+            if name not in (*self.sensors, *servos)
+        ]
         outputs = [name for name in self.sensors if name not in self.states]
         without = f", without a sensor of {', '.join(missing)}" if missing else ""
         beside = f", with sensors of {', '.join(outputs)}" if outputs else ""
@@ -342,6 +350,22 @@ class KalmanFilter(Result):
             f"spectral radius {near_one(self.radius)}, Riccati residual {self.residual:.1e}, drift "
             f"{DRIFT:g} of the noise a second{exceptions}"
         )
+
+    def text_of_biases(self) -> str:
+        """Return the deviations of the biases at the beginning and after a minute, or ""."""
+        if not self.biased:
+            return ""
+        P = self.P_at_begin
+        for _ in range(round(60.0 / self.dt)):
+            gain = np.linalg.solve(self.C @ P @ self.C.T + self.R, self.C @ P).T
+            P = self.Phi @ (P - gain @ self.C @ P) @ self.Phi.T + self.Q
+        after = np.sqrt(np.diag(P)[len(P) - len(self.biased) :]).tolist()
+        unit = in_gusts(self.point.model).unit
+        told = [
+            f"{name} {with_unit(size, unit(name))} to {with_unit(left, unit(name))}"
+            for (name, size), left in zip(self.biased.items(), after, strict=True)
+        ]
+        return f"Standard deviations of the biases, unknown and after 60 s: {', '.join(told)}."
 
 
 def near_one(radius: float) -> str:

@@ -97,8 +97,8 @@ def _verdict(plan: MonteCarlo, outcomes: Mapping[str, Any]) -> str:
     no_limit = "" if has_envelope else f"; {NO_LIMIT}"
     line = (
         f"{verdict_text(outcomes['ok'])}: {within} of {members} flights of "
-        f"{plan.scenario.duration:g} s {stay}{_air_text(plan.scenario)}{need_text(plan.share)}"
-        f"{no_limit}"
+        f"{plan.scenario.duration:g} s {stay}{_air_text(plan.scenario)}{_latency_text(plan)}"
+        f"{need_text(plan.share)}{no_limit}"
     )
     if (without := outcomes.get("uncontrolled_within_limits")) is not None:
         line += f", without control {without} of {members}"
@@ -147,6 +147,15 @@ def _air_text(scenario: Scenario) -> str:
     return words + (
         " with noise" if any(sensor.noise for sensor in scenario.uncertainty.noise.values()) else ""
     )
+
+
+def _latency_text(plan: MonteCarlo) -> str:
+    """Return the latency, sensors and biases of flights of a policy in moving air or with noise."""
+    uncertain = plan.scenario.uncertainty
+    if isinstance(plan.policy, OpenLoop) or not (uncertain.noise or uncertain.turbulence):
+        return ""
+    more = plan.policy.tolerates() if isinstance(plan.policy, FilteredPolicy) else ""
+    return f" ({plan.scenario.text(plan.model)}{more})"
 
 
 def _rms_figures(

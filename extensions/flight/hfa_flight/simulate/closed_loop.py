@@ -180,7 +180,7 @@ class HeldParts(NamedTuple):
 
     parameters: parameters of the plant that differ between flights
     policy: inputs that the policy holds, such as a gain
-    noise: (k,), errors of the sensors `Scenario.sensed`
+    noise: (k,), errors of the sensors `Scenario.sensors`
     gust: held inputs of the gust (`Gust.held_inputs`)
     begin: (1,), time from which these inputs are held, s, if commands step during the flight
     delay: (2 + 2 m,), times between which the delayed commands are interpolated, and the commands
@@ -245,7 +245,7 @@ class FlightLoop:
     @property
     def _sensed(self) -> tuple[str, ...]:
         """What the sensors of the scenario measure, whose errors are `scenario.samples`."""
-        return self.scenario.sensed or self.plant.point.model.linear
+        return tuple(self.scenario.sensors) or self.plant.point.model.linear
 
     @cached_property
     def state_sizes(self) -> StateParts:

@@ -172,21 +172,24 @@ FILTER = [
 
 def test_an_fmu_behind_a_filter_simulates_the_flight(folder):
     """Co-simulation in FMPy, in steps of 25 ms that samples of 10 ms do not divide, gives the flight of
-    `fly` with a sensor that is 0.02 rad off.
+    `fly` with a sensor that is 0.02 rad off and commands that act a sample late.
     """
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
     validation = pytest.importorskip("fmpy.validation")
     file = f"{ROOT}/examples/pendulum.py:PENDULUM"
     noise = {"angle": 0.01, "rate": 0.02}
     typed = [f"--noise={name}={math.degrees(sigma)}" for name, sigma in noise.items()]
+    linear = hfa.trim(hfa.load_model(file)).linearize()
+    K = hfa.solve(nominal_game(linear)).K
+    np.savez("K.npz", K=K)
+    typed += ["--policy", "K.npz", "--delay", "10ms"]
     run = command("export", "--aircraft", file, "--filter", *typed, "-o", "a.fmu")
     assert run.code == 0, run.err
     assert validation.validate_fmu("a.fmu") == []
-    linear = hfa.trim(hfa.load_model(file)).linearize()
     point, seconds, interval = linear.point, 0.5, 0.025
-    policy = hfa.filter(linear, noise).policy(hfa.solve(nominal_game(linear)).K)
+    policy = hfa.filter(linear, noise).policy(K)
     off = np.tile([0.02, 0.0], (50, 1))
-    scenario = Scenario(seconds, 0.001, 0.01, np.array([0.05, 0.0]), samples=off)
+    scenario = Scenario(seconds, 0.001, 0.01, np.array([0.05, 0.0]), samples=off, delay=0.01)
     flight = hfa.fly(point.model, point, policy, scenario=scenario, predict=False)
     found = fmpy.simulate_fmu(
         "a.fmu",
