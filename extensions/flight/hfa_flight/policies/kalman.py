@@ -365,7 +365,7 @@ class KalmanFilter(Result):
             f"{name} {with_unit(size, unit(name))} to {with_unit(left, unit(name))}"
             for (name, size), left in zip(self.biased.items(), after, strict=True)
         ]
-        return f"Standard deviations of the biases, unknown and after 60 s: {', '.join(told)}."
+        return f"Deviations of the biases, unknown and after 60 s: {', '.join(told)}."
 
 
 def near_one(radius: float) -> str:
@@ -542,6 +542,23 @@ def _with_biases(air: _Air, sizes: np.ndarray) -> _Air:
         W=np.hstack([air.W, np.zeros((len(air.W), count))]),
         E=np.hstack([air.E, np.zeros((len(air.E), count))]),
     )
+
+
+def least_rms(point: OperatingPoint, turbulence: Turbulence, late: float) -> dict[str, float]:
+    """Return linear state -> the least rms in turbulence of any policy whose commands act late.
+
+    What the turbulence of the last `late` seconds adds to the linear aircraft is not answered yet,
+    and does not correlate with anything before: ∫ e^(A t) G G' e^(A' t) dt over [0, late].
+
+    late: s
+    """
+    linear, air = point.linearize(), _air(point, turbulence, late)
+    k, of_air = len(linear.states), len(air.A)
+    A = np.block([[linear.A, air.E], [np.zeros((of_air, k)), air.A]])
+    noise = np.zeros_like(A)
+    noise[k:, k:] = air.noise
+    _, unanswered = of_step(A, noise, late)
+    return dict(zip(linear.states, np.sqrt(np.diag(unanswered)[:k]).tolist(), strict=True))
 
 
 def _plant(

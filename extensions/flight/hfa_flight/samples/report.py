@@ -14,6 +14,7 @@ from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.turbulence import level_text
 from hfa_flight.needs import band_text, is_enough, need_text, outside_band
 from hfa_flight.policies.filtered_policy import FilteredPolicy
+from hfa_flight.policies.kalman import least_rms
 from hfa_flight.policies.policy import OpenLoop
 from hfa_flight.samples.monte_carlo import MonteCarlo
 from hfa_flight.simulate.envelope import GIVE_LIMIT, NO_LIMIT, is_limited
@@ -22,7 +23,7 @@ from hfa_support.reporting.parts import Part
 from hfa_support.reporting.report import Report, verdict_text
 from hfa_support.reporting.results import storable
 from hfa_support.reporting.rows import Group, Row
-from hfa_support.reporting.text import Table, short_number, shown_unit
+from hfa_support.reporting.text import Table, short_number, shown_unit, with_unit
 
 #: Levels of the reported quantiles.
 _QUANTILES = (0.05, 0.5, 0.95, 1.0)
@@ -75,6 +76,7 @@ def member_report(plan: MonteCarlo, flown: Flown, where: str, uncontrolled: Flow
         parts += [gust.text(plan.model), *gust.left_out(plan.model)]
     if isinstance(plan.policy, FilteredPolicy):
         parts += plan.policy.texts()
+    parts += _least_text(plan)
 
     notes = []
     is_unfiltered = not isinstance(plan.policy, (FilteredPolicy, OpenLoop))
@@ -156,6 +158,26 @@ def _latency_text(plan: MonteCarlo) -> str:
         return ""
     more = plan.policy.tolerates() if isinstance(plan.policy, FilteredPolicy) else ""
     return f" ({plan.scenario.text(plan.model)}{more})"
+
+
+def _least_text(plan: MonteCarlo) -> list[str]:
+    """Return what no policy can do whose commands act late in the turbulence, of the state whose
+    rms is then the largest part of its distance to a limit.
+    """
+    turbulence, delay = plan.scenario.uncertainty.turbulence, plan.scenario.delay
+    if turbulence is None or not delay:
+        return []
+    model = plan.model
+    ends = np.array([plan.envelope.lowest, plan.envelope.highest]) - plan.point.x
+    nearest = dict(zip(model.states, np.abs(ends).min(axis=0).tolist(), strict=True))
+    least = least_rms(plan.point, turbulence, delay)
+    name = max(least, key=lambda state: least[state] / nearest[state])
+    value, limit = (with_unit(size, model.unit(name)) for size in (least[name], nearest[name]))
+    return [
+        f"No policy whose commands act {1e3 * delay:.4g} ms late has an rms of {name} below "
+        f"{value} in this turbulence, on the linear aircraft (limit {limit}): the gusts of that "
+        "time are not answered yet."
+    ]
 
 
 def _rms_figures(
