@@ -108,6 +108,11 @@ def scaled_balls(matrix: arb_mat | np.ndarray, rows: np.ndarray, columns: np.nda
     return ball_matrix(scaled)
 
 
+def scaled_doubles(matrix: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> Near:
+    """Return 2^rows_i M_ij 2^columns_j in doubles."""
+    return Near(np.ldexp(matrix, np.add.outer(rows, columns)), UNDERFLOW)
+
+
 def identity(n: int) -> arb_mat:
     """Return the identity, (n, n)."""
     return ball_matrix(np.eye(n))

@@ -118,17 +118,10 @@ def value_in_doubles(game: Game) -> np.ndarray:
         return np.ldexp(X, -np.add.outer(units.states, units.states))
 
 
-class Proposal(NamedTuple):
-    """Equation in states in which P is near 1, and its solution X in doubles, (n, n)."""
-
-    equation: Equation
-    X: np.ndarray
-
-
 def proposed(
     game: Game, delta: float, near: Units | None = None, most_changes: int = MOST_CHANGES
-) -> Proposal:
-    """Return the solution in doubles, in states in which it is near 1.
+) -> tuple[Equation, np.ndarray]:
+    """Return the equation in states in which P is near 1, and its solution X in doubles, (n, n).
 
     near: units and states where the search begins; by default those of the Hamiltonian
     most_changes: largest number of changes of the states
@@ -157,40 +150,7 @@ def proposed(
             units = _times_root(units, root)
             equation = equation_of(game, units, delta)
             X = stabilizing_in_doubles(equation)
-        return Proposal(equation, X)
-
-
-def corrected_in_doubles(equation: Equation, X: np.ndarray) -> Candidate:
-    """Return the candidate X + Z with one correction Z, of which only the residual r at X is
-    computed in balls.
-
-    The residual of X + Z is r plus a linear and a quadratic change (`Equation.changes`). In
-    doubles, their rounding is that of numbers as small as Z, about a roundoff of X.
-
-    X: (n, n), symmetric
-
-    Raises FailedError.
-    """
-    with failures():
-        gains, residual = equation.gains_and_residual(ball_matrix(X))
-        in_doubles, at_X, r = equation.in_doubles, Near(X), Near.of(residual)
-        near_gains = Near.of(gains)
-        F = in_doubles.loop(at_X, near_gains)
-        lyapunov = Lyapunov(F.middle, is_discrete=equation.is_discrete)
-        correction = lyapunov.solve(-r.middle)
-        has_no_cost = states_without_cost(equation.game)
-        correction[has_no_cost] = correction[:, has_no_cost] = 0.0
-        Z = Near(correction)
-        of_gains, quadratic = in_doubles.changes(at_X, F, Z)
-        return Candidate(
-            equation,
-            ball_matrix(X) + ball_matrix(correction),
-            gains + of_gains.in_balls,
-            r + change_along(F, Z, is_discrete=equation.is_discrete) + quadratic,
-            in_doubles.loop(near_X := at_X + Z, near_gains + of_gains),
-            Near(lyapunov.solve(-np.eye(equation.n))),
-            near_X,
-        )
+        return equation, X
 
 
 def _in_units_of_solution(
@@ -249,35 +209,44 @@ def _times_root(units: Units, root: np.ndarray) -> Units:
     return units._replace(T=in_balls if units.T is None else (in_balls * units.T).mid())
 
 
-def corrected(equation: Equation, X: arb_mat) -> Candidate:
-    """Return a candidate near X, corrected by residuals in the bits of `precision`.
+def corrections(equation: Equation, X: arb_mat) -> Iterator[Candidate]:
+    """Yield candidates X + Z, each with one more correction Z, until the correction is small, or is
+    more than half of the one before it.
 
-    Each correction Z solves F'Z + Z F + residual = 0 in doubles, with the loop F at X, until a
-    correction is small, or is more than half of the one before it.
+    Z solves F'Z + Z F + r = 0 in doubles, with the loop F at X. Only the residual r at X is in
+    balls, with the bits of `precision`. That at X + Z is r plus a linear and a quadratic change
+    (`Equation.changes`), in doubles: their rounding is that of numbers as small as Z.
 
     Raises FailedError.
     """
     has_no_cost, X = states_without_cost(equation.game), symmetric(X)
+    is_discrete, in_doubles = equation.is_discrete, equation.in_doubles
     size, last, lyapunov = np.abs(midpoints(X)).max() or 1.0, math.inf, None
-    with failures():
-        for _ in range(NEWTON_STEPS):
+    for _ in range(NEWTON_STEPS):
+        with failures():
             gains, residual = equation.gains_and_residual(X)
+            near_X, near_gains, r = map(Near.of, (X, gains, residual))
+            F = in_doubles.loop(near_X, near_gains)
             if lyapunov is None:
-                F = equation.loop(X, gains)
-                lyapunov = Lyapunov(midpoints(F), is_discrete=equation.is_discrete)
-            correction = lyapunov.solve(-midpoints(residual))
+                lyapunov = Lyapunov(F.middle, is_discrete=is_discrete)
+                Y = Near(lyapunov.solve(-np.eye(equation.n)))
+            correction = lyapunov.solve(-r.middle)
             correction[has_no_cost] = correction[:, has_no_cost] = 0.0
-            largest = np.abs(correction).max() / size
-            if not SMALL_CORRECTION ** (bits() / BITS) < largest < 0.5 * last:
-                break
-            X, last = (X + ball_matrix(correction)).mid(), largest
-            if largest > LARGE_CORRECTION:
-                lyapunov = None
-        if lyapunov is None or not largest < LARGE_CORRECTION:
-            raise FailedError("the corrections do not shrink")
-        F, is_discrete = equation.loop(X, gains), equation.is_discrete
-        Y = solved_in_bits(F, identity(equation.n), lyapunov, is_discrete=is_discrete)
-        return Candidate(equation, X, gains, residual, F, symmetric(Y))
+            largest, Z = np.abs(correction).max() / size, Near(correction)
+            of_gains, quadratic = in_doubles.changes(near_X, F, Z)
+            near_X, near_gains = near_X + Z, near_gains + of_gains
+            at_Z = r + change_along(F, Z, is_discrete=is_discrete) + quadratic
+            loop = in_doubles.loop(near_X, near_gains)
+            X, gains = X + ball_matrix(correction), gains + of_gains.in_balls
+        if largest <= LARGE_CORRECTION:
+            yield Candidate(equation, X, gains, at_Z, loop, Y, near_X)
+        else:
+            lyapunov = None
+        if not SMALL_CORRECTION ** (bits() / BITS) < largest < 0.5 * last:
+            break
+        X, last = X.mid(), largest
+    if not largest <= LARGE_CORRECTION:
+        raise FailedError("the corrections do not shrink")
 
 
 def stabilizing_in_doubles(equation: Equation) -> np.ndarray:

@@ -28,10 +28,8 @@ from controller.riccati.balls import (
 from controller.riccati.candidate import (
     MOST_STATES_IN_BITS,
     Candidate,
-    Proposal,
     candidate_in_bits,
-    corrected,
-    corrected_in_doubles,
+    corrections,
     first_units,
     proposed,
     sizes_of,
@@ -295,19 +293,19 @@ def _outcomes(
     # A solution in doubles, Newton's steps from it, and with twice the bits.
     with precision(BITS), np.errstate(all="ignore"):
         try:
-            proposal = proposed(game, delta, near)
-            enclosure = proved_in_doubles(proposal)
-            if enclosure is not None and (not digits or enclosure.digits.are_known):
-                yield enclosure
-            candidate = corrected(proposal.equation, ball_matrix(proposal.X))
+            equation, X = proposed(game, delta, near)
+            for candidate in corrections(equation, ball_matrix(X)):
+                with suppress(NotProvedError):
+                    yield _known(enclosure_of(stabilizing(candidate)), digits=digits)
         except FailedError:
             equation = equation_of(game, near or first_units(game, delta), delta)
             yield why_no_value(equation, None, frequency, in_bits=False)
         else:
             yield _outcome(candidate, digits=digits, in_bits=False)
             with precision(2 * BITS), suppress(FailedError):
-                equation = equation_of(game, candidate.equation.units, delta)
-                yield _outcome(corrected(equation, candidate.X), digits=digits, in_bits=False)
+                equation = equation_of(game, equation.units, delta)
+                *_, candidate = corrections(equation, candidate.X)
+                yield _outcome(candidate, digits=digits, in_bits=False)
     with precision(2 * BITS):
         refuse_modes(game)  # a mode because of which no delta has a value
     # Candidates in bits.
@@ -339,7 +337,8 @@ def enclosed_in_bits(enclosure: Enclosure, n_bits: int) -> Enclosure:
     with precision(n_bits), np.errstate(all="ignore"):
         equation = equation_of(enclosure.game, enclosure.units, delta)
         try:
-            return enclosure_of(stabilizing(corrected(equation, enclosure.proved.P.mid())))
+            *_, candidate = corrections(equation, enclosure.proved.P)
+            return enclosure_of(stabilizing(candidate))
         except FailedError as failure:
             raise NotProvedError(str(failure)) from None
 
@@ -354,11 +353,9 @@ def enclosure_of(found: Stabilizing) -> Enclosure:
     return Enclosure(found.equation.game, found.equation.units, found, bits())
 
 
-def proved_in_doubles(proposal: Proposal) -> Enclosure | None:
-    """Return the enclosure that one residual in balls proves, or None."""
-    with suppress(FailedError, NotProvedError):
-        return enclosure_of(stabilizing(corrected_in_doubles(*proposal)))
-    return None
+def _known(enclosure: Enclosure, *, digits: bool) -> Enclosure | str:
+    """Return an enclosure, or "" if P and K must be right to the last digit, and may not be."""
+    return "" if digits and not enclosure.digits.are_known else enclosure
 
 
 def _outcome(candidate: Candidate, *, digits: bool, in_bits: bool) -> Enclosure | str:
@@ -373,7 +370,7 @@ def _outcome(candidate: Candidate, *, digits: bool, in_bits: bool) -> Enclosure 
         enclosure = enclosure_of(found)
     except NotProvedError:
         return why_no_value(candidate.equation, found, in_bits=in_bits)
-    return "" if digits and not enclosure.digits.are_known else enclosure
+    return _known(enclosure, digits=digits)
 
 
 #: Largest relative change of P and K that their data determine: two digits are known.
@@ -456,18 +453,13 @@ def _sentences(certificate: Certificate) -> Iterator[str]:
 
 
 def _radius_of_L(enclosure: Enclosure) -> float:
-    """Return the largest radius of L, relative to the largest entry of its row in units of the
-    proof; inf if no digit of a row is known.
+    """Return the largest radius of L, relative to the largest entry of its row in units of powers
+    of two; inf if no digit of a row is known.
     """
-    L, radius = midpoints(enclosure.L), radii(enclosure.L)
-    # In units of the proof, column j is multiplied by the unit of state j. The unit of a row, that
-    # of a disturbance, cancels in the ratio of two entries of the row.
-    sizes = np.exp2(enclosure.units.states.astype(float))
+    L, radius = enclosure.numbers("L")
     with np.errstate(all="ignore"):
-        largest = (np.abs(L) * sizes).max(1, keepdims=True)
-        relative = np.where(radius > 0.0, radius * sizes / largest, 0.0)
-    worst = float(relative.max())
-    return worst if math.isfinite(worst) else math.inf
+        relative = np.where(radius > 0.0, radius / np.abs(L).max(1, keepdims=True), 0.0)
+    return float(np.nan_to_num(relative, nan=math.inf).max())
 
 
 def warning_of(change: float) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
@@ -15,13 +16,13 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balls import (
-    UNDERFLOW,
     Near,
     ball_matrix,
     identity,
     norm,
     part,
     scaled_balls,
+    scaled_doubles,
     stacked,
     symmetric_part,
 )
@@ -75,46 +76,36 @@ class Entries(NamedTuple):
     N: Any
 
     @classmethod
-    def of(cls, game: Game, units: Units) -> Entries:
+    def of(cls, game: Game, units: Units, *, is_near: bool = False) -> Entries:
         """Return the matrices of a game in exact units, and in the states T y.
 
         y are the states in units of powers of two: the user's states are z_i = 2^states_i y_i, and
         likewise inputs and disturbances. Rows of rates are therefore scaled by 2^-states, columns
         and costs by 2^states.
 
+        is_near: whether they are `Near`: without T, doubles that are exact but for what underflows
+
         Raises ZeroDivisionError if T may be singular with the bits of `precision`.
         """
-        doubles = (game.A, game.B, game.E, game.Q, game.R, game.N)
-        A, B, E, Q, R, N = game.balls or doubles if isinstance(game, LoopGame) else doubles
+        matrices: Any = game.A, game.B, game.E, game.Q, game.R, game.N
         states, inputs, disturbances, T = units
-        A, B = scaled_balls(A, -states, states), scaled_balls(B, -states, inputs)
-        E, N = scaled_balls(E, -states, disturbances), scaled_balls(N, states, inputs)
-        Q, R = scaled_balls(Q, states, states), scaled_balls(R, inputs, inputs)
+        scaled: Callable[..., Any] = scaled_balls
+        if isinstance(game, LoopGame):
+            matrices = game.balls or matrices
+        elif is_near and T is None:
+            scaled = scaled_doubles
+        A, B, E, Q, R, N = matrices
+        A, B = scaled(A, -states, states), scaled(B, -states, inputs)
+        E, N = scaled(E, -states, disturbances), scaled(N, states, inputs)
+        Q, R = scaled(Q, states, states), scaled(R, inputs, inputs)
         if not np.array_equal(game.weights, game.weights.T):
             Q, R = symmetric_part(Q), symmetric_part(R)
-        if T is None:
-            return cls(A, B, E, Q, R, N)
-        to_y = T.inv()
-        Q = symmetric_part(to_y.transpose() * Q * to_y)
-        return cls(T * A * to_y, T * B, T * E, Q, R, to_y.transpose() * N)
-
-    @classmethod
-    def near(cls, game: Game, units: Units) -> Entries:
-        """Return the matrices of `of` in doubles, without T exact but for what underflows.
-
-        Raises ZeroDivisionError as `of` does.
-        """
-        states, inputs, disturbances, T = units
-        if T is not None or isinstance(game, LoopGame):
-            return cls(*map(Near.of, cls.of(game, units)))
-
-        def scaled(matrix: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> Near:
-            return Near(np.ldexp(matrix, np.add.outer(rows, columns)), UNDERFLOW)
-
-        A, B = scaled(game.A, -states, states), scaled(game.B, -states, inputs)
-        E, N = scaled(game.E, -states, disturbances), scaled(game.N, states, inputs)
-        Q, R = scaled(game.Q, states, states), scaled(game.R, inputs, inputs)
-        return cls(A, B, E, symmetric_part(Q), symmetric_part(R), N)
+        if T is not None:
+            to_y = T.inv()
+            Q = symmetric_part(to_y.transpose() * Q * to_y)
+            A, B, E, N = T * A * to_y, T * B, T * E, to_y.transpose() * N
+        entries = cls(A, B, E, Q, R, N)
+        return cls(*map(Near.of, entries)) if is_near else entries
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -173,19 +164,18 @@ class Equation(ABC):
         """The matrices, with the discount."""
         from flint import arb
 
-        entries = (Entries.near if self.is_near else Entries.of)(self.game, self.units)
+        entries = Entries.of(self.game, self.units, is_near=self.is_near)
         if self.game.discount == 1.0:
             return entries
         root = arb(self.game.discount).sqrt()
         A, B, E, *weights = entries
         return Entries(A * root, B * root, E * root, *weights)
 
-    A = property(lambda self: self.entries.A)
-    B = property(lambda self: self.entries.B)
-    E = property(lambda self: self.entries.E)
-    Q = property(lambda self: self.entries.Q)
-    R = property(lambda self: self.entries.R)
-    N = property(lambda self: self.entries.N)
+    def __getattr__(self, name: str) -> Any:
+        """Return a matrix of the entries."""
+        if name in Entries._fields:
+            return getattr(self.entries, name)
+        raise AttributeError(name)
 
     @cached_property
     def in_doubles(self) -> Self:

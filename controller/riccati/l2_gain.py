@@ -19,15 +19,15 @@ from controller.riccati.candidate import (
     MOST_CHANGES,
     MOST_STATES_IN_BITS,
     candidate_in_bits,
-    corrected,
+    corrections,
     disturbance_units,
     proposed,
 )
-from controller.riccati.enclosure import Enclosure, enclosure_of, proved_in_doubles
+from controller.riccati.enclosure import Enclosure, enclosure_of
 from controller.riccati.equation import Entries, LoopGame, Units, equation_of
-from controller.riccati.lyapunov import FailedError, Lyapunov, NotProvedError, loop_units
+from controller.riccati.lyapunov import FailedError, NotProvedError, loop_units
 from controller.riccati.refusal import between_eigenvalues, half_plane_eigenvalues, stabilizing
-from controller.riccati.smallest_delta import TOLERANCE, Search, estimate
+from controller.riccati.smallest_delta import TOLERANCE
 from hfa_support.errors import BadInputError
 
 if TYPE_CHECKING:
@@ -36,15 +36,9 @@ if TYPE_CHECKING:
 
 #: Largest number of steps to the largest gain, each of which doubles its digits.
 MOST_STEPS = 8
-#: Relative distances from the lower bound at which the upper one is tried.
-ABOVE = 0.9 * TOLERANCE * np.array([1.0, 1e2, 1e4])
-
-
-class LoopValue(NamedTuple):
-    """Enclosed D, (n, n), and the gain of the worst disturbance d = L z, (k, n), balls."""
-
-    D: arb_mat
-    L: arb_mat
+#: Factors of the lower bound at which the upper one is tried, and of a scale if the lower one is 0.
+ABOVE = 1.0 + np.array([0.9 * TOLERANCE, 1e-4, 1e-2, 1.0])
+NEARLY_0 = np.array([1e-24, 1e-12, 1.0])
 
 
 class DisturbedLoop(NamedTuple):
@@ -58,28 +52,20 @@ class DisturbedLoop(NamedTuple):
     C: arb_mat
     is_discrete: bool
 
-    def value(self, delta: float) -> LoopValue:
-        """Return the enclosure of D, which proves that F is stable and that the gain is below δ.
+    def value(self, delta: float) -> Enclosure:
+        """Return the enclosure of D, as P of the game, which proves that F is stable and that the
+        gain is below δ.
 
         Raises FailedError or NotProvedError.
         """
         game = self.game()
-        found = self._enclosed(game, delta)
-        return LoopValue(found.P, found.L)
-
-    def _enclosed(self, game: LoopGame, delta: float) -> Enclosure:
-        """Return the enclosure of D as the value of the game.
-
-        Raises FailedError or NotProvedError.
-        """
         units = self.units(game, delta)
         for changes in (0, MOST_CHANGES):  # states in which D is nearly 1 are seldom needed
             with suppress(FailedError, NotProvedError):
-                proposal = proposed(game, delta, units, changes)
-                if found := proved_in_doubles(proposal):
-                    return found
-                candidate = corrected(proposal.equation, ball_matrix(proposal.X))
-                return enclosure_of(stabilizing(candidate))
+                equation, X = proposed(game, delta, units, changes)
+                for candidate in corrections(equation, ball_matrix(X)):
+                    with suppress(NotProvedError):
+                        return enclosure_of(stabilizing(candidate))
         return enclosure_of(stabilizing(candidate_in_bits(game, delta)))
 
     def game(self) -> LoopGame:
@@ -105,6 +91,11 @@ class DisturbedLoop(NamedTuple):
         size = float(norm(scaled_balls(self.C, states, states)))
         power = int(np.round(0.5 * np.log2(size))) if size > 0.0 else 0
         return Units(states - power, np.zeros(1, dtype=int), disturbance_units(game, delta))
+
+    def scale(self, game: LoopGame) -> float:
+        """Return a gain of the size of the entries, in units of the loop."""
+        entries = equation_of(game, self.units(game, math.inf), math.inf).in_doubles.entries
+        return float(math.sqrt(entries.Q.size) * entries.E.size / entries.A.size)
 
     def gain_at(self, frequencies: Iterable[float]) -> float:
         """Return the gain of one disturbance at one of these frequencies, rounded down; 0 without
@@ -152,55 +143,37 @@ def gain_of(loop: DisturbedLoop) -> GainBounds:
     """Return the bounds of the gain, with the bits of `precision`; high is inf without proof."""
     try:
         game = loop.game()
-        equation = equation_of(game, loop.units(game, math.inf), math.inf)
-        F, C = midpoints(equation.A), midpoints(equation.Q)
-        search = Search(equation, Lyapunov(F, is_discrete=loop.is_discrete).solve(-C), F)
     except FailedError:
         return GainBounds(0.0, math.inf)
-    guess = estimate(search)
-    proposed = guess.w**-0.5
-    low, high = 0.0 if guess.frequency is None else loop.gain_at([guess.frequency]), math.inf
-    for in_bits in (False, True)[: 2 if len(F) <= MOST_STATES_IN_BITS else 1]:
-        if in_bits or not low * (1.0 + TOLERANCE) >= proposed:
-            low = max(low, _climbed(loop, search, low or proposed, in_bits=in_bits))
-        for bound in (*(low * (1.0 + ABOVE)).tolist(), 2.0 * proposed):
-            if low < bound < high and is_below(loop, bound):
-                high = bound
-                break
+    poles = np.linalg.eigvals(game.A)
+    at_poles = (np.angle(poles), [math.pi]) if loop.is_discrete else (np.abs(poles), poles.imag)
+    low, high = loop.gain_at(np.unique(np.abs(np.concatenate([[0.0], *at_poles])))), math.inf
+    for in_bits in (False, True)[: 2 if len(poles) <= MOST_STATES_IN_BITS else 1]:
+        low = _climbed(loop, game, low, in_bits=in_bits)
+        for bound in (low or loop.scale(game)) * (ABOVE if low else NEARLY_0):
+            with suppress(FailedError, NotProvedError):
+                if low < bound < high and loop.value(bound):  # a value at δ = bound is the proof
+                    high = float(bound)
+                    break
         if GainBounds(low, high).is_narrow:
             break
     return GainBounds(low, high)
 
 
-def _climbed(loop: DisturbedLoop, search: Search, level: float, *, in_bits: bool) -> float:
-    """Return the largest gain found at frequencies between those at which a gain is `level`.
+def _climbed(loop: DisturbedLoop, game: LoopGame, low: float, *, in_bits: bool) -> float:
+    """Return the largest gain found at frequencies between those at which a gain is `low`, then the
+    largest one, and so on.
 
     in_bits: whether these are computed with the bits of `precision`
 
     Source: Bruinsma and Steinbuch, Systems & Control Letters 14 (1990), 287-293.
     """
-    best = 0.0
-    for _ in range(MOST_STEPS):
-        with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
-            if in_bits:
-                units = loop.units(search.game, level)
-                values = half_plane_eigenvalues(
-                    equation_of(search.game, units, level), in_bits=True
-                )
-            else:
-                values = np.linalg.eigvals(search.half_plane(level**-2.0))
-            found = loop.gain_at(between_eigenvalues(values, is_discrete=loop.is_discrete))
-            best, before = max(best, found), best
-            if best <= before * (1.0 + 0.01 * TOLERANCE):
-                break
-            level = best
-    return best
-
-
-def is_below(loop: DisturbedLoop, bound: float) -> bool:
-    """Return whether the gain is proved to be below a bound."""
-    try:
-        loop.value(bound)  # a value at δ = bound is the proof
-    except (FailedError, NotProvedError):
-        return False
-    return True
+    for _ in range(MOST_STEPS if low else 0):
+        with np.errstate(all="ignore"):
+            equation = equation_of(game, loop.units(game, low), low)
+            values = half_plane_eigenvalues(equation, in_bits=in_bits)
+        found = loop.gain_at(between_eigenvalues(values, is_discrete=loop.is_discrete))
+        low, before = max(low, found), low
+        if low <= before * (1.0 + 0.01 * TOLERANCE):
+            break
+    return low

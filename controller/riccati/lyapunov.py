@@ -177,34 +177,19 @@ def change_along(loop: Any, Y: Any, *, is_discrete: bool) -> Any:
     return YF + YF.transpose()
 
 
-def solved_in_bits(
-    F: arb_mat, C: arb_mat, solver: Lyapunov[np.ndarray] | None = None, *, is_discrete: bool
-) -> arb_mat:
+def solved_in_bits(F: arb_mat, C: arb_mat, *, is_discrete: bool) -> arb_mat:
     """Return a candidate for D of F'D + D F + C = 0, in discrete time of F'D F - D + C = 0.
 
-    A solution in doubles is corrected by its residuals in balls, until the residual is a millionth
-    of C. If the residuals do not shrink, the equation is solved in bits.
+    It is solved in doubles, or in bits if the residual may be more than a millionth of C.
 
     F, C: (n, n), of which only the midpoints count
-    solver: for a loop near F, if it is known
 
     Raises FailedError.
     """
-    F, C = F.mid(), C.mid()
     rounded = solved_in_doubles(midpoints(F), midpoints(C), is_discrete=is_discrete)
     if rounded is not None:
         return ball_matrix(rounded)
-    D, residual = 0 * C, C
-    with suppress(FailedError), np.errstate(all="ignore"):
-        solver = solver or Lyapunov(midpoints(F), is_discrete=is_discrete)
-        for _ in range(NEWTON_STEPS):
-            D = (D + ball_matrix(solver.solve(-midpoints(residual)))).mid()
-            before, residual = residual, change_along(F, D, is_discrete=is_discrete) + C
-            if norm(residual) < norm(C) * 1e-6:
-                return D
-            if not norm(residual) < norm(before) * 0.5:
-                break
-    return Lyapunov(F, is_discrete=is_discrete).solve(-C)
+    return Lyapunov(F.mid(), is_discrete=is_discrete).solve(-C.mid())
 
 
 def solved_in_doubles(F: np.ndarray, C: np.ndarray, *, is_discrete: bool) -> np.ndarray | None:

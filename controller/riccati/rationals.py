@@ -22,7 +22,7 @@ from controller.riccati.equation import pencil_blocks
 from controller.riccati.lyapunov import discounted, stability_of
 
 if TYPE_CHECKING:
-    from flint import acb, arb_mat, fmpq, fmpq_mat, fmpq_poly, fmpz_poly
+    from flint import acb, fmpq, fmpq_mat, fmpq_poly, fmpz_poly
 
 
 #: A prime: a matrix that has a rank modulo it has at least this rank in rationals.
@@ -327,20 +327,6 @@ def stacked_rationals(blocks: list[list[fmpq_mat]]) -> fmpq_mat:
     return fmpq_mat(block_entries(blocks))
 
 
-def disturbance_never_costs(game: Game, K: np.ndarray) -> bool:
-    """Return whether the disturbance moves only states without cost, for u = -K z."""
-    A, B, E, Q, R, N = RationalGame.of(game)
-    K_exact = rational(K)
-    # Half the gradient of the cost z'Q z + 2 z'N u + u'R u by z and by u, at u = -K z.
-    cost = stacked_rationals([[Q - N * K_exact], [N.transpose() - R * K_exact]])
-    moved = E  # by the disturbance, after each power of the loop
-    for _ in range(A.nrows()):
-        if any(entry != 0 for entry in (cost * moved).entries()):
-            return False
-        moved = (A - B * K_exact) * moved
-    return True
-
-
 @lru_cache(maxsize=4)
 def states_without_cost(game: Game) -> np.ndarray:
     """Return which states, (n,), lead to no state with a cost and to no unstable block of A.
@@ -392,115 +378,14 @@ def zeros_of(game: Game) -> Zeros:
         gains[unused] = True
     if game.is_discrete:  # a state that moves nothing in the next step, and has no cross weights
         gains[:, ~(game.A.any(0) | game.N.any(1))] = True
-    # An input does not depend on a state if no chain of entries of the game connects them.
-    (n, m), k = game.B.shape, game.E.shape[1]
-    links = np.zeros((n + m + k, n + m + k), dtype=bool)  # between states, inputs, disturbances
-    links[:n] = np.hstack([game.A, game.B, game.E]) != 0.0
-    links[: n + m, : n + m] |= game.weights != 0.0
-    gains |= ~_connected(links | links.T)[n : n + m, :n]
     return Zeros(states, gains)
 
 
 def disturbance_costs_nothing(game: Game, K: np.ndarray | None = None) -> bool:
-    """Return whether all that the disturbance moves is without cost, for u = -K z or the optimum.
+    """Return whether the disturbance moves only states that entries of 0 show to be without cost,
+    for u = -K z or the optimum.
 
-    False if the states without optimal cost are not known.
-
-    K: (m, n), which stabilizes; None for the optimal gain
+    K: (m, n), which stabilizes; None for the optimal gain, which is 0 on these states
     """
-    if not game.E.any():
-        return True
-    if K is not None:
-        return disturbance_never_costs(game, K)
-    E = rational(game.E)
-    # With N = 0, a state z with Q z != 0 costs under any input: Q E != 0 decides at once.
-    if not game.N.any() and any(entry != 0 for entry in (rational(game.Q) * E).entries()):
-        return False
-    held = _states_held_without_cost(game)
-    return held is not None and _are_without_cost(E, held, game)
-
-
-def _are_without_cost(columns: fmpq_mat, held: _StatesHeldWithoutCost, game: Game) -> bool:
-    """Return whether columns are proved to be states without optimal cost, or 0.
-
-    columns: (n, k)
-    held: of the game
-    """
-    coordinates = _rows(columns, held.pivots)
-    # Columns that are not in the subspace are without cost only if they are 0.
-    if held.states * coordinates != columns or not coordinates.rank():
-        return columns.rank() == 0
-    # What they move is the least subspace that contains them and that the loop maps into itself.
-    moved, pivots = _column_echelon(coordinates)
-    while True:
-        following = held.loop * moved
-        wider, wider_pivots = _column_echelon(stacked_rationals([[moved, following]]))
-        if wider.ncols() == moved.ncols():
-            break
-        moved, pivots = wider, wider_pivots
-    loop_on_moved = discounted(_balls(_rows(following, pivots)), game)
-    return stability_of(loop_on_moved, is_discrete=game.is_discrete) is True
-
-
-class _StatesHeldWithoutCost(NamedTuple):
-    """Largest subspace in which inputs hold the states without any cost.
-
-    states: basis, with the identity in the rows `pivots`, (n, d)
-    inputs: inputs that hold the states of the basis, (m, d)
-    loop: matrix of the loop with these inputs, in coordinates of the basis, (d, d)
-    """
-
-    states: fmpq_mat
-    pivots: list[int]
-    inputs: fmpq_mat
-    loop: fmpq_mat
-
-
-def _states_held_without_cost(game: Game) -> _StatesHeldWithoutCost | None:
-    """Return the largest subspace that inputs hold without cost, by ever smaller subspaces.
-
-    None if it is 0, for more than `MOST_STATES` states, or if those inputs are not unique.
-    """
-    from flint import fmpq_mat
-
-    n, m = game.B.shape
-    if n > MOST_STATES:
-        return None
-    weights = game.weights
-    cost = rational(weights + weights.T)
-    A, B = rational(game.A), rational(game.B)
-    basis = rational(np.eye(n))
-    while True:  # until from all states of the basis, an input leads into it without cost
-        # Solutions [z; u; c]: no cost, weights [z; u] = 0, and the basis is kept,
-        # A z + B u = basis c.
-        zeros = fmpq_mat(n + m, basis.ncols())
-        equations = stacked_rationals([[A, B, -1 * basis], [cost, zeros]])
-        solutions = null_space(equations)
-        states, pivots = _column_echelon(_rows(solutions, range(n)))
-        if states.ncols() == basis.ncols() or not states.ncols():
-            break
-        basis = states
-    if not states.ncols() or solutions.ncols() != states.ncols():
-        return None
-    # Each z = states c is held by the inputs u = inputs c.
-    to_coordinates = _rows(solutions, pivots).inv()
-    inputs = _rows(solutions, range(n, n + m)) * to_coordinates
-    return _StatesHeldWithoutCost(states, pivots, inputs, _rows(A * states + B * inputs, pivots))
-
-
-def _balls(matrix: fmpq_mat) -> arb_mat:
-    """Return balls that contain the rational entries."""
-    from flint import arb
-
-    return ball_matrix([[arb(entry) for entry in row] for row in matrix.tolist()])
-
-
-def _rows(matrix: fmpq_mat, places: Sequence[int]) -> fmpq_mat:
-    """Return the rows of a matrix with these numbers."""
-    return columns_of(matrix.transpose(), places).transpose()
-
-
-def _column_echelon(matrix: fmpq_mat) -> tuple[fmpq_mat, list[int]]:
-    """Return a basis of the columns with the identity in some rows, and the places of these."""
-    reduced, pivots = echelon(matrix.transpose())
-    return _rows(reduced, range(len(pivots))).transpose(), pivots
+    free = states_without_cost(game)
+    return not (game.E[~free].any() or (K is not None and K[:, free].any()))

@@ -18,7 +18,7 @@ from controller.riccati.candidate import (
     stable_subspace_in_doubles,
 )
 from controller.riccati.enclosure import UndecidedError, decided_at
-from controller.riccati.equation import Equation, LoopGame, StepEquation
+from controller.riccati.equation import Equation, StepEquation
 from controller.riccati.lyapunov import FailedError, Lyapunov
 from controller.riccati.rationals import disturbance_costs_nothing
 from hfa_support.errors import NoSolutionError
@@ -358,11 +358,10 @@ class Search:
         decay, pole = float(decays[slowest]), poles[slowest]
         frequency = abs(float(np.angle(pole) if is_discrete else pole.imag))
         # The decay falls to 0 as the root of the change of w: its square is nearly linear.
-        numbers = [math.copysign(decay**2, decay)]
-        if not isinstance(self.game, LoopGame):  # the P of a stable loop is finite
-            # Beyond the w at which P is infinite, P has large negative eigenvalues: -1 is past 0.
-            sizes = np.linalg.eigvalsh(X)
-            numbers.append(1.0 / sizes[-1] if sizes[0] > -CLEARLY_NEGATIVE else -1.0)
+        # Beyond the w at which P is infinite, P has large negative eigenvalues: -1 is past 0.
+        sizes = np.linalg.eigvalsh(X)
+        of_P = 1.0 / sizes[-1] if sizes[0] > -CLEARLY_NEGATIVE else -1.0
+        numbers = [math.copysign(decay**2, decay), of_P]
         if weight is not None:  # the least weight, relative to δ²
             numbers.append(float(np.linalg.eigvalsh(weight)[0]))
         return Distances(w, np.array(numbers), frequency)

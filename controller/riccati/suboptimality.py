@@ -40,7 +40,7 @@ from controller.riccati.balls import (
 )
 from controller.riccati.closed_loops import ClosedLoops
 from controller.riccati.enclosure import Enclosure, enclosed_in_bits
-from controller.riccati.l2_gain import DisturbedLoop, LoopValue
+from controller.riccati.l2_gain import DisturbedLoop
 from controller.riccati.lyapunov import (
     FailedError,
     NotProvedError,
@@ -177,7 +177,7 @@ def _bounded(
     solved = _solved(enclosure, K)
     if solved is None:
         return suboptimality
-    D, P = solved.D, enclosure.P
+    (D, L), P = solved, enclosure.P
     reference = ball_matrix(reference_cost(midpoints(P), box))
     ratio = _largest_ratio(D, reference, box)
     is_positive = is_positive_definite(P - reference * ROUNDOFF)
@@ -185,13 +185,13 @@ def _bounded(
     return replace(
         suboptimality,
         matrix=midpoints(D),
-        disturbance_gain=midpoints(solved.L),
+        disturbance_gain=midpoints(L),
         of_each=of_each,
         **ratio._asdict(),
     )
 
 
-def _solved(optimum: Enclosure, K: arb_mat) -> LoopValue | None:
+def _solved(optimum: Enclosure, K: arb_mat) -> tuple[arb_mat, arb_mat] | None:
     """Return the excess D and the gain of the worst disturbance, minus that of the optimum, for
     u = -K z, or None if they are not proved.
 
@@ -225,10 +225,10 @@ def _solved(optimum: Enclosure, K: arb_mat) -> LoopValue | None:
         E = E * W_inverse.transpose()
         F, cost = F + E * M, cost + M.transpose() * M
     try:
-        D, L = DisturbedLoop(F, E, symmetric_part(cost), game.is_discrete).value(delta)
+        found = DisturbedLoop(F, E, symmetric_part(cost), game.is_discrete).value(delta)
     except (FailedError, NotProvedError, ZeroDivisionError):
         return None
-    return LoopValue(D, W_inverse.transpose() * (L + M))
+    return found.P, W_inverse.transpose() * (found.L + M)
 
 
 class _Ratio(NamedTuple):

@@ -299,11 +299,11 @@ def test_the_value_of_a_loop_contains_the_root(time, radius):
     """
     with precision(128):
         loop, delta, root = scalar_loop(time, radius=radius)
-        D = loop.value(delta).D[0, 0]
+        D = loop.value(delta).P[0, 0]
         assert D.contains(arb(root)) or abs(D - root) < 1e-15 * root
         assert D.rad() < (1e-25 if radius == 0.0 else 10.0 * radius) * root
         for end in (-0.99, 0.99):
-            moved = scalar_loop(time, charge=1.0 + end * radius)[0].value(delta).D[0, 0]
+            moved = scalar_loop(time, charge=1.0 + end * radius)[0].value(delta).P[0, 0]
             assert radius == 0.0 or D.contains(moved.mid())
 
 
