@@ -135,8 +135,8 @@ def test_pictures_of_the_documents_are_current():
 
     folder = ROOT / "docs" / "pictures"
     drawn = ["regeneration.png", "root_locus.png"]
-    # A browser and pdftoppm draw the page and the sheets, and best_flights.png is stored.
-    others = ["best_flights.png", "page.png", "sheet_html.png", "sheet_pdf.png"]
+    # A browser and pdftoppm draw the page and the sheets.
+    others = ["page.png", "sheet_html.png", "sheet_pdf.png"]
     others += ["book_cover.png", "book_matrix.png"]
     assert sorted(path.name for path in folder.glob("*.png")) == sorted([*drawn, *others])
     for name in drawn:
