@@ -123,7 +123,7 @@ def test_a_certificate_about_an_aircraft_file_requires_the_file():
     """
     content = certificate(found().statement, found().witness.content())
     model = facts(aircraft()) | {"equations": "0" * 64}  # the digest of other equations
-    with pytest.raises(BadInputError, match="give the aircraft file"):
+    with pytest.raises(BadInputError, match="equations of its own"):
         read_content(changed(content, statement__flight__model=model))
 
 

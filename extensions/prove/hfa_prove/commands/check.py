@@ -28,7 +28,8 @@ def prove(request: CheckRequest) -> Outcome:
             "no statement to prove is given; use `hfa prove schedule`, or add --check FILE"
         )
     trim = asked_trim(request)
-    model = trim.given.common.model if request.aircraft is not None else None
+    is_own = request.aircraft is not None or request.servo is not None
+    model = trim.given.common.model if is_own else None
     certificate = read_certificate(path, model)
     # If options differ, or the proof fails, these two raise a NoSolutionError (exit code 1).
     not_given = compare(certificate.statement, given_for(certificate.statement, request, trim))

@@ -19,7 +19,7 @@ from hfa_prove.statements.schedule import SAME_TRIM, ScheduleStatement
 from trim.point.status import BALANCE
 
 #: Options that name an aircraft or its trim.
-_OF_THE_AIRCRAFT = ("aircraft", "dynamics", "parameters", *OF_THE_TRIM)
+_OF_THE_AIRCRAFT = ("aircraft", "dynamics", "parameters", "servo", *OF_THE_TRIM)
 #: Options that define the game of the gains.
 _OF_THE_GAME = ("N", "delta", "Q", "R", "sizes")
 #: Largest difference of two gains that are called equal, in nominal values, relative to the largest

@@ -53,8 +53,8 @@ def read_model(file: Fields, name: str, known: Any) -> Model:
     model = own or (None if equations else aircraft_of(dynamics))
     if model is None:
         raise BadInputError(
-            f"the certificate is about {shown(dynamics)}; give the aircraft file with --aircraft "
-            "FILE.py:NAME"
+            f"the certificate is about {shown(dynamics)} with equations of its own; give the "
+            "--aircraft FILE.py:NAME or the --servo of the proof"
         )
     for fact, value in facts(model).items():
         if fact not in ("dynamics", "equations"):
