@@ -64,14 +64,6 @@ def band_text(outside: int, members: int, verb: str) -> str:
     return f"{low:.3g} to {percent(high, 3, up=True)}, 95 %"
 
 
-def is_refuted(outside: int, flights: int, share: float) -> bool:
-    """Return whether flights contradict the share that is required to stay inside.
-
-    They do if even the lower end of the 95 % band of the others exceeds the rest, 1 - share.
-    """
-    return outside_band(outside, flights)[0] > 1.0 - share
-
-
 def need_text(share: float) -> str:
     """Return the requirement as the end of a sentence, or "" if every flight must succeed."""
     return "" if share == ALL else f" ({100.0 * share:g} % required)"

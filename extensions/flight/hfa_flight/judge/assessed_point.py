@@ -11,15 +11,14 @@ import numpy as np
 from controller.game.zero_sum import Game
 from controller.riccati.gare import solve
 from hfa_aircraft.batch_simulation import IntegrationError
-from hfa_flight.judge.flight_costs import FlightCosts, weights_at
+from hfa_flight.judge.flight_costs import CostRatio, has_weights, lqr_at
 from hfa_flight.judge.outcomes import Outcomes, TrimCase
-from hfa_flight.needs import ALL, is_enough, is_refuted
+from hfa_flight.needs import ALL, is_enough
 from hfa_flight.plan.scaled import hold_of
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.sampled_loop import Chain, Delays, Equilibrium, Margins
 from hfa_flight.simulate.envelope import flight_envelope
 from hfa_support.errors import NoSolutionError
-from hfa_support.matrices import power_of_two
 from hfa_support.reporting.results import Result, without_empty
 from trim.point.operating_point import OperatingPoint
 
@@ -56,21 +55,6 @@ def cost_above_optimum(deployed: Deployed, at: Equilibrium, loop: Chain) -> Cost
     except NoSolutionError as error:
         return f"the cost has no optimum here: {error}"
     return _above(game, optimum, loop)
-
-
-def lqr_at(deployed: Deployed, at: Equilibrium) -> Game:
-    """Return the LQR problem of the linearization at an equilibrium, in nominal values.
-
-    Q and R are those of the deployment, in a unit of the cost in which the largest is about 1.
-    """
-    model = deployed.model
-    x = model.nominal(model.linear)
-    u = model.nominal(deployed.commanded)
-    of_states, of_inputs = weights_at(deployed, at)
-    Q, R = of_states * np.outer(x, x), of_inputs * np.outer(u, u)
-    largest = power_of_two(np.array(max(np.abs(Q).max(), np.abs(R).max())))
-    A, B = at.nominal.A, at.nominal.B
-    return Game(A, B, E=np.eye(len(A)), Q=Q / largest, R=R / largest, delta=math.inf)
 
 
 def _above(game: Game, optimum: np.ndarray, loop: Chain) -> CostAboveOptimum:
@@ -127,8 +111,10 @@ def action_effects(deployed: Deployed, linearized: Equilibrium) -> list[ActionEf
 
     The policy's gain is that of inputs that have followed a constant state (`settled_gain`), for a
     policy that observes its inputs. The exact gain is that of the linear problem with the weights
-    of `weights_at`. The result is [] if this problem has no solution.
+    of `weights_at`. The result is [] without weights, or if this problem has no solution.
     """
+    if not has_weights(deployed):
+        return []
     try:
         exact = solve(lqr_at(deployed, linearized)).K
     except NoSolutionError:
@@ -155,8 +141,11 @@ class AssessedPoint(Result):
     flights: outcomes from seeded initial conditions, or None without flights.
     disturbed: outcomes from the same initial conditions with a disturbance pulse, or None without
         flights.
+    box: fraction of the initial-condition box of the flights, below 1 if the exact gain leaves the
+        envelope from the whole one.
+    late: outcomes with the delay of a requirement, or None without one.
     actions: effect of each action beside the exact gain's, or () if there is no exact gain.
-    costs: costs of flights beside those of the exact gain, or None if no costs were compared.
+    costs: cost of the flights beside the exact gain's, or None if no costs were compared.
     remarks: reasons why parts of the assessment are missing, one sentence each.
     integration: integration error of some of the flights, or None without flights.
     share: share of the flights that must converge for the policy to hold, by default all.
@@ -169,8 +158,10 @@ class AssessedPoint(Result):
     cost: CostAboveOptimum | None = None
     flights: Outcomes | None = None
     disturbed: Outcomes | None = None
+    box: float = 1.0
+    late: Outcomes | None = None
     actions: tuple[ActionEffect, ...] = ()
-    costs: FlightCosts | None = None
+    costs: CostRatio | None = None
     remarks: tuple[str, ...] = ()
     integration: IntegrationError | None = None
     share: float = ALL
@@ -192,31 +183,21 @@ class AssessedPoint(Result):
 
     @property
     def holds(self) -> bool:
-        """True if the policy stabilizes the aircraft.
+        """True if the required share of the flights converges, without and with a pulse.
 
-        The sampled loop must be stable at its equilibrium, within the limits of the states and with
-        no action or input saturated there. Of the flights, the required share must converge,
-        without and with a disturbance pulse, and of those with a cost it must return to the trim.
+        Without flights, True if the sampled loop is stable at its equilibrium, within the limits of
+        the states and with no action or input saturated there.
         """
+        if self.flights is not None:
+            return self.reaches(self.share)
         if self.equilibrium is None or self.equilibrium.clips or not self.radius < 1.0:
             return False
-        return not self.beyond and self.reaches(self.share)
+        return not self.beyond
 
     def reaches(self, share: float) -> bool:
-        """Return whether a share of the flights converges, and those with a cost do not refute it.
-
-        Flights with a cost refute the share if so many do not return to the trim that their 95 %
-        band is below it.
-        """
+        """Return whether a share of the flights converges, without and with a pulse."""
         flown = [outcomes for outcomes in (self.flights, self.disturbed) if outcomes is not None]
-        enough = (is_enough(outcomes.converged, outcomes.starts, share) for outcomes in flown)
-        return all(enough) and not self.costs_refute(share)
-
-    def costs_refute(self, share: float) -> bool:
-        """Return whether the flights with a cost refute that a share of them converges."""
-        if self.costs is None:
-            return False
-        return is_refuted(self.costs.not_converged, self.costs.starts, share)
+        return all(is_enough(outcomes.converged, outcomes.starts, share) for outcomes in flown)
 
     @property
     def beyond(self) -> list[str]:
@@ -227,12 +208,13 @@ class AssessedPoint(Result):
         return envelope.broken(self.equilibrium.states, verb="is")
 
     @property
-    def offset(self) -> np.ndarray:
-        """Equilibrium minus trim in the linear states, (k,), defined only with an equilibrium."""
-        assert self.equilibrium is not None  # required by the docstring
+    def offset(self) -> np.ndarray | None:
+        """End of the flights, or without flights the equilibrium, minus the trim, (k,), or None."""
         model = self.point.model
         rows = model.state_places(model.linear)
-        return (self.equilibrium.states - self.point.x)[rows]
+        if self.flights is not None:
+            return np.array([*self.flights.end.values()]) - self.point.x[rows]
+        return None if self.equilibrium is None else (self.equilibrium.states - self.point.x)[rows]
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value, with that of the scheduling variable."""
@@ -252,6 +234,7 @@ class AssessedPoint(Result):
                 "cost_above_optimum": self.cost,
                 "flights": self.flights,
                 "disturbed": self.disturbed,
+                "box": self.box,
                 "actions": self.actions,
                 "remarks": self.remarks,
                 "spectral_radius": self.radius,
@@ -269,7 +252,11 @@ class AssessedPoint(Result):
                     for loop in ([] if margins is None else margins.inputs)
                 ],
             }
-            | without_empty(costs=self.costs, integration=self.integration)
+            | without_empty(
+                costs=None if self.costs is None else self.costs._asdict(),
+                late=self.late,
+                integration=self.integration,
+            )
         )
 
 

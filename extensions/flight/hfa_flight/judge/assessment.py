@@ -21,13 +21,12 @@ from hfa_flight.judge.assessment_report import (
     worst_first,
 )
 from hfa_flight.judge.assessor import Assessor
-from hfa_flight.judge.flight_costs import flight_costs, has_weights
-from hfa_flight.needs import ALL, IN_AIR, SAMPLES, SHARE, refuse_share
+from hfa_flight.judge.flight_costs import has_weights
+from hfa_flight.needs import ALL, IN_AIR, SAMPLES, SHARE, is_enough, refuse_share
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_support.errors import (
     BadInputError,
-    NoSolutionError,
     is_finite,
     refuse_unknown,
     refuse_unless_positive,
@@ -181,6 +180,15 @@ class Assessment(Result, Reported):
         verdict = verdict_text(self.ok) + (" on the linear plant" if is_linear else "")
         return f"{verdict}: {self._where_it_holds()}; {self._cost_ratio()}"
 
+    def _converging(self) -> str:
+        """Return how many flights converge, without a pulse and with one."""
+        flown = [point for point in self.points if point.flights is not None]
+        if not flown:
+            return ""
+        outcomes = [of for point in flown for of in (point.flights, point.disturbed) if of]
+        converged = sum(of.converged for of in outcomes)
+        return f": {converged} of {sum(of.starts for of in outcomes)} flights converge"
+
     def _where_it_holds(self) -> str:
         """Return the trims at which the policy holds, or the worst failure."""
         if self.holds and not self.ok:  # as for a requirement that is not satisfied
@@ -192,8 +200,11 @@ class Assessment(Result, Reported):
         subject = "linear loop " if is_linear else ""
         holding = len(self.points) - len(failing)
         if failing and holding:
-            return f"{subject}holds at {holding} of {len(self.points)} trims{rate}, not {where}"
-        return f"{subject}{'does not hold' if failing else 'holds'} {where}{rate}"
+            held = f"{subject}holds at {holding} of {len(self.points)} trims{rate}, not {where}"
+            return held + self._converging()
+        return (
+            f"{subject}{'does not hold' if failing else 'holds'} {where}{rate}{self._converging()}"
+        )
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -230,13 +241,8 @@ class Assessment(Result, Reported):
 
     def _further(self) -> list[str]:
         """Return what the first line leaves out: costs, findings worst first, the assumed trim."""
-        lines = []
-        dearest = self._dearest()
-        if dearest is not None and dearest.costs is not None:
-            where = f"{where_text([dearest], self.points)}: " if len(self.points) > 1 else ""
-            lines += [where + sentence for sentence in dearest.costs.sentences()]
         first_line = self.first_line
-        lines += [finding.text for finding in self.findings if finding.text not in first_line]
+        lines = [finding.text for finding in self.findings if finding.text not in first_line]
         return [*lines, self.assumed] if self.assumed else lines
 
     def _dearest(self) -> AssessedPoint | None:
@@ -248,7 +254,7 @@ class Assessment(Result, Reported):
         """Return a phrase on the ratio of the policy's costs."""
         dearest = self._dearest()
         if dearest is not None and dearest.costs is not None:
-            return dearest.costs.ratio_text()
+            return dearest.costs.text()
         if any(point.flights is not None for point in self.points):
             return "no costs were compared"
         linear = [point.cost.worst for point in self.points if point.cost is not None]
@@ -266,11 +272,16 @@ def _median_ratio(point: AssessedPoint) -> float:
 def _meets(point: AssessedPoint, name: str, need: float) -> bool:
     """Return whether the result at a trim satisfies a requirement."""
     if name == "delay":
-        if point.delays is None or not point.holds:
+        if not point.holds or (point.delays is None and point.late is None):
             return False
-        if point.delays.limit is None:
-            return point.delays.searched >= need
-        return point.delays.limit > need * (1.0 + 1e-9)  # at the limit, the loop is unstable
+        if point.late is not None and not is_enough(
+            point.late.converged, point.late.starts, point.share
+        ):
+            return False
+        delays = point.delays  # None of a policy with steps, whose flights decide
+        return delays is None or (
+            delays.searched >= need if delays.limit is None else delays.limit > need
+        )
     if name == "margin":
         return point.margins is not None and point.margins.disk.disk >= need
     if name == SHARE:
@@ -278,10 +289,6 @@ def _meets(point: AssessedPoint, name: str, need: float) -> bool:
     if point.cost is None:
         return False
     return point.cost.worst <= need
-
-
-#: Largest number of flights at each trim whose costs are compared.
-COMPARED = 5
 
 
 def assess(
@@ -304,7 +311,7 @@ def assess(
     points: operating points, or values of the scheduling variable in the units of the model.
         Default: the model's default trim
     samples: number of initial conditions at each trim. Each is flown with and without the
-        disturbance pulse, and the costs of five of them are compared with those of the exact gain
+        disturbance pulse, and without it by the exact gain, too
     seed: seed of the initial conditions
     progress: callback for the progress of the flights, by default a line on a terminal
     box: linear state -> half-width of the initial-condition box in the unit of the model, in place
@@ -361,22 +368,5 @@ def assessment_of(
             f"a required cost: {deployed.deployment.origin} has no table [cost]; give a deployment "
             "file with Q and R in [cost], or Q and R in the plant file"
         )
-    points = assessor.assessed(progress_of("fly"))
-    progress = progress_of("compare costs")
-    return Assessment(
-        deployed, tuple(_with_costs(assessor, point, progress) for point in points), needs
-    )
-
-
-def _with_costs(
-    assessor: Assessor, assessed: AssessedPoint, progress: Progress | None
-) -> AssessedPoint:
-    """Return the result at a trim with the costs of some flights, or a remark why none exist."""
-    count = min(COMPARED, assessor.samples)
-    if not count:
-        return assessed
-    try:
-        costs = flight_costs(assessor.deployed, assessed.case, count, assessor.seed, progress)
-    except (BadInputError, NoSolutionError) as error:
-        return replace(assessed, remarks=(*assessed.remarks, f"no costs are compared: {error}"))
-    return replace(assessed, costs=costs)
+    assessor = replace(assessor, late=needs.get("delay"))
+    return Assessment(deployed, tuple(assessor.assessed(progress_of("fly"))), needs)

@@ -14,7 +14,6 @@ from hfa_flight.judge.flight_costs import weights_at
 from hfa_flight.judge.outcomes import BALL, Outcomes
 from hfa_flight.plan.problem import cost_text
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_flight.simulate.envelope import RULE
 from hfa_support.reporting.rows import Group, Row, Sheet, matrix_of
 from hfa_support.reporting.text import Table, beside_unit, percent, short_number, shown_unit
 
@@ -114,11 +113,16 @@ def where_text(points: Sequence[AssessedPoint], among: Sequence[AssessedPoint]) 
 # Kinds of findings. Each function returns the finding of its kind at one trim, or None.
 
 
+def _of_linear(point: AssessedPoint) -> Severity:
+    """Return the severity of a linear figure, which decides only without flights."""
+    return Severity.FAILURE if point.flights is None else Severity.WARNING
+
+
 def _no_equilibrium(point: AssessedPoint) -> _AtTrim | None:
     """Return the failure of a policy without an equilibrium."""
     if point.equilibrium is not None:
         return None
-    return _AtTrim(Severity.FAILURE, "no equilibrium near the trim")
+    return _AtTrim(_of_linear(point), "no equilibrium near the trim")
 
 
 def _saturation(point: AssessedPoint) -> _AtTrim | None:
@@ -126,15 +130,15 @@ def _saturation(point: AssessedPoint) -> _AtTrim | None:
     if point.equilibrium is None or not point.equilibrium.clips:
         return None
     what = " and ".join(point.equilibrium.clips)
-    text = f"saturated at the equilibrium, not judged as stable: {what}"
-    return _AtTrim(Severity.FAILURE, text)
+    text = f"saturated at the equilibrium: {what}"
+    return _AtTrim(_of_linear(point), text)
 
 
 def _beyond_limits(point: AssessedPoint) -> _AtTrim | None:
     """Return the failure of an equilibrium beyond the limits of a state."""
     if not point.beyond:
         return None
-    return _AtTrim(Severity.FAILURE, f"at the equilibrium, {point.beyond[0]}")
+    return _AtTrim(_of_linear(point), f"at the equilibrium, {point.beyond[0]}")
 
 
 def _instability(point: AssessedPoint) -> _AtTrim | None:
@@ -142,7 +146,7 @@ def _instability(point: AssessedPoint) -> _AtTrim | None:
     if not point.radius >= 1.0:
         return None
     text = f"unstable at its equilibrium (spectral radius {point.radius:.5f})"
-    return _AtTrim(Severity.FAILURE, text, size=point.radius)
+    return _AtTrim(_of_linear(point), text, size=point.radius)
 
 
 def _leaving_flights(point: AssessedPoint, flown: Outcomes | None, when: str) -> _AtTrim | None:
@@ -158,7 +162,7 @@ def _leaving_flights(point: AssessedPoint, flown: Outcomes | None, when: str) ->
 
 
 def _convergence(point: AssessedPoint) -> _AtTrim | None:
-    """Return the finding on the flights that stay and do not converge, or that all converge."""
+    """Return the finding on the flights that stay and do not converge."""
     flown = point.flights
     if flown is None:
         return _AtTrim(Severity.NOTE, "no flight was simulated")
@@ -167,20 +171,21 @@ def _convergence(point: AssessedPoint) -> _AtTrim | None:
         text = f"{staying} of {flown.starts} flights do not converge within {flown.seconds:.3g} s"
         severity = Severity.WARNING if point.holds else Severity.FAILURE
         return _AtTrim(severity, text, size=staying / flown.starts)
-    return None if flown.left_envelope else _AtTrim(Severity.NOTE, "every flight converges")
+    return None
 
 
-def _not_returned(point: AssessedPoint) -> _AtTrim | None:
-    """Return the finding on the flights with a cost that leave or do not return to the trim."""
-    costs = point.costs
-    if costs is None or not costs.not_converged:
+def _smaller_box(point: AssessedPoint) -> _AtTrim | None:
+    """Return the note that the exact gain leaves the envelope from the whole box."""
+    if point.box < 1.0:
+        percent_of_box = f"{100.0 * point.box:.0f} % of the initial-condition box"
+        text = (
+            f"flights begin in {percent_of_box}, the largest in which the exact gain stays inside"
+        )
+        return _AtTrim(Severity.WARNING, text, size=1.0 - point.box)
+    if point.costs is None or not point.costs.exact_left:
         return None
-    text = (
-        f"{costs.not_converged} of {costs.starts} other flights leave or have not returned to the "
-        f"trim after {costs.seconds:.3g} s"
-    )
-    severity = Severity.FAILURE if point.costs_refute(point.share) else Severity.WARNING
-    return _AtTrim(severity, text, size=costs.not_converged / costs.starts)
+    text = f"{point.costs.exact_left} of {point.costs.flights} flights of the exact gain leave"
+    return _AtTrim(Severity.WARNING, text, size=point.costs.exact_left)
 
 
 def _delay(point: AssessedPoint) -> _AtTrim | None:
@@ -197,22 +202,20 @@ def _delay(point: AssessedPoint) -> _AtTrim | None:
 
 def _steady_state_error(point: AssessedPoint) -> _AtTrim | None:
     """Return the finding on the steady-state error at a stable equilibrium."""
-    if point.equilibrium is None or not point.radius < 1.0:
+    offset = point.offset
+    if offset is None or not point.holds:
         return None
     model = point.point.model
-    shares = np.abs(point.offset) / point.case.box  # of the half-width in each linear state
+    shares = np.abs(offset) / point.case.box  # of the half-width in each linear state
     index = int(np.argmax(shares))
     if shares[index] < _AT_TRIM:
-        return _AtTrim(Severity.NOTE, "no steady-state error") if point.holds else None
+        return _AtTrim(Severity.NOTE, "no steady-state error")
     name = model.linear[index]
     unit = model.unit(name)
-    sign = "+" if point.offset[index] > 0.0 else "-"
-    size = beside_unit(short_number(abs(float(point.offset[index])), unit), unit)
-    text = f"steady-state {name} error {sign}{size}"
-    rate = None if point.costs is None else point.costs.offset_rate
-    if rate is not None and rate > 0.0:
-        text += f", which costs {rate:.2g} per second"
-    return _AtTrim(Severity.NOTE, text, size=float(shares[index]))
+    sign = "+" if offset[index] > 0.0 else "-"
+    size = beside_unit(short_number(abs(float(offset[index])), unit), unit)
+    text = f"steady-state {name} error {sign}{size}, so that its cost grows with time"
+    return _AtTrim(Severity.WARNING, text, size=float(shares[index]))
 
 
 def _linear_cost(point: AssessedPoint) -> _AtTrim | None:
@@ -247,7 +250,7 @@ def _integration(point: AssessedPoint) -> _AtTrim | None:
 _KINDS: tuple[Callable[[AssessedPoint], _AtTrim | None], ...] = (
     *(_no_equilibrium, _saturation, _beyond_limits),
     lambda point: _leaving_flights(point, point.flights, ""),
-    *(_instability, _convergence, _not_returned),
+    *(_instability, _convergence, _smaller_box),
     lambda point: _leaving_flights(point, point.disturbed, "with a disturbance pulse: "),
     _clipped_observations,
     *(_delay, _steady_state_error, _linear_cost),
@@ -257,7 +260,7 @@ _KINDS: tuple[Callable[[AssessedPoint], _AtTrim | None], ...] = (
 
 _RULE_OF_CONVERGENCE = (
     f"A flight converges if it ends within {100 * BALL:g} % of the initial-condition box about the "
-    "policy's equilibrium."
+    "policy's equilibrium, and its distance does not grow."
 )
 
 
@@ -268,7 +271,7 @@ def report_parts(deployed: Deployed, points: Sequence[AssessedPoint]) -> list[An
     other_notes = [note for note in actor.declared.notes if note not in actor.notes]
     parts: list[Any] = ["; ".join([actor.chain, *other_notes])]
     if any(point.costs is not None for point in points):
-        parts += [_weights_text(deployed, points[0]), f"{_RULE_OF_CONVERGENCE} {RULE}"]
+        parts += [_weights_text(deployed, points[0]), _RULE_OF_CONVERGENCE]
     elif any(point.flights is not None for point in points):
         parts.append(_RULE_OF_CONVERGENCE)
     parts.append(_figures("sampled loop", points, loop_rows))
@@ -283,9 +286,7 @@ def report_parts(deployed: Deployed, points: Sequence[AssessedPoint]) -> list[An
 def _weights_text(deployed: Deployed, point: AssessedPoint) -> str:
     """Return the weights of the cost as text."""
     signals = (*deployed.model.linear, *deployed.commanded)
-    has_cost = deployed.deployment.cost is not None
-    text = cost_text(deployed.model, signals, *weights_at(deployed, point.point))
-    return f"cost: {text}" if has_cost else f"cost: {text}; the deployment has no [cost]"
+    return f"cost: {cost_text(deployed.model, signals, *weights_at(deployed, point.point))}"
 
 
 def loop_rows(point: AssessedPoint) -> list[Row]:
@@ -295,7 +296,7 @@ def loop_rows(point: AssessedPoint) -> list[Row]:
     rows = [
         Row("holds", "yes" if point.holds else "no"),
         Row("radius", point.radius, note="spectral radius of the sampled loop", digits=5),
-        Row("unstable at", limit, "s", "smallest unstable delay in whole samples"),
+        Row("unstable at", limit, "s", "smallest unstable delay", digits=4),
         Row("margin", margin, note="disk margin, all inputs at once", digits=3),
     ]
     if point.cost is not None:
@@ -321,8 +322,13 @@ def flight_rows(point: AssessedPoint) -> list[Row]:
             Row("leave", point.flights.left_envelope),
             Row("disturbed", point.disturbed.converged, note="converge after a disturbance pulse"),
         ]
-    if point.costs is not None and point.costs.ratios is not None:
-        rows.append(Row("over LQR", point.costs.median, note="median ratio of costs"))
+    if point.costs is not None:
+        costs = point.costs
+        rows += [
+            Row("over LQR", costs.median, note=f"median ratio of costs in {costs.seconds:.3g} s"),
+            Row("least", costs.low, note="end of its 95 % band"),
+            Row("most", costs.high, note="the other end"),
+        ]
     return rows
 
 

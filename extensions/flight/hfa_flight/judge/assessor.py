@@ -11,8 +11,17 @@ import numpy as np
 from hfa_aircraft.batch_simulation import Figures, IntegrationError, ReportedFigure, resolved
 from hfa_flight.air.held_step import parts_of_a_sample
 from hfa_flight.judge.assessed_point import AssessedPoint, action_effects, cost_above_optimum
-from hfa_flight.judge.flight_costs import has_weights
-from hfa_flight.judge.outcomes import TrimCase, fly_cases, refuse_edges, seeded_starts
+from hfa_flight.judge.flight_costs import has_weights, refuse_wrong_weights
+from hfa_flight.judge.outcomes import (
+    BALL,
+    ExactFlights,
+    Outcomes,
+    TrimCase,
+    exact_flights,
+    fly_cases,
+    refuse_edges,
+    seeded_starts,
+)
 from hfa_flight.needs import ALL, SAMPLES
 from hfa_flight.plan.problem import start_box
 from hfa_flight.policies.deployment.deployed import Deployed
@@ -27,7 +36,7 @@ from hfa_flight.policies.deployment.sampled_loop import (
 )
 from hfa_flight.simulate.envelope import flight_envelope
 from hfa_flight.simulate.sampled_flights import SampledFlight
-from hfa_support.errors import NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.progress import Progress
 from trim.point.operating_point import OperatingPoint
 
@@ -112,6 +121,7 @@ class Assessor:
     seed: seed of the initial conditions.
     box: linear state -> half-width of the initial-condition box, instead of the usual half-width.
     share: share of the flights that must converge.
+    late: delay of a requirement, s, with which flights are simulated, too, or None.
     """
 
     deployed: Deployed
@@ -120,6 +130,7 @@ class Assessor:
     seed: int = 0
     box: Mapping[str, float] = field(default_factory=dict)
     share: float = ALL
+    late: float | None = None
 
     def assessed(self, progress: Progress | None = None) -> list[AssessedPoint]:
         """Assess the policy at each trim.
@@ -128,6 +139,7 @@ class Assessor:
         depends on the inputs, or if an observation, the policy or a map is not finite at a trim.
         """
         refuse_edges(self.points)
+        refuse_wrong_weights(self.deployed)
         self.deployed.refuse_undefined_at(self.points)
         cases = [self._case(point) for point in self.points]
         with ThreadPoolExecutor() as pool:  # a loop that tolerates all delays takes seconds
@@ -136,10 +148,36 @@ class Assessor:
         if not self.samples:
             return points
         flight, error = resolved_flight(self._flight(cases), cases, self.seed)
-        plain, disturbed = fly_cases(flight, cases, self.samples, self.seed, progress)
+        exact: list[ExactFlights | None] = []
+        for number, case in enumerate(cases):
+            try:
+                shrinks = not self.box
+                exact.append(exact_flights(flight, case, self.samples, self.seed, shrinks))
+            except (BadInputError, NoSolutionError) as failure:
+                exact.append(None)
+                remark = f"no costs are compared: {failure}"
+                points[number] = replace(points[number], remarks=(*points[number].remarks, remark))
+        flown = fly_cases(flight, cases, exact, self.samples, self.seed, progress)
+        late: list[Outcomes | None] = [None] * len(cases)
+        if self.late is not None:
+            delayed = replace(flight, delay=max(self.late, flight.delay))
+            shrunk = [
+                replace(case, box=of.box * case.box) for case, of in zip(cases, flown, strict=True)
+            ]
+            none: list[ExactFlights | None] = [None] * len(cases)
+            found = fly_cases(delayed, shrunk, none, self.samples, self.seed, None)
+            late = [outcomes.plain for outcomes in found]
         return [
-            replace(point, flights=flown, disturbed=pulsed, integration=error)
-            for point, flown, pulsed in zip(points, plain, disturbed, strict=True)
+            replace(
+                point,
+                flights=of.plain,
+                disturbed=of.disturbed,
+                box=of.box,
+                late=with_delay,
+                costs=of.costs,
+                integration=error,
+            )
+            for point, of, with_delay in zip(points, flown, late, strict=True)
         ]
 
     def _case(self, point: OperatingPoint) -> TrimCase:
@@ -170,6 +208,14 @@ class Assessor:
 
     def _linear_point(self, case: TrimCase, delays: Delays | None) -> AssessedPoint:
         """Return the result of the linear loop at a trim, without flights."""
+        if not _has_slope(self.deployed, case):
+            steps = (
+                "no linear figures: the slope of the policy at the trim is not that over its steps "
+                "or its noise; the flights decide"
+            )
+            return AssessedPoint(
+                self.deployed, replace(case, loop=None), remarks=(steps,), share=self.share
+            )
         # Saturated actions have no effect at the equilibrium: their effects are those at the trim.
         linearized = case.equilibrium
         if linearized is None or linearized.clips:
@@ -192,6 +238,41 @@ class Assessor:
             remarks=tuple(reason for reason in (margins, cost) if isinstance(reason, str)),
             share=self.share,
         )
+
+
+#: Deviations, in half-widths of the box, over which a slope is compared with the derivative, and
+#: larger ones, over which a policy may saturate but not act more than its derivative says.
+_NEAR = (1e-3, 1e-2, BALL)
+_FAR = (0.2, 1.0)
+#: Factor between slope and derivative above which a policy has another slope.
+_OTHER_SLOPE = 2.0
+
+
+def _has_slope(deployed: Deployed, case: TrimCase) -> bool:
+    """Return whether the derivative of a policy at a trim is its slope over small deviations."""
+    point, trim = case.point, deployed.trim_vector(case.point)
+    model = point.model
+    columns = model.input_places(deployed.commanded)
+    units = model.nominal(deployed.commanded)[:, None]
+    rows = model.state_places(model.linear)
+    _, by_states, _ = deployed.command_slopes(point.x, point.u, trim)
+    derivative = np.array(by_states)[np.ix_(columns, rows)] * case.box / units
+
+    def command(x: np.ndarray) -> np.ndarray:
+        return np.array(deployed.command(x, point.u, trim)).ravel()[columns]
+
+    size = np.linalg.norm(derivative)
+    for share in (*_NEAR, *_FAR):
+        slopes = np.empty_like(derivative)
+        for number, (row, width) in enumerate(zip(rows, case.box.tolist(), strict=True)):
+            step = np.zeros(len(model.states))
+            step[row] = share * width
+            both = command(point.x + step) - command(point.x - step)
+            slopes[:, number] = both / (2.0 * share)
+        slope = np.linalg.norm(slopes / units)
+        if slope > _OTHER_SLOPE * size or (share in _NEAR and size > _OTHER_SLOPE * slope):
+            return False
+    return True
 
 
 def _margins(loop: Chain) -> Margins | str | None:

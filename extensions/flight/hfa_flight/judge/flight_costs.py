@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import statistics
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -13,25 +11,23 @@ import casadi as ca
 import numpy as np
 
 from controller.game.linear_game import default_weight
+from controller.game.zero_sum import Game
 from hfa_aircraft.model import Model
-from hfa_flight.judge.outcomes import TrimCase
-from hfa_flight.plan.flights import AFTER, Flights, SimulatedFlight
-from hfa_flight.plan.problem import drawn_starts, flight_problem
+from hfa_flight.plan.scaled import hold_of
+from hfa_flight.policies.deployment.actor import gain_function
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_flight.policies.deployment.policy import policy_about
-from hfa_flight.policies.deployment.sampled_loop import Equilibrium
-from hfa_support.errors import BadInputError, NoSolutionError, numbers_in, prefix_errors
-from hfa_support.progress import Progress, with_progress
-from hfa_support.reporting.results import Result
-from trim.linear.modes import modes_of
+from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_flight.policies.deployment.sampled_loop import Equilibrium, EquilibriumSearch
+from hfa_flight.simulate.sampled_flights import SampledFlight
+from hfa_support.errors import BadInputError, numbers_in, prefix_errors
+from hfa_support.matrices import power_of_two
 from trim.point.operating_point import OperatingPoint
 
 
 def has_weights(deployed: Deployed) -> bool:
-    """Return whether the deployment file or the plant file contains the weights Q and R."""
-    about = deployed.model.about
-    is_of_file = about.weights_source == "file" and {"Q", "R"} <= set(about.weights)
-    return deployed.deployment.cost is not None or is_of_file
+    """Return whether the deployment file or the model has the weights Q and R."""
+    has_own = {"Q", "R"} <= set(deployed.model.about.weights)
+    return deployed.deployment.cost is not None or has_own
 
 
 def refuse_cross_weights(model: Model) -> None:
@@ -41,6 +37,15 @@ def refuse_cross_weights(model: Model) -> None:
             f"{model.name} has cross weights N, which are not supported; remove N, or give a "
             "deployment file with Q and R in [cost]"
         )
+
+
+def refuse_wrong_weights(deployed: Deployed) -> None:
+    """Raise BadInputError if a plant file has cross weights, or Q or R of a wrong shape."""
+    model = deployed.model
+    if deployed.deployment.cost is None:
+        refuse_cross_weights(model)
+        for matrix in ("Q", "R"):
+            default_weight(matrix, model, model.linear, tuple(model.inputs))
 
 
 def cost_weights(deployed: Deployed) -> tuple[Mapping[str, float], Mapping[str, float]]:
@@ -61,11 +66,13 @@ def cost_weights(deployed: Deployed) -> tuple[Mapping[str, float], Mapping[str, 
 
 
 def usual_weights(matrix: str, model: Model) -> dict[str, float]:
-    """Return the diagonal of the default weight "Q" or "R" (`default_weight`), by name.
+    """Return the diagonal of the weight "Q" or "R" of a model, by name, by default 1/nominal².
 
     Raises BadInputError if the matrix in a plant file is not diagonal.
     """
     names = tuple(model.linear if matrix == "Q" else model.inputs)
+    if matrix not in model.about.weights:
+        return {name: model.signals[name].nominal ** -2.0 for name in names}
     weight = default_weight(matrix, model, model.linear, tuple(model.inputs))
     with prefix_errors(model.name):
         return diagonal_weights(matrix, weight, names)
@@ -102,6 +109,11 @@ def weights_at(
     model, linear = deployed.model, deployed.model.linear
     if deployed.deployment.cost is None:
         refuse_cross_weights(model)
+        if not has_weights(deployed):
+            raise BadInputError(
+                f"{deployed.deployment.origin} has no table [cost] with Q and R, and neither has "
+                f"the file of {model.title}"
+            )
         usual = partial(default_weight, model=model, states=linear, inputs=deployed.commanded)
         return usual("Q"), usual("R")
     of_states, of_inputs = cost_weights(deployed)
@@ -121,16 +133,6 @@ def weights_at(
     return Q, R
 
 
-def offset_rate(deployed: Deployed, point: OperatingPoint, equilibrium: Equilibrium) -> float:
-    """Return the cost per second at an equilibrium, z'Qz + v'Rv in deviations from the trim."""
-    Q, R = weights_at(deployed, point)
-    model = point.model
-    rows, columns = model.state_places(model.linear), model.input_places(deployed.commanded)
-    z = (equilibrium.states - point.x)[rows]
-    v = (equilibrium.inputs - point.u)[columns]
-    return float(z @ Q @ z + v @ R @ v)
-
-
 def cost_rate(deployed: Deployed) -> ca.Function:
     """Return the CasADi Function (X, U, trim) -> x'Q x + u'R u, the cost rate of an episode.
 
@@ -145,110 +147,35 @@ def cost_rate(deployed: Deployed) -> ca.Function:
     return ca.Function("cost_rate", [X, U, trim], [ca.densify(ca.SX(sum(terms)))])
 
 
-#: Longest time until the linear cost of a flight has decayed, s. Longer flights are not compared.
-_LONGEST_HORIZON = 3000.0
+class CostRatio(NamedTuple):
+    """Cost of flights relative to that of the exact gain's from the same initial conditions.
 
+    The exact gain is the LQR of the linear model for the weights of the cost and inputs that are
+    held for a sample. It acts without a delay, within the limits of the inputs.
 
-class Ratios(NamedTuple):
-    """Least, median and largest ratio of two costs."""
-
-    least: float
-    median: float
-    worst: float
-
-    @staticmethod
-    def of(values: Sequence[float]) -> Ratios | None:
-        """Return the ratios of some flights, or None without flights."""
-        if not values:
-            return None
-        return Ratios(min(values), statistics.median(values), max(values))
-
-
-class MeanCost(NamedTuple):
-    """Mean and standard deviation of the costs of some flights."""
-
-    mean: float
-    deviation: float
-
-    @staticmethod
-    def of(costs: Sequence[float]) -> MeanCost | None:
-        """Return the mean of some costs, or None without costs."""
-        return MeanCost(float(np.mean(costs)), float(np.std(costs))) if costs else None
-
-    def text(self) -> str:
-        """Return the mean and the standard deviation as text."""
-        return f"{self.mean:.4g}" + (f" ± {self.deviation:.3g}" if self.deviation else "")
-
-
-@dataclass(frozen=True, eq=False)
-class FlightCosts(Result):
-    """Costs of a policy's flights from one trim's initial-condition box.
-
-    The LQR is the exact gain of the linear model for the weights of the cost, saturated at the
-    limits of the inputs. It begins at the same initial conditions as the policy.
-
-    starts: number of initial conditions.
-    not_converged: number of the policy's flights that leave the envelope or have not returned to
-        the trim. The others converge.
-    seconds: duration of the longest of the policy's flights, s.
-    lqr_not_converged: number of the LQR's flights that leave or have not returned.
-    both: number of initial conditions from which the flights of both converge.
-    unresolved: number of converging flights whose cost changes with half the integration step.
-    ratios: costs of the policy's flights relative to the LQR's, where both converge, or None.
-    cost: cost of the policy's flights, where both converge, or None.
-    lqr_cost: the same of the LQR's flights.
-    offset_rate: cost per second of the steady-state error, or None without an equilibrium.
+    median: median of the ratios; inf if most flights of the policy leave the envelope.
+    low, high: ends of the 95 % band of the median, that of the order statistics.
+    flights: number of flights of each.
+    exact_left: number of the exact gain's flights that leave the envelope.
+    seconds: time over which the costs are taken, s.
     """
 
-    starts: int
-    not_converged: int
+    median: float
+    low: float
+    high: float
+    flights: int
+    exact_left: int
     seconds: float
-    lqr_not_converged: int
-    both: int
-    unresolved: int
-    ratios: Ratios | None
-    cost: MeanCost | None
-    lqr_cost: MeanCost | None
-    offset_rate: float | None
 
-    @property
-    def median(self) -> float:
-        """Median of `ratios`, or inf if both return from no initial condition."""
-        return math.inf if self.ratios is None else self.ratios.median
-
-    def ratio_text(self) -> str:
-        """Return the median of `ratios` as a phrase that names the comparison.
-
-        If most flights of the policy do not converge, or none of the LQR where one of the policy
-        does, the phrase says this.
-        """
-        if 2 * self.not_converged > self.starts:
-            those = f"{self.not_converged} of {self.starts} flights"
-            return f"{those} leave or have not returned after {self.seconds:.3g} s"
-        if self.ratios is None:
-            return "the exact gain returns from no initial condition from which the policy does"
-        return f"median cost {_number(self.median)}x the exact gain's"
-
-    def sentences(self) -> list[str]:
-        """Return sentences on the mean costs and on the range of the ratios."""
-        sentences = []
-        if self.cost is not None and self.lqr_cost is not None:
-            where = ""
-            if self.both < self.starts:
-                where = f" where both return ({self.both} of {self.starts})"
-            sentences.append(f"mean cost {self.cost.text()}, LQR {self.lqr_cost.text()}{where}")
-        if self.ratios is not None:
-            least, _, worst = self.ratios
-            between = f"{_number(least)} to {_number(worst)}"
-            sentences.append(f"flights cost {between} x the exact gain's")
-        if self.lqr_not_converged:
-            sentences.append(
-                f"of the LQR, {self.lqr_not_converged} of {self.starts} flights leave or have not "
-                "returned"
-            )
-        if self.unresolved:
-            sentences.append(f"{self.unresolved} flights are not resolved by the integration step")
-        return sentences
+    def text(self) -> str:
+        """Return the ratio as a phrase, with its band and the time."""
+        if not math.isfinite(self.median):
+            return "the median cost is not finite, as flights leave"
+        band = f"{_number(self.low)} to {_number(self.high)}, 95 %" if self.flights > 5 else ""
+        over = f"in {self.seconds:.3g} s"
+        return f"median cost {_number(self.median)}x the exact gain's {over}" + (
+            f" ({band})" if band else ""
+        )
 
 
 def _number(ratio: float) -> str:
@@ -256,65 +183,93 @@ def _number(ratio: float) -> str:
     return f"{ratio:.0f}" if ratio >= 1000.0 else f"{ratio:.3g}"
 
 
-def _refuse_slow(flights: Flights, starts: np.ndarray) -> None:
-    """Raise NoSolutionError if the exact loop has a mode that decays in too long a time."""
-    if max(map(flights.horizon, starts)) <= _LONGEST_HORIZON:
-        return
-    slowest = max(
-        modes_of(flights.loop, flights.problem.states), key=lambda mode: mode.eigenvalue.real
-    )
-    state = max(slowest.participation, key=lambda name: slowest.participation[name])
-    raise NoSolutionError(
-        f"with the exact gain, the mode {slowest.name} has a time constant of "
-        f"{-1.0 / slowest.eigenvalue.real:.3g} s; give a deployment file with a larger weight of "
-        f"{state} in Q of [cost]"
-    )
+def cost_ratio(costs: np.ndarray, exact: np.ndarray, seconds: float) -> CostRatio:
+    """Return the ratio of costs of flights, inf for one that leaves, from the same starts, (N,)."""
+    from scipy.stats import binom
+
+    exact_left = int(np.isinf(exact).sum())
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratios = np.sort(np.where(np.isinf(exact), 0.0, costs / exact))
+    count = len(ratios)
+    rank = int(binom.ppf(0.025, count, 0.5))  # of the ends of the band
+    low, high = (ratios[max(rank - 1, 0)], ratios[min(count - rank, count - 1)])
+    return CostRatio(float(np.median(ratios)), float(low), float(high), count, exact_left, seconds)
 
 
-def flight_costs(
-    deployed: Deployed, case: TrimCase, count: int, seed: int, progress: Progress | None
-) -> FlightCosts:
-    """Return the costs of flights from random initial conditions in the box of a trim.
+class SampleCost:
+    """Cost of each sample of flights about a trim, exact for the linear model between samples.
 
-    deployed: the policy. Without a cost in its deployment, the weights are those of `weights_at`
-    count: number of initial conditions
-    seed: seed of the initial conditions
-
-    Raises NoSolutionError if no gain has a finite cost, or if a mode of the exact loop is so slow
-    that flights until it has decayed are too long.
+    deployed: the policy, whose weights are used, on its aircraft
+    point: the trim
+    flight: layout of the states of its flights
     """
-    point = case.point
-    Q, R = weights_at(deployed, point)
-    problem = flight_problem(point.model, point, Q, R, inputs=deployed.commanded)
-    flights = Flights(problem, count)
-    loop = flights.of("policy", policy_about(deployed, point, "policy"))
-    starts = drawn_starts(problem, count, seed, case.box)
-    _refuse_slow(flights, starts)
-    policy_flights: list[SimulatedFlight] = []
-    lqr_flights: list[SimulatedFlight] = []
-    for start in with_progress([*starts], progress):
-        seconds = (1.0 + AFTER) * flights.horizon(start)
-        lqr_flights.append(flights.linear(start, seconds))
-        policy_flights.append(flights.fly(loop, start, seconds))
-    converged = [flight for flight in policy_flights if flight.converges]
-    lqr_converged = [flight for flight in lqr_flights if flight.converges]
-    both_converged = [
-        (flight, lqr_flight)
-        for flight, lqr_flight in zip(policy_flights, lqr_flights, strict=True)
-        if flight.converges and lqr_flight.converges
-    ]
-    rate = None
-    if case.equilibrium is not None:
-        rate = offset_rate(deployed, point, case.equilibrium)
-    return FlightCosts(
-        starts=count,
-        not_converged=count - len(converged),
-        seconds=max(flight.seconds for flight in policy_flights),
-        lqr_not_converged=count - len(lqr_converged),
-        both=len(both_converged),
-        unresolved=sum(not flight.resolved for flight in (*converged, *lqr_converged)),
-        ratios=Ratios.of([flight.cost / lqr_flight.cost for flight, lqr_flight in both_converged]),
-        cost=MeanCost.of([flight.cost for flight, _ in both_converged]),
-        lqr_cost=MeanCost.of([lqr_flight.cost for _, lqr_flight in both_converged]),
-        offset_rate=rate,
-    )
+
+    def __init__(self, deployed: Deployed, point: OperatingPoint, flight: SampledFlight) -> None:
+        """Prepare the weights of the parts of a sample in which one command acts.
+
+        Raises NoSolutionError without an exact gain, and BadInputError without weights.
+        """
+        model, self._flight = deployed.model, flight
+        at_trim = EquilibriumSearch(deployed, point).at_trim()
+        self.game = game = lqr_at(deployed, at_trim)
+        self._rows = model.state_places(model.linear)
+        self._columns = model.input_places(deployed.commanded)
+        self._x, self._u = model.nominal(model.linear), model.nominal(deployed.commanded)
+        self._trim = point.x[self._rows], point.u[self._columns]
+        whole, rest = flight.delay_in_samples
+        # Of each part, the number of samples ago of the command that acts, and its weights.
+        self._parts = [
+            (ago, hold_of(game.A, game.B, game.Q, game.R, seconds))
+            for ago, seconds in ((whole + 1, rest), (whole, flight.dt - rest))
+            if seconds > 0.0
+        ]
+
+    def exact(self) -> Deployment:
+        """Return the exact gain of held inputs as a deployment without delay."""
+        game, names = self.game, self._flight.deployed.commanded
+        hold = hold_of(game.A, game.B, game.Q, game.R, self._flight.dt)
+        K, _ = hold.infinite_horizon()
+        linear = self._flight.deployed.model.linear
+        return Deployment(
+            policy={"file": gain_function(K)},
+            observation={
+                name: {"scale": size} for name, size in zip(linear, self._x.tolist(), strict=True)
+            },
+            action={
+                name: {"map": f"trim + {size!r} * a"}
+                for name, size in zip(names, self._u.tolist(), strict=True)
+            },
+            timing={"dt": self._flight.dt},
+            origin="the exact gain",
+        )
+
+    def of(self, states: np.ndarray) -> np.ndarray:
+        """Return the cost of the samples of a window, (F,), from its states (F, T + 1, s)."""
+        (x0, u0), m = self._trim, len(self._flight.deployed.model.inputs)
+        z = (states[:, :-1, self._flight.slices.X][..., self._rows] - x0) / self._x
+        memory = states[..., self._flight.slices.memory]
+        cost = np.zeros(len(states))
+        with np.errstate(all="ignore"):  # a flight may diverge
+            for ago, hold in self._parts:
+                # The command of the sample itself is the latest one after the sample.
+                held = memory[:, 1:, :m] if ago == 0 else memory[:, :-1, (ago - 1) * m : ago * m]
+                v = (held[..., self._columns] - u0) / self._u
+                both = np.concatenate([z, v], axis=2)
+                cost += np.einsum("fti,ij,ftj->f", both, hold.W, both)
+                z = z @ hold.A.T + v @ hold.B.T
+        return cost
+
+
+def lqr_at(deployed: Deployed, at: Equilibrium) -> Game:
+    """Return the LQR problem of the linearization at an equilibrium, in nominal values.
+
+    Q and R are those of the deployment, in a unit of the cost in which the largest is about 1.
+    """
+    model = deployed.model
+    x = model.nominal(model.linear)
+    u = model.nominal(deployed.commanded)
+    of_states, of_inputs = weights_at(deployed, at)
+    Q, R = of_states * np.outer(x, x), of_inputs * np.outer(u, u)
+    largest = power_of_two(np.array(max(np.abs(Q).max(), np.abs(R).max())))
+    A, B = at.nominal.A, at.nominal.B
+    return Game(A, B, E=np.eye(len(A)), Q=Q / largest, R=R / largest, delta=math.inf)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hfa_aircraft.batch_simulation import FlightOutcome, History, is_within
+from hfa_flight.judge.flight_costs import CostRatio, SampleCost, cost_ratio
+from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.sampled_loop import Chain, Equilibrium
 from hfa_flight.simulate.envelope import Departure, departure, flight_envelope
 from hfa_flight.simulate.sampled_flights import SampledFlight, in_threads
@@ -21,10 +23,12 @@ from trim.point.operating_point import OperatingPoint
 #: Half-widths of the ball within which a flight has converged, in half-widths of the
 #: initial-condition box.
 BALL = 0.05
-#: A flight about an unstable equilibrium leaves it in the end. It has converged only if its
-#: distance has not grown by the factor `_GROWTH_FACTOR` in the last `_LAST_WINDOWS` windows.
+#: A flight has converged only if its largest distance in the last `_LAST_WINDOWS` windows is not
+#: `_GROWTH_FACTOR` times that in as many before: about an unstable equilibrium, it leaves in the
+#: end. Smaller distances, in half-widths of the ball, are rounding.
 _LAST_WINDOWS = 10
 _GROWTH_FACTOR = 1.02
+_ROUNDING = 1e-3
 
 
 def refuse_edges(points: Sequence[OperatingPoint]) -> None:
@@ -106,9 +110,10 @@ class Outcomes(Result):
     """Outcomes of the flights about one trim.
 
     starts: number of flights.
-    converged: number of flights that converged. Such a flight is within the ball about the
-        equilibrium at the end. If the loop is unstable, the distance must also not grow before the
-        end.
+    converged: number of flights that converged. Such a flight is within the ball about the end at
+        the end, and its distance does not grow before.
+    end: linear state -> value to which flights converge: that of the equilibrium, or without one,
+        as of a policy with steps, the median of the last window.
     left_envelope: number of flights that left the limits of the model's states.
     worst_initial: linear state -> initial value of the worst flight: that which leaves first, or
         else ends farthest from the equilibrium.
@@ -118,6 +123,7 @@ class Outcomes(Result):
 
     starts: int
     converged: int
+    end: dict[str, float]
     left_envelope: int
     worst_initial: dict[str, float]
     seconds: float
@@ -150,17 +156,18 @@ class CaseFlights:
     """Simulation of N flights about several trims, and how they end, decided window by window.
 
     A flight ends with the window in which it leaves the limits, or a state is not a number. A
-    flight of the full duration converges if it ends in the ball, and its distance does not grow
-    about an unstable equilibrium. `_earlier` are distances some windows before the end.
+    flight of the full duration converges if it ends in the ball, and its distance does not grow.
 
     flight: the aircraft over a sample.
     cases: the trims with their boxes and equilibria.
+    prices: cost of the samples of each trim's flights, or None.
     owners: index of each flight's case, (N,).
     trims: (X0; U0; p) of each flight's trim, (N, t).
     pulses: disturbance pulses, (N, k).
     first: initial states of the flights, (N, s).
     seconds: duration of a flight, s.
     ends: `FlightOutcome` of each flight, (N,).
+    costs: cost of each flight, (N,), inf if it leaves; 0 without prices.
     nearest: distance of each flight in its last window, (N,).
     left_at: number of the step at which each flight left the limits, (N,).
     left_with: states at this step, (N, n).
@@ -173,6 +180,7 @@ class CaseFlights:
         owners: np.ndarray,
         starts: np.ndarray,
         pulses: np.ndarray,
+        prices: Sequence[SampleCost | None] = (),
     ) -> None:
         """Prepare flights from initial states X, (N, n).
 
@@ -188,19 +196,21 @@ class CaseFlights:
         self.first = flight.start(starts, self.trims)
         self.seconds = max(case.seconds for case in cases)
         self.pulses = pulses
-        # Of each case, and with `[owners]` of each flight: equilibrium, ball, limits, stability.
-        nowhere = np.full(len(model.states), np.nan)
-        equilibria = [case.equilibrium.states if case.equilibrium else nowhere for case in cases]
-        self._centres = np.array(equilibria)[owners][:, self.linear]
+        # Of each case, and with `[owners]` of each flight: ball and limits.
         self._balls = np.array([BALL * case.box for case in cases])[owners]
         envelopes = [flight_envelope(model, case.point) for case in cases]
         self._least = np.array([envelope.least for envelope in envelopes])[owners]
         self._most = np.array([envelope.most for envelope in envelopes])[owners]
-        self._stable = np.array([case.radius < 1.0 for case in cases])[owners]
         self._windows = flight.windows(self.seconds)
         count = len(owners)
         self.ends = np.full(count, FlightOutcome.UNDECIDED, dtype=object)
-        self.nearest, self._earlier = np.full(count, np.inf), np.full(count, np.inf)
+        self.prices = [*prices] or [None] * len(cases)
+        self.costs = np.zeros(count)
+        self.nearest = np.full(count, np.inf)
+        self.middles = np.full((len(cases), len(self.linear)), np.nan)
+        # Lowest and highest linear states of each flight in its last windows, in those before, and
+        # in the last one, (3, 2, N, k).
+        self._ranges = np.full((3, 2, count, len(self.linear)), np.nan)
         self.left_at = np.zeros(count, dtype=int)
         self.left_with = np.full((count, len(model.states)), np.nan)
 
@@ -235,9 +245,17 @@ class CaseFlights:
         if progress is not None:
             progress(windows, windows)
         # Flights of the full duration that end in the ball have converged.
-        grows = self.nearest > _GROWTH_FACTOR * self._earlier
-        in_ball = (self.nearest <= 1.0) & (self._stable | ~grows)
-        self.ends[(self.ends == FlightOutcome.UNDECIDED) & in_ball] = FlightOutcome.CONVERGED
+        is_left = self.ends == FlightOutcome.LEFT
+        self.costs[is_left] = np.inf
+        for owner, case in enumerate(self.cases):
+            if case.equilibrium is not None:
+                self.middles[owner] = case.equilibrium.states[self.linear]
+            elif (staying := (self.owners == owner) & ~is_left).any():
+                self.middles[owner] = np.median(self._ranges[2][:, staying].mean(axis=0), axis=0)
+        late, before, self.nearest = map(self._distance, self._ranges)
+        grows = (late > _GROWTH_FACTOR * before) & (late > _ROUNDING)
+        in_ball = (self.nearest <= 1.0) & ~grows
+        self.ends[~is_left & in_ball] = FlightOutcome.CONVERGED
 
     def _over(self, flown: History) -> np.ndarray:
         """Return a mask (F, T + 1), True at the end of a window in which a flight ends.
@@ -246,9 +264,18 @@ class CaseFlights:
         """
         flying = flown.flights
         window = flown.first // (flown.states.shape[1] - 1)
-        if window == self._windows - _LAST_WINDOWS:  # for the growth of the distance up to the end
-            self._earlier[flying] = self.nearest[flying]
-        self.nearest[flying] = self.distance(flown)
+        remaining, block = self._windows - window, min(_LAST_WINDOWS, max(1, self._windows // 3))
+        # fmin and fmax leave out values that are not numbers, unless all are.
+        linear = flown.states[:, :, self.linear]
+        ends = np.fmin.reduce(linear, axis=1), np.fmax.reduce(linear, axis=1)
+        self._ranges[2][:, flying] = ends
+        if remaining <= 2 * block:
+            kept = self._ranges[0 if remaining <= block else 1]
+            kept[0, flying] = np.fmin(kept[0, flying], ends[0])
+            kept[1, flying] = np.fmax(kept[1, flying], ends[1])
+        for owner, price in enumerate(self.prices):
+            if price is not None and (own := self.owners[flying] == owner).any():
+                self.costs[flying[own]] += price.of(flown.states[own])
         has_left = self._mark_departures(flown)
         self.ends[flying[has_left]] = FlightOutcome.LEFT
         mask = np.zeros(flown.states.shape[:2], dtype=bool)
@@ -278,17 +305,15 @@ class CaseFlights:
             self.left_with[flight] = states[row, step] if within[row, step] else extreme
         return has_left
 
-    def distance(self, flown: History) -> np.ndarray:
-        """Return the largest distance of each flight from its equilibrium in a window, (N,).
+    def _distance(self, ends: np.ndarray) -> np.ndarray:
+        """Return the largest distance of each flight from its end, (N,), inf if it is not known.
 
-        The distance is that of the farthest linear state, in half-widths of the ball, and inf
-        without an equilibrium.
+        The distance is that of the farthest linear state, in half-widths of the ball.
+
+        ends: lowest and highest states, (2, N, k)
         """
-        # fmin and fmax leave out values that are not numbers, unless all are.
-        linear = flown.states[:, :, self.linear]
-        lowest, highest = np.fmin.reduce(linear, axis=1), np.fmax.reduce(linear, axis=1)
-        centre = self._centres[flown.flights]
-        farthest = np.maximum(highest - centre, centre - lowest) / self._balls[flown.flights]
+        centre = self.middles[self.owners]
+        farthest = np.maximum(ends[1] - centre, centre - ends[0]) / self._balls
         return np.nan_to_num(farthest.max(axis=1), nan=np.inf)
 
     def outcomes(self, owner: int) -> Outcomes:
@@ -310,6 +335,7 @@ class CaseFlights:
         return Outcomes(
             starts=len(flights),
             converged=int((ends == FlightOutcome.CONVERGED).sum()),
+            end=dict(zip(case.point.model.linear, self.middles[owner].tolist(), strict=True)),
             left_envelope=len(departed),
             worst_initial=dict(zip(case.point.model.linear, at_start.tolist(), strict=True)),
             seconds=self.seconds,
@@ -324,19 +350,91 @@ class CaseFlights:
         return departure(envelope, times, states, moving_air=False)
 
 
+class CaseOutcomes(NamedTuple):
+    """Flights about one trim: outcomes without and with a disturbance pulse, and cost.
+
+    box: fraction of the initial-condition box of the flights, below 1 if the exact gain leaves the
+        envelope from the whole one
+    costs: cost of those without a pulse beside the exact gain's, or None without an exact gain
+    """
+
+    plain: Outcomes
+    disturbed: Outcomes
+    box: float = 1.0
+    costs: CostRatio | None = None
+
+
+class ExactFlights(NamedTuple):
+    """Flights of the exact gain about one trim.
+
+    price: cost of the samples of flights of the policy
+    costs: cost of each flight from its own initial conditions, (N,), inf if it leaves
+    box: fraction of the box from which none leaves, or 1.0
+    """
+
+    price: SampleCost
+    costs: np.ndarray
+    box: float
+
+
+#: Fractions of the box of initial conditions, of which the largest is found that holds.
+_FRACTIONS = np.arange(1, 101) / 100.0
+
+
+def exact_flights(
+    flight: SampledFlight, case: TrimCase, samples: int, seed: int, shrinks: bool
+) -> ExactFlights:
+    """Return the flights of the exact gain, from the largest box from which none leaves.
+
+    shrinks: whether the box may be smaller than that of the case
+
+    Raises NoSolutionError or BadInputError without an exact gain.
+    """
+    price = SampleCost(flight.deployed, case.point, flight)
+    exact = Deployed(price.exact(), flight.deployed.model)
+    layout = SampledFlight(exact, flight.dt, 0.0, flight.steps_per_sample)
+    own = SampleCost(flight.deployed, case.point, layout)
+
+    def flown(fraction: float) -> np.ndarray:
+        """Return the costs of the flights from a fraction of the box."""
+        shrunk = replace(case, box=fraction * case.box)
+        starts, pulses = seeded_starts(shrunk, samples, seed, with_pulse=False)
+        owners = np.zeros(samples, dtype=int)
+        flights = CaseFlights(layout, [shrunk], owners, starts, pulses, [own])
+        flights.fly(None)
+        return flights.costs
+
+    costs, box = flown(1.0), 1.0
+    if shrinks and np.isinf(costs).any():
+        # Bisection on the number of fractions from which no flight leaves.
+        least, most = 0, len(_FRACTIONS) - 1
+        while least < most:
+            middle = (least + most + 1) // 2
+            holds = np.isfinite(flown(_FRACTIONS[middle - 1])).all()
+            least, most = (middle, most) if holds else (least, middle - 1)
+        if least:
+            box = float(_FRACTIONS[least - 1])
+            costs = flown(box)
+    return ExactFlights(price, costs, box)
+
+
 def fly_cases(
     flight: SampledFlight,
     cases: list[TrimCase],
+    exact: Sequence[ExactFlights | None],
     samples: int,
     seed: int,
     progress: Progress | None,
-) -> tuple[list[Outcomes], list[Outcomes]]:
+) -> list[CaseOutcomes]:
     """Return the outcomes of flights about each trim, without and with a disturbance pulse.
 
-    The results are two lists with the `Outcomes` at each trim.
-
+    exact: flights of the exact gain about each trim, or None
     samples: number of initial conditions at each trim
     """
+    boxes = [1.0 if each is None else each.box for each in exact]
+    cases = [
+        replace(case, box=fraction * case.box) for case, fraction in zip(cases, boxes, strict=True)
+    ]
     drawn = [
         seeded_starts(case, samples, seed, with_pulse)
         for with_pulse in (False, True)
@@ -345,7 +443,16 @@ def fly_cases(
     starts, pulses = map(np.vstack, zip(*drawn, strict=True))
     owners = np.repeat(np.arange(2 * len(cases)), samples)
     # All trims without a pulse, then all with one.
-    flown = CaseFlights(flight, cases + cases, owners, starts, pulses)
+    prices = [None if each is None else each.price for each in exact]
+    flown = CaseFlights(
+        flight, cases + cases, owners, starts, pulses, [*prices, *[None] * len(cases)]
+    )
     flown.fly(progress)
-    outcomes = [flown.outcomes(owner) for owner in range(len(flown.cases))]
-    return outcomes[: len(cases)], outcomes[len(cases) :]
+    found = []
+    for owner, (each, box) in enumerate(zip(exact, boxes, strict=True)):
+        plain, disturbed = flown.outcomes(owner), flown.outcomes(owner + len(cases))
+        costs = None
+        if each is not None:
+            costs = cost_ratio(flown.costs[owners == owner], each.costs, flown.seconds)
+        found.append(CaseOutcomes(plain, disturbed, box, costs))
+    return found

@@ -438,7 +438,7 @@ def test_a_normalizer_that_saw_more_observations_than_the_training_is_noted(fold
     (folder / "deployment.toml").write_text(DEPLOYMENT)
     point = hfa.trim(model_of(GTM), at=45.0)
     linear = hfa.linearize(model_of(GTM), point)
-    game = hfa.game(linear)
+    game = hfa.game(linear, Q=np.ones(4), R=np.ones(2))
     # The training is said to have had so many steps less than the normalizer has seen.
     for less, environments, is_told in ((0, 16, False), (2000, 5000, False), (2000, 16, True)):
         rewrite_zip(folder, {"num_timesteps": steps - less, "n_envs": environments})

@@ -62,9 +62,15 @@ def test_effects_are_those_of_the_exact_gain_and_reversed_with_an_action():
     K = hfa.solve(nominal_game(linear)).K
     o = ca.SX.sym("o", 4)
     gain = {"file": ca.Function("gain", [o], [-ca.DM(K) @ o])}
+    sizes = {name: model.signals[name].nominal for name in (*linear.states, *linear.inputs)}
+    weights = {name: size**-2.0 for name, size in sizes.items()}
+    cost = {
+        "Q": {name: weights[name] for name in linear.states},
+        "R": {name: weights[name] for name in linear.inputs},
+    }
     for sign in (1.0, -1.0):
         action = {"elevator": {"map": f"trim + {sign} * a"}, "throttle": {}}
-        policy = gtm_deployment(gain, action=action)
+        policy = gtm_deployment(gain, action=action, cost=cost)
         told = assess(model, policy, [point], samples=0)
         effects = {effect.action: effect for effect in told.points[0].actions}
         exact = {name: action.exact_effect for name, action in effects.items()}

@@ -53,27 +53,20 @@ def test_wrong_requirements_are_refused_before_any_flight():
             hfa.assess(UNSTABLE, deployment(4.0), progress=flown, **asked)
 
 
-@pytest.mark.parametrize(
-    ("offset", "passes"),
-    [(0.01, True), (0.2, False), pytest.param(-0.2, False, marks=pytest.mark.slow)],
-)
-def test_a_policy_passes_only_if_every_flight_returns_to_the_trim(offset, passes):
-    """Every flight converges to the equilibrium of f = offset - v. With a large steady-state error, not
-    every flight returns to the trim, and the error has the sign of the offset.
+@pytest.mark.parametrize("offset", [0.01, 0.2, pytest.param(-0.2, marks=pytest.mark.slow)])
+def test_flights_to_an_equilibrium_beside_the_trim_converge_with_an_error(offset):
+    """Every flight converges to the equilibrium of f = offset - v, whose error has the sign of the
+    offset and is reported.
     """
     found = hfa.assess(SLOW, deployment(1.0, offset), samples=6)
     (point,) = found.points
     assert point.flights.converged == point.disturbed.converged == 6
-    assert (found.ok, point.holds) == (passes, passes)
-    assert (point.costs.not_converged == 0) is passes
+    assert found.ok
     v = offset / 1.1  # of f = offset - v and v' = f - 0.1 v = 0
-    assert point.costs.offset_rate == pytest.approx(v**2 + (0.1 * v) ** 2, rel=1e-6)
-    if not passes:
-        sign = "+" if offset > 0.0 else "-"
-        (error,) = [
-            finding.text for finding in found.findings if finding.text.startswith("steady-state ")
-        ]
-        assert error.startswith(f"steady-state v error {sign}")
+    assert point.flights.end["v"] == pytest.approx(v, rel=1e-6)
+    sign = "+" if offset > 0.0 else "-"
+    is_large = abs(offset) > 0.1
+    assert (f"steady-state v error {sign}" in " ".join(str(found).split())) is is_large
 
 
 def test_a_flight_has_returned_if_its_cost_to_go_is_below_5_percent():

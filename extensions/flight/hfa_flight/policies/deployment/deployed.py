@@ -265,7 +265,8 @@ class Deployed:
             about: Any = entry.get("about", "trim")
             if about == "trim":
                 about = formula.value(at_trim)
-            entries.append((formula.value(values) - about) / entry.get("scale", 1.0))
+            value = _rounded(formula.value(values), entry)
+            entries.append((value - about) / entry.get("scale", 1.0))
         return ca.Function("observe", [X, U, trim], [ca.densify(ca.vertcat(*entries))])
 
     @cached_property
@@ -324,7 +325,8 @@ class Deployed:
         for number, (name, formula) in enumerate(zip(self.commanded, self.maps, strict=True)):
             index = inputs.index(name)
             a_and_trim = {ACTION: a[number], TRIM: trim[n + index]}
-            entries[index] = formula.value({**values, **a_and_trim})
+            moved = formula.value({**values, **a_and_trim})
+            entries[index] = _rounded(moved, self.deployment.action[name])
         return ca.Function("unlimited_inputs", [a, X, U, trim], [ca.densify(ca.vertcat(*entries))])
 
     @cached_property
@@ -362,6 +364,12 @@ class Deployed:
         slopes = [ca.jacobian(commanded, X), ca.jacobian(commanded, U)]
         parts = [ca.densify(part) for part in (commanded, *slopes)]
         return ca.Function("command_slopes", [X, U, trim], parts)
+
+
+def _rounded(value: ca.SX, entry: Mapping[str, Any]) -> ca.SX:
+    """Return a value rounded to multiples of the quantizer of an entry, if it has one."""
+    step = entry.get("quantizer")
+    return value if step is None else step * ca.floor(value / step + 0.5)
 
 
 def _unless_nan(seen: ca.SX, value: ca.SX) -> ca.SX:

@@ -62,8 +62,13 @@ MOST_SAMPLES = 100
 #: Permitted sample times, s. A flight of minutes then has at most a million samples.
 _SAMPLE_TIME = Number(1e-4, 10.0)
 _NOT_NEGATIVE = Number(0.0)
-_OBSERVATION_ENTRY: dict[Any, Any] = {"about": None, "scale": NUMBER, "formula": str}
-_ACTION_ENTRY: dict[Any, Any] = {"box": [NUMBER], "map": str}
+_OBSERVATION_ENTRY: dict[Any, Any] = {
+    "about": None,
+    "scale": NUMBER,
+    "formula": str,
+    "quantizer": POSITIVE,
+}
+_ACTION_ENTRY: dict[Any, Any] = {"box": [NUMBER], "map": str, "quantizer": POSITIVE}
 _POLICY: dict[Any, Any] = {
     "file": None,
     "normalizer": None,
@@ -100,8 +105,10 @@ class Deployment(Reported):
         state: activation, squash, network. Without a file the deployment describes an environment
         for training.
     observation: name or formula -> about ("trim" or a number) and scale, in the order of the
-        network's inputs. An observation is (value - about) / scale.
+        network's inputs. An observation is (value - about) / scale. With a quantizer q, in the unit
+        of the value, the value is rounded to multiples of q.
     action: input -> box (lowest, highest) and map, a formula of a, trim and names of the aircraft.
+        With a quantizer q, in the unit of the input, the input is rounded to multiples of q.
     timing: dt and delay. dt is the sample time, s. delay is the time from a sample until its action
         moves the input, s.
     cost: Q of states or outputs, R of inputs, or None if unknown.

@@ -371,8 +371,8 @@ class Delays(NamedTuple):
     """Effect of delays on a loop.
 
     radii: spectral radius with delays of 0, 1, 2, ... samples, up to `searched`.
-    limit: first unstable delay in complete samples, s, not below the deployed delay, or None if
-        there is none up to `searched`.
+    limit: first unstable delay, s, not below the deployed delay, or None if none was found up to
+        `searched`.
     searched: longest delay that was examined, s.
     """
 
@@ -381,23 +381,45 @@ class Delays(NamedTuple):
     searched: float
 
 
-def searched_delays(nominal: NominalLoop, dt: float, deployed_delay: float) -> Delays:
-    """Return the effect of delays of whole samples, up to the first unstable one.
+#: Number of delays that are examined in each of the first samples, and number of these samples.
+_PARTS, _EARLY = 4, 10
+#: Number of bisections of the interval with the first unstable delay.
+_BISECTIONS = 20
 
-    The first unstable delay is not below the deployed delay. With a longer delay, the loop may be
-    stable again. If no delay is unstable, the delays reach `MOST_SAMPLES` samples, `MOST_SECONDS`
-    or the deployed delay.
+
+def searched_delays(nominal: NominalLoop, dt: float, deployed_delay: float) -> Delays:
+    """Return the effect of delays up to the first unstable one, which is bisected.
+
+    Examined are whole samples, and parts of the first ones. The first unstable delay is not below
+    the deployed delay. With a longer delay, the loop may be stable again. If no delay is unstable,
+    the delays reach `MOST_SAMPLES` samples, `MOST_SECONDS` or the deployed delay.
 
     dt, deployed_delay: s
     """
     deployed = in_samples(deployed_delay, dt)
     first = deployed.whole + (deployed.rest > 0.0)  # whole samples, not below the deployed delay
     most = max(first, min(MOST_SAMPLES, math.ceil(MOST_SECONDS / dt)))
+    parts = {part / _PARTS for part in range(_PARTS * min(_EARLY, most))}
+    examined = sorted({*parts, *map(float, range(most + 1)), deployed_delay / dt})
+
+    def radius(samples: float) -> float:
+        """Return the spectral radius with a delay in samples."""
+        return chain_of(nominal, dt, samples * dt).radius
+
     radii: list[float] = []
-    for samples in range(most + 1):
-        radii.append(chain_of(nominal, dt, samples * dt).radius)
-        if samples >= first and radii[-1] >= 1.0:
-            return Delays(tuple(radii), limit=samples * dt, searched=samples * dt)
+    stable = 0.0
+    for samples in examined:
+        now = radius(samples)
+        if samples.is_integer():
+            radii.append(now)
+        if samples * dt < deployed_delay or now < 1.0:
+            stable = samples
+            continue
+        unstable = samples
+        for _ in range(_BISECTIONS if samples * dt > deployed_delay else 0):
+            middle = 0.5 * (stable + unstable)
+            stable, unstable = (middle, unstable) if radius(middle) < 1.0 else (stable, middle)
+        return Delays(tuple(radii), limit=unstable * dt, searched=samples * dt)
     return Delays(tuple(radii), limit=None, searched=most * dt)
 
 
