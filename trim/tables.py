@@ -35,7 +35,7 @@ def dataset(
 def entry_headings(
     model: Model, matrix: str, rows: Sequence[str], columns: Sequence[str]
 ) -> list[str]:
-    """Return a heading of each entry of A or B, row by row: "A(pitch, alpha) [(rad/s)/(rad)]"."""
+    """Return a heading of each entry of A to F, row by row: "A(pitch, alpha) [(rad/s)/(rad)]"."""
     return [
         f"{matrix}({row}, {column}) [{model.entry_unit(row, column)}]"
         for row in rows

@@ -44,7 +44,7 @@ class LinearizeRequest(Request, TrimOptions):
         "--model": "type --aircraft",
         "--residualize": "use linear.select(residualize=NAMES) in Python",
     }
-    output: Path | None = output_option(stores=(STORE,), folder=True, purpose=_PURPOSE)
+    output: Path | None = output_option(".pdf", stores=(STORE,), folder=True, purpose=_PURPOSE)
     aircraft: str | None = option(aircraft_help, "FILE.py:NAME")
     picture: Path | None = picture_option("Bode plots from each input to each output")
     states: tuple[str, ...] | None = option(

@@ -266,7 +266,7 @@ def write_pdf(report: Contents, path: Path) -> None:
         stream,
         pageTemplates=[*map(_page_template, _PAGES)],
         title=printable(report.title.partition("\n")[0]),
-        author=printable(report.head.get("document", "")),
+        subject=printable(report.head.get("document", "")),
         creator="hfa",
         invariant=True,  # equal results give equal files
     )

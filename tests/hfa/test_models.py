@@ -214,3 +214,18 @@ def test_a_stored_linear_model_is_read_back_whole(folder):
         np.testing.assert_allclose(again[name], first[name], atol=1e-12, err_msg=name)
     qualities = [each["handling_qualities"]["n/alpha"]["value"] for each in (first, again)]
     assert qualities[1] == pytest.approx(qualities[0], rel=1e-9)
+
+
+def test_a_document_has_all_matrices_of_each_condition(tmp_path):
+    """A page of models.md for each trim has C of the chosen outputs, models.csv its entries too."""
+    rows, outputs = tmp_path / "rows.csv", ("load_factor", "gamma")
+    rows.write_text("name,speed [m/s]\ncruise,35\nslow,22\nno,10\n", "utf-8")
+    book = hfa.conditions(hfa.load_model(f"{ROOT}/examples/uav.toml"), rows, outputs=outputs)
+    book.save(tmp_path / "models.md")
+    text = (tmp_path / "models.md").read_text("utf-8")
+    for number, name in enumerate(("cruise", "slow")):
+        page = text[text.index(f"{number + 1} {name}: ") :]
+        assert f"{book.C[number]['load_factor', 'alpha']:.4f}" in page
+    assert "3 no: " not in text
+    table = book.to_pandas()
+    assert table["C(load_factor, alpha) [(1)/(rad)]"]["slow"] == book.C[1]["load_factor", "alpha"]

@@ -107,6 +107,8 @@ _FIGURE_COLUMNS = {
     "static margin": "static margin",
     "worst level": "worst level",
 }
+#: Rows of a sheet with what its levels are of.
+_CHOSEN = ("airplane class", "flight phase category")
 #: Rows of a sheet whose sentences stand below the table of conditions.
 _ROWS_BELOW_TABLE = ("failure", "stalled", "warnings", "far out", "not determined")
 #: Entries of the configuration on the cover -> label.
@@ -196,7 +198,7 @@ def _cover(
         ]
         if points_and_entries:
             texts[label] = _loading_text(name, points_and_entries)
-    for name in ("airplane class", "flight phase category"):
+    for name in _CHOSEN:
         rows = [condition.rows[name] for condition in conditions if name in condition.rows]
         if rows:
             noted = (f"{row.value} ({row.note})".removesuffix(" ()") for row in rows)
@@ -306,6 +308,7 @@ def _matrix(
     varied = _configuration_names(conditions, loaded)
     entries: list[dict[str, Any]] = []
     notes = []
+    labels = [label for label in _CHOSEN if len({_chosen(each, label) for each in conditions}) > 1]
     for called, condition, configuration in zip(
         _called(conditions), conditions, loaded, strict=True
     ):
@@ -315,6 +318,7 @@ def _matrix(
                 "condition": Cell(called, link=condition.report.anchor),
                 "flight": condition.report.head.get("condition", ""),
                 RESULTS: Cell(result, "" if result == TRIMMED else "bad"),
+                **{label.rpartition(" ")[2]: _chosen(condition, label) for label in labels},
                 **_configuration_cells(condition.point, configuration, varied),
                 **_figure_cells(condition, controls),
             }
@@ -326,6 +330,12 @@ def _matrix(
     header = tuple(dict.fromkeys(name for entry in entries for name in entry))
     columns = [_column([entry.get(name, "") for entry in entries]) for name in header]
     return Table(header, [*zip(*columns, strict=True)]), *notes
+
+
+def _chosen(condition: Condition, label: str) -> str:
+    """Return the class or category of a condition, or ""."""
+    rows = condition.rows
+    return str(rows[label].value) if label in rows else ""
 
 
 def _configuration_names(

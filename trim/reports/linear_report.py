@@ -57,18 +57,21 @@ class Beside(NamedTuple):
     data: Mapping[str, Any]
 
 
-def report_of_linear(model: LinearModel, *, responses: bool, beside: Beside | None) -> Report:
+def report_of_linear(
+    model: LinearModel, *, responses: bool, beside: Beside | None, whole: bool = False
+) -> Report:
     """Return a report of a linear model: A, B, the offsets, the modes and the handling qualities.
 
     C and D are included if the outputs are not the states. The data of the report also contain E
     and F.
 
+    whole: whether to include E of the disturbances, and F beside D
     responses: whether to add the frequency responses at the natural frequencies of the modes
     beside: accuracy of the entries, and what other models and the paper give for them, or None
     """
     aircraft = model.model
     trimmed = Trimmed(model.point)
-    blocks = _blocks(model)
+    blocks = _blocks(model, whole=whole)
     parts: list[Part] = [_matrix(block) for block in blocks]
     data: dict[str, Any] = {}  # in addition to that of the model
     if beside is not None:
@@ -101,7 +104,11 @@ def report_of_linear(model: LinearModel, *, responses: bool, beside: Beside | No
 def _first_lines(model: LinearModel, trimmed: Trimmed, blocks: Sequence[Block]) -> str:
     """Return the title: condition, modes, equations, and units of the matrices."""
     names = [block.name for block in blocks]
-    equations = "x' = A x + B u, y = C x + D u, " if "C" in names else "x' = A x + B u, "
+    to_winds = {"E": " + E w", "F": " + F w"}
+    of_rates, of_outputs = (to_winds[name] if name in names else "" for name in to_winds)
+    equations = f"x' = A x + B u{of_rates}, "
+    if "C" in names:
+        equations += f"y = C x + D u{of_outputs}, "
     units = (
         f"{', '.join(names[:-1])} and {names[-1]} in {units_in_words(model)}; X0 and U0 in the "
         "units of their table"
@@ -184,15 +191,17 @@ def _base_units(unit: str) -> set[str]:
 
 def matrices(model: LinearModel) -> list[Table]:
     """Return tables of the matrices A and B, and of C and D if the outputs are not the states."""
-    return [_matrix(block) for block in _blocks(model)]
+    return [_matrix(block) for block in _blocks(model, whole=False)]
 
 
 def _matrix(block: Block) -> Table:
     return matrix_table(block.name, block.rows, block.columns, block.values)
 
 
-def _blocks(model: LinearModel) -> list[Block]:
-    """Return the reported matrices: A and B, and C and D if the outputs are not the states."""
+def _blocks(model: LinearModel, *, whole: bool) -> list[Block]:
+    """Return the reported matrices: A and B, and C and D if the outputs are not the states; with
+    `whole` also E, and F beside D.
+    """
     aircraft = model.model
     of_states = (model.states, model.state_units)  # names and units of a side of a matrix
     of_inputs = (model.inputs, model.input_units)
@@ -202,4 +211,9 @@ def _blocks(model: LinearModel) -> list[Block]:
         outputs = (model.outputs, aircraft.units(model.outputs))
         blocks.append(Block("C", *outputs, *of_states, model.C))
         blocks.append(Block("D", *outputs, *of_inputs, model.D))
+    if whole and model.disturbances:
+        of_winds = (model.disturbances, aircraft.units(model.disturbances))
+        blocks.append(Block("E", *rates, *of_winds, model.E))
+        if model.outputs != model.states:
+            blocks.append(Block("F", *outputs, *of_winds, model.F))
     return blocks

@@ -18,6 +18,7 @@ from hfa_aircraft.signals import StatesAndInputs
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.files import folder_written_whole, write_text
 from hfa_support.progress import Progress
+from hfa_support.reporting.parts import NO_RECORDS
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Entries, Result, Stack, json_text, save_data, storable
 from hfa_support.reporting.rows import stated_level, with_names
@@ -30,6 +31,7 @@ from trim.point.margins import stalled
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import CATEGORY, CLASS, NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED
 from trim.reports.levels import DEFAULT_AIRPLANE, Airplane, graded_modes
+from trim.reports.linear_report import report_of_linear
 from trim.reports.trimmed import Trimmed
 from trim.tables import dataset, eigenvalue_headings, entry_headings
 
@@ -37,8 +39,9 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-#: Suffix of a Zarr store.
+#: Suffix of a Zarr store, and suffixes of data that are no document.
 STORE = ".zarr"
+_DATA = (".json", ".mat", ".csv")
 
 
 class AskedTrim(NamedTuple):
@@ -286,9 +289,10 @@ class Conditions(StatesAndInputs, Result, Reported):
 
     def records(self) -> Table:
         """Return a table with a row for each condition, a file of conditions: what it asks for, the
-        result, the reason, the trim, the modes with their levels, and the entries of A and B.
+        result, the reason, the trim, the modes with their levels, and the entries of A and B, of C
+        and D if the outputs are not the states, and of E and F of the disturbances.
 
-        Angles are in degrees, but those of A and B in radians.
+        Angles are in degrees, but those of A to F in radians.
         """
         asked = [
             {NAME: row.name, **row.airplane_cells} | stated_cells(self.model, row.stated)
@@ -299,6 +303,14 @@ class Conditions(StatesAndInputs, Result, Reported):
         whole = [condition | result for condition, result in zip(asked, found, strict=True)]
         rows = [tuple(cells.get(heading, "") for heading in header) for cells in whole]
         return Table(tuple(header), rows)
+
+    @property
+    def _told(self) -> str:
+        """Names of the matrices that are neither empty nor the identity and 0."""
+        signals = self.signals
+        of_outputs = signals.outputs != signals.states
+        winds = ("EF" if of_outputs else "E") if signals.disturbances else ""
+        return f"AB{'CD' if of_outputs else ''}{winds}"
 
     def _found_cells(self, row: int) -> dict[str, Any]:
         """Return heading -> cell of what was found at a condition: its trim and linear model."""
@@ -313,7 +325,7 @@ class Conditions(StatesAndInputs, Result, Reported):
             cells |= zip(eigenvalue_headings(mode.name, model.time_unit), parts, strict=True)
             level = self.levels[row].get(mode.name)
             cells[f"{mode.name} level"] = "" if level is None else stated_level(level)
-        for matrix in ("A", "B"):
+        for matrix in self._told:
             stack = getattr(self, matrix)
             headings = entry_headings(model, matrix, *stack.names[1:])
             cells |= zip(headings, stack[row].ravel().tolist(), strict=True)
@@ -374,7 +386,7 @@ class Conditions(StatesAndInputs, Result, Reported):
         - .npz: `arrays`, with the names and units of the signals
         - .zarr: `to_xarray`
         - a folder: a file of each linear model, as `LinearModel.save` writes it
-        - others: the report
+        - .html, .pdf, .tex, .md: the report, with a page of A to F for each linear model
 
         provenance: provenance of the results, or None
 
@@ -399,10 +411,20 @@ class Conditions(StatesAndInputs, Result, Reported):
             arrays |= {name: arrays[name].astype(str) for name in words}
             head = {"schema": self.schema, "names": [*self.names]} | self._named_signals()
             save_data(path, storable(head) | arrays | origin, records=Table((), ()))
-        else:
+        elif suffix in _DATA:
             # Records serve .csv files alone, and take time: other files are of the report without.
             report = self.report() if suffix == ".csv" else self._summary
             report.with_data(origin).save(path)
+        else:
+            parts = (*self._summary.parts, *self._pages())
+            replace(self._summary, parts=parts).with_data(origin).save(path)
+
+    def _pages(self) -> Iterator[Report]:
+        """Yield the report of each linear model, with all matrices."""
+        for number, (name, linear) in enumerate(zip(self.names, self.linear, strict=True), 1):
+            if linear is not None:
+                page = report_of_linear(linear, responses=False, beside=None, whole=True)
+                yield replace(page, title=f"{number} {name}: {page.title}", records=NO_RECORDS)
 
     def _file(self, row: int) -> dict[str, Any]:
         """Return the content of the file of the condition with a number: a linear model, nan
