@@ -34,6 +34,7 @@ class Signal(NamedTuple):
     omitted_dynamics: note on dynamics between an input and the motion that the equations omit
     assumed: whether min and max are assumptions of a reader, which the aircraft's data do not state
     full: angle of what a lever without a unit moves, at the value 1 of the lever, deg; 0 if unknown
+    show: whether the short sheet of a trim prints the output
 
     >>> import hfa
     >>> hfa.Signal("ft/s", nominal=100.0, min=0.0).max
@@ -49,6 +50,7 @@ class Signal(NamedTuple):
     omitted_dynamics: str = ""
     assumed: bool = False
     full: float = 0.0
+    show: bool = False
 
 
 #: Airspeeds that a trim may impose in place of the speed of an aircraft.
@@ -153,11 +155,11 @@ def _check_signal(where: str, signal: Any) -> None:
             f"{where}: nominal, rate, start are {shown(numbers)}; give finite numbers, nominal and "
             "rate positive"
         )
-    if not isinstance(signal.assumed, bool) or not is_finite(signal.full) or signal.full < 0.0:
-        raise BadInputError(
-            f"{where}: assumed, full are {shown((signal.assumed, signal.full))}; give True or "
-            "False, and an angle of at least 0 deg"
-        )
+    if not all(isinstance(word, bool) for word in (signal.assumed, signal.show)):
+        words = shown((signal.assumed, signal.show))
+        raise BadInputError(f"{where}: assumed, show are {words}; give True or False")
+    if not is_finite(signal.full) or signal.full < 0.0:
+        raise BadInputError(f"{where}: full is {signal.full!r}; give an angle of at least 0 deg")
     lowest, highest = pair_of(f"{where}: min, max", (signal.min, signal.max))
     if not lowest <= highest:
         raise BadInputError(

@@ -36,8 +36,9 @@ def entry_headings(
     model: Model, matrix: str, rows: Sequence[str], columns: Sequence[str]
 ) -> list[str]:
     """Return a heading of each entry of A to F, row by row: "A(pitch, alpha) [(rad/s)/(rad)]"."""
+    unit_of_row = model.unit if matrix in "CDF" else model.rate_unit
     return [
-        f"{matrix}({row}, {column}) [{model.entry_unit(row, column)}]"
+        f"{matrix}({row}, {column}) [({unit_of_row(row)})/({model.unit(column)})]"
         for row in rows
         for column in columns
     ]

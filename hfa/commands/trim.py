@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from hfa.options.advice import trimmed
 from hfa.options.command import Outcome, Request, command, output_option, picture_option
 from hfa.options.conditions import ListedCondition, airplane_class, flight_category
-from hfa.options.parser import option
+from hfa.options.parser import option, refuse
 from hfa.options.points import GivenPoints, PointOptions, given_points
 from hfa.options.trims import TrimInput, trim_input
 from hfa_aircraft.model import Model
@@ -58,7 +58,10 @@ class TrimRequest(Request, PointOptions):
         "limits, or alpha, controls and static margin of several conditions"
     )
     document: str = option("number and revision, in the head of files of -o", "TEXT", default="")
-    full: bool = option("print all figures, equations, limits and participations")
+    full: bool = option("print all figures, outputs, equations, limits and participations")
+    show: tuple[str, ...] = option(
+        "print an output on the short sheet; repeatable", "NAME", repeated=True
+    )
     class_: str = option(
         f"airplane class of MIL-F-8785C: {', '.join(CLASSES)}; default by weight",
         "CLASS",
@@ -96,7 +99,7 @@ def _single(request: TrimRequest, given: TrimInput) -> Outcome:
     name, airplane = row.name, row.airplane(request.class_, request.category)
     printed = None  # in place of the report, which has the whole sheet
     if not (request.full or request.json):
-        printed = _with_name(brief(point, airplane), name)
+        printed = _with_name(brief(point, airplane, request.show), name)
     report = printed
     if report is None or request.output is not None:  # files contain the whole sheet
         sheet = _sheet(point, airplane, full=request.full)
@@ -112,6 +115,7 @@ def _single(request: TrimRequest, given: TrimInput) -> Outcome:
 
 def _several(request: TrimRequest, points: GivenPoints) -> Outcome:
     """Return the outcome of several trims: their overview, and a book of their sheets."""
+    refuse(request, ("show",), "is of a single trim; add --row NAME, or remove it")
     source = points.source()
     overview, conditions = _sheets(request, points)
     report, model = overview, points.trims.model

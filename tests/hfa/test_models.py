@@ -223,9 +223,10 @@ def test_a_document_has_all_matrices_of_each_condition(tmp_path):
     book = hfa.conditions(hfa.load_model(f"{ROOT}/examples/uav.toml"), rows, outputs=outputs)
     book.save(tmp_path / "models.md")
     text = (tmp_path / "models.md").read_text("utf-8")
+    slopes = book.C["load_factor", "alpha"]
     for number, name in enumerate(("cruise", "slow")):
         page = text[text.index(f"{number + 1} {name}: ") :]
-        assert f"{book.C[number]['load_factor', 'alpha']:.4f}" in page
+        assert f"{slopes[number]:.4f}" in page
     assert "3 no: " not in text
     table = book.to_pandas()
-    assert table["C(load_factor, alpha) [(1)/(rad)]"]["slow"] == book.C[1]["load_factor", "alpha"]
+    assert table["C(load_factor, alpha) [(1)/(rad)]"]["slow"] == slopes[1]

@@ -60,7 +60,7 @@ def cart(**declared):
         ({"domain": Domain({"x": (0.0, 1.0)})}, r"range of x is .*; give \(lowest, highest, so"),
         ({"domain": Domain({"x": (0.0, "1", "")})}, "range of x is .*; give two numbers"),
         ({"domain": Domain({"q": (0.0, 1.0, "")})}, "domain.range names the unknown signal 'q'"),
-        ({"states": {"x": Signal(full="20")}}, "x: assumed, full are .*; give True or False, and"),
+        ({"states": {"x": Signal(full="20")}}, "x: full is .*; give an angle of at least 0"),
     ],
 )
 def test_wrong_declarations_are_refused(declared, message):

@@ -41,7 +41,11 @@ _ROLES = {
     **dict.fromkeys(("speed", *"uvw"), "m/s"),
     "altitude": "m",
 }
-_OF_AIR = ("standard_pressure", "standard_density", "kcas_of_mach", "keas_of_pressure")
+#: Quantity that follows -> what of.
+_OF_AIR = {
+    **dict.fromkeys(("standard_pressure", "standard_density"), "altitude"),
+    **{"kcas_of_mach": "mach", "keas_of_pressure": "dynamic_pressure"},
+}
 _NAMES = (*_ROLES, *(f"{role}_dot" for role in _ROLES), *QUANTITIES, *_OF_AIR)
 
 
@@ -368,7 +372,12 @@ def _balances_at(trimmed: Trimmed) -> Balances:
     if trimmed.fault or is_linear_plant(trimmed.model):
         return Balances(0, 0, [], {})
     evaluation = _Evaluation(trimmed)
-    lacking = {BALANCES[i].name: names for i, names in evaluation.lacking.items() if names}
+    lacking = {
+        BALANCES[number].name: [name for name in names if name not in _OF_AIR]
+        or [_OF_AIR[name] for name in names]
+        for number, names in evaluation.lacking.items()
+        if names
+    }
     failures = [*evaluation.failures()]
     sentences = []
     if failures:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from hfa_aircraft.model import Model
+from hfa_support.errors import refuse_unknown
 from hfa_support.provenance import Change
 from hfa_support.reporting.parts import Part
 from hfa_support.reporting.report import Report
@@ -498,7 +499,7 @@ _READ_FIRST = {
 _ENDS_READ_FIRST = (" from the table's", " per g", " per knot")
 
 
-def brief(point: OperatingPoint, airplane: Airplane) -> Report:
+def brief(point: OperatingPoint, airplane: Airplane, show: Sequence[str] = ()) -> Report:
     """Return the report of a trim with the rows that are read first, and no others.
 
     These are airspeeds, variables that are not 0 with their limits, limits that are reached,
@@ -506,7 +507,14 @@ def brief(point: OperatingPoint, airplane: Airplane) -> Report:
 
     point: the trim
     airplane: class and flight phase category for the levels
+    show: further outputs
+
+    Raises BadInputError for a name that is no output.
     """
+    outputs = point.model.outputs
+    for name in show:
+        refuse_unknown("--show names the unknown output", name, outputs)
+    own = tuple(name for name in outputs if name in show or outputs[name].show)
     trimmed = Trimmed(point)
     limited = nearest_first(trimmed)
     binding = [margin for margin in limited if margin.at_limit and margin.role != "held"]
@@ -522,7 +530,10 @@ def brief(point: OperatingPoint, airplane: Airplane) -> Report:
             ("stability", [*stability_rows(trimmed)], ()),
             ("modes and levels", [row for row in qualities if (row.level or 1) > 1], ()),
         ]
-    sheet = Sheet.of(groups, first=VARIABLES)
+    elsewhere = {row.name for _, rows, _ in groups for row in rows}
+    shown = [row for row in output_rows(trimmed, own) if row.name not in elsewhere]
+    sheet = Sheet.of([*groups, ("outputs", shown, ())], first=VARIABLES)
+    chosen = {name.replace("_", " ") for name in own}
 
     fault = trimmed.fault
     modes = f"no modes: {fault}" if fault else mode_lines(trimmed.modes, point.model)
@@ -532,7 +543,8 @@ def brief(point: OperatingPoint, airplane: Airplane) -> Report:
     notes = [note for note in all_notes if note not in of_the_file]
     adds = "rows" if len(notes) == len(all_notes) else "rows and notes"
 
-    parts: list[Part] = [group for group in map(_shortened, sheet.groups) if group.rows]
+    shortened = (_shortened(group, chosen) for group in sheet.groups)
+    parts: list[Part] = [group for group in shortened if group.rows]
     if modes:
         parts.append(modes)
     if trimmed.search.sentences:
@@ -583,8 +595,8 @@ def brief_list(report: Report) -> Report:
     return replace(report, parts=[overview, *titles, "--full prints each sheet; -o FILE has all"])
 
 
-def _shortened(group: Group) -> Group:
-    """Return a group with the rows that are read first.
+def _shortened(group: Group, chosen: Container[str]) -> Group:
+    """Return a group with the rows that are read first, and chosen ones.
 
     These are the variables that are not printed as 0, a load factor that is not printed as 1, the
     rows named in `_READ_FIRST` or by `_ENDS_READ_FIRST`, and judged rows, which have a tone.
@@ -598,7 +610,7 @@ def _shortened(group: Group) -> Group:
         else:
             named = row.name in _READ_FIRST.get(group.title, ())
             is_read_first = named or bool(row.tone) or row.name.endswith(_ENDS_READ_FIRST)
-        if is_read_first and not row.rare:
+        if row.name in chosen or (is_read_first and not row.rare):
             rows.append(row)
     return group._replace(rows=tuple(rows), lines=_meaning_of_stars(rows))
 
