@@ -105,15 +105,12 @@ class Trimming(_Declared):
     begin: function (imposed values by name) -> initial values of the other variables in a trim
         search. Values are numbers or arrays. None for the declared initial values, and in turns
         those of `hfa_aircraft.signals.usual_begin`.
-    explain: function (imposed values, solve) -> reason why no trim exists, in terms of the aircraft
-        (`trim.point.solve`), or ""; None for no explanation
     describe: function (operating point) -> further groups of its sheet, (title, rows, sentences)
         each; None for none
     """
 
     alternatives: tuple[tuple[str, ...], ...] = ()
     begin: Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None
-    explain: Callable[[Mapping[str, float], Callable[..., Any]], str] | None = None
     describe: Callable[[Any], Sequence[tuple[str, Sequence[Row], Sequence[str]]]] | None = None
 
     def initial(self, imposed: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -143,7 +143,7 @@ def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model],
         )  # rate that a trim imposes, unless a signal has its name
 
     # Functions that the model does not have remain None: None and partial(...) is None.
-    domain, begin, explain = model.domain, model.trimming.begin, model.trimming.explain
+    domain, begin = model.domain, model.trimming.begin
     return replace(
         model,
         **converted,
@@ -162,7 +162,6 @@ def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model],
         trimming=replace(
             model.trimming,
             begin=begin and partial(_converted_begin, factors, begin),
-            explain=explain and partial(_converted_explain, factors, explain),
         ),
         source=Source(model.source.text, model.source.digest, native=model, reload=reload),
     )
@@ -223,25 +222,6 @@ def _converted_begin(
 ) -> dict[str, Any]:
     """Return `Trimming.begin` in converted units, variable -> initial value of a trim search."""
     return _scaled(factors, begin(_unscaled(factors, imposed)))
-
-
-def _converted_explain(
-    factors: Mapping[str, float],
-    explain: Callable[[Mapping[str, Any], Callable[..., Any]], str],
-    imposed: Mapping[str, Any],
-    solve: Callable[..., Any],
-) -> str:
-    """Return why no trim exists (`Trimming.explain`), in the declared units.
-
-    imposed, solve: imposed values, and search of a trim, in converted units
-    """
-
-    def solve_declared(hold: Mapping[str, Any], free: tuple[str, ...]) -> dict[str, Any] | None:
-        """Return the trim that `solve` finds, with values in the declared units."""
-        found = solve(_scaled(factors, hold), free)
-        return None if found is None else _unscaled(factors, found)
-
-    return explain(_unscaled(factors, imposed), solve_declared)
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,13 @@ from hfa_support.units import si_unit
 from trim.hfa.reports import trim_report
 from trim.point.condition import release, usual_condition
 from trim.point.operating_point import OperatingPoint
-from trim.point.solve import TrimError, explained, trim
+from trim.point.reasons import Reason, reason_of
+from trim.point.solve import TrimError, trim
 from trim.point.status import BALANCE
 from trim.reports.balances import balances_of
 from trim.reports.trimmed import Trimmed
 
-#: Largest number of options that help a failed trim.
+#: Largest number of options that help a failed trim whose reason is not known.
 _MOST_ADVICE = 3
 
 
@@ -39,27 +40,33 @@ def trimmed(given: GivenTrim) -> OperatingPoint:
 
 def _advised(given: GivenTrim, failure: TrimError) -> TrimError:
     """Return the error of a failed trim with advice, and the report of the nearest point."""
-    error = explained(failure, given.model, given.condition)
-    found = (*given.model.warnings, *balances_of(Trimmed(error.attempt)).sentences)
+    reason = reason_of(failure, given.model, given.condition)
+    found = (*given.model.warnings, *balances_of(Trimmed(failure.attempt)).sentences)
     warnings = [f"check: {warning}" for warning in found]
     advice = ""
-    if error is failure:  # otherwise the aircraft explains it
-        with suppress(BadInputError, NoSolutionError, ArithmeticError):  # the reason stands alone
-            advice = _advice(given, failure)
-    said = "; ".join(filter(None, (str(error), *warnings, advice)))
-    advised = TrimError(said, error.attempt, error.required)
-    advised.found = trim_report(error.attempt).with_data(reason=said)
+    with suppress(BadInputError, NoSolutionError, ArithmeticError):  # the reason stands alone
+        advice = _advice(given, failure, reason)
+    message = str(failure)
+    if reason.sentence:
+        message = f"no trim: {reason.sentence} ({message.removeprefix('no trim: ')})"
+    said = "; ".join(filter(None, (message, *warnings, advice)))
+    advised = TrimError(said, failure.attempt, failure.required)
+    advised.found = trim_report(failure.attempt).with_data(reason=said)
     advised.source = given.source
     return advised
 
 
-def _advice(given: GivenTrim, failure: TrimError) -> str:
-    """Return a sentence on the options with which a trim exists, or ""."""
+def _advice(given: GivenTrim, failure: TrimError, reason: Reason) -> str:
+    """Return a sentence on the options with which a trim exists, or "".
+
+    With a known reason, the first option is enough.
+    """
     if failure.attempt._uncontrolled_rates:  # no input moves an angular rate: the model is at fault
         return ""
     if advice_on_inputs := _free_inputs(given):
         return advice_on_inputs
-    names = _releasable(given)
+    names = sorted(_releasable(given), key=lambda name: name != reason.free)
+    most = 1 if reason.sentence else _MOST_ADVICE
     if together := _rates_together(given, failure, names):
         return f"a trim exists with {' '.join(f'--free {name}' for name in together)}"
     model, condition = given.model, given.condition
@@ -84,7 +91,7 @@ def _advice(given: GivenTrim, failure: TrimError) -> str:
         except BadInputError:
             continue
         options += _options(given, name, point, saturated)
-        if len(options) == _MOST_ADVICE:
+        if len(options) >= most:
             break
     return f"a trim exists with {' or '.join(options)}" if options else ""
 

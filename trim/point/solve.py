@@ -162,53 +162,6 @@ class TrimError(NoSolutionError):
         return TrimError, (str(self), self.attempt, self.required)
 
 
-def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimError:
-    """Return the error of a failed trim with the model's explanation, if it has one, at the
-    beginning of its message.
-
-    The model's function `explain` may trim a changed condition, by Newton's method from the default
-    initial point. It is not called if imposed inputs leave fewer unknowns than equations: the
-    message then advises to free more variables.
-
-    error: error of the trim search
-    condition: condition of the failed trim
-    """
-    if model.trimming.explain is None:
-        return error
-    posed = TrimProblem(model, condition)  # with a speed in place of an airspeed
-    equations, unknowns = posed.count
-    also_imposed = condition.imposed.keys() - model.trim.keys()  # not by the declared trim
-    if equations > unknowns and not also_imposed.isdisjoint(model.inputs):
-        return error
-
-    def solve(hold: Mapping[str, float], free: tuple[str, ...]) -> Mapping[str, float] | None:
-        """Return name -> value at the trim of the changed condition, or None if none is found."""
-        held = {name: value for name, value in hold.items() if name in model.holdable}
-        try:
-            changed = release(posed.condition, hold=held, free=free)
-            problem = TrimProblem(posed.model, changed)
-            z = problem.newton(problem.clip(problem.system.start))
-            if not problem.solved(z):
-                return None
-            evaluation = problem.at(z)
-        except (BadInputError, ArithmeticError):
-            return None
-        x, u = evaluation.x, evaluation.u
-        rates = model.rates_at(x, u)
-        return {
-            **x._asdict(),
-            **u._asdict(),
-            **model.outputs_at(x, u),
-            **{f"{name}_dot": rate for name, rate in rates.items()},
-        }
-
-    reason = model.trimming.explain(condition.imposed, solve)
-    if not reason:
-        return error
-    details = str(error).removeprefix("no trim: ")
-    return TrimError(f"no trim: {reason} ({details})", error.attempt, error.required)
-
-
 def trim(
     model: Model,
     condition: TrimCondition | None = None,

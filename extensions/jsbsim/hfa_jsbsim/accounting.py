@@ -6,145 +6,16 @@ Any other element is refused.
 
 from __future__ import annotations
 
-import math
-import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import Any
 
-import numpy as np
-
-from hfa_aircraft.signals import AIRSPEEDS
 from hfa_jsbsim.aircraft import Equations
-from hfa_jsbsim.airframe import SLUG_TO_LB
 from hfa_jsbsim.catalog import access, of_component, without_numbers
 from hfa_jsbsim.engines import EngineFile
 from hfa_jsbsim.parts import Parts
 from hfa_jsbsim.properties import IDLE, MOTION, Note, Writer
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import BadInputError, shortened
-
-#: (imposed values, dropped equations) -> all values by name at the solution, or None.
-Solve = Callable[[Mapping[str, float], tuple[str, ...]], Mapping[str, float] | None]
-#: Angles of attack at which the greatest lift is searched.
-_ANGLES_OF_ATTACK = np.radians(np.arange(-4.0, 40.5, 0.5))
-#: Largest number of commands in a sentence.
-_MOST_COMMANDS = 3
-_AIRSPEEDS = {"speed", *AIRSPEEDS}
-#: Least unbalanced force that is reported, relative to the weight, and least angular acceleration,
-#: rad/s².
-_LEAST_REPORTED = 1e-6
-
-
-def explain(
-    parts: Parts,
-    inputs: Sequence[str],
-    commands: Mapping[str, str],
-    imposed: Mapping[str, float],
-    solve: Solve,
-) -> str:
-    """Return one line with the reasons why no trim exists, or "" if no reason is found.
-
-    The reasons are found by trims with other free variables.
-
-    parts: content of the aircraft's files.
-    inputs: names of the aircraft's inputs.
-    commands: property of the files that nothing sets -> input.
-    imposed: name -> value imposed by the trim condition.
-    solve: function (imposed, dropped) -> values by name, or None. It solves the same condition with
-        the values `imposed` in addition, and without the equations `dropped`.
-    """
-    held = [full_name for full_name, name in commands.items() if name in imposed]
-    advice = f"--free {' or '.join(held[:_MOST_COMMANDS])} solves for a command that no file sets"
-    throttles = [name for name in inputs if name.startswith("throttle") and name not in imposed]
-    # Whether a command that no file sets is free, so that the trim may solve for it.
-    has_free_command = not imposed.keys() >= {*commands.values()}
-    if not set(inputs) - {*commands.values()}:  # the inputs are such commands only
-        reasons = ["no input of the pilot changes a force or a moment"]
-    else:
-        reasons = [*_of_thrust(parts, throttles, solve), *of_engine_files(parts)]
-        # A command that nothing in the files sets may be that of an elevator.
-        if not (reasons or "elevator" in inputs or has_free_command):
-            reasons = ["no input changes pitch_rate"]
-        reasons = reasons or [*_of_lift(throttles, imposed, solve)] or [*_of_moment(solve)]
-    return "; ".join([*reasons, advice] if held else reasons)
-
-
-def _of_thrust(parts: Parts, throttles: Sequence[str], solve: Solve) -> Iterator[str]:
-    """Yield a sentence on the thrust missing at full throttle, or on the excess thrust at idle."""
-    if not (parts.engines and throttles):
-        return
-    # Solutions of all equations but that of the speed, whose rate is the unbalanced thrust.
-    full = solve(dict.fromkeys(throttles, 1.0), ("speed_dot",))
-    if full is None:
-        return
-    mass = full["weight"] / SLUG_TO_LB
-    least = _LEAST_REPORTED * full["weight"]
-    missing = -full["speed_dot"] * mass
-    if missing > least:
-        thrust = full["thrust"]
-        powers = [
-            value for name, value in full.items() if re.fullmatch(r"power\d+", name) and value > 0.0
-        ]
-        power = f" from {len(powers)} x {powers[0]:.0f} hp" if powers else ""
-        needed = thrust + missing
-        yield (
-            f"full throttle gives {thrust:.0f} lb{power}: {missing:.0f} of {needed:.0f} lb of "
-            "thrust missing"
-        )
-        return
-    idle = solve(dict.fromkeys(throttles, 0.0), ("speed_dot",))
-    if idle is not None and idle["speed_dot"] * mass > least:
-        yield f"at idle the thrust is {idle['speed_dot'] * mass:.0f} lb too large"
-
-
-def _of_lift(throttles: Sequence[str], imposed: Mapping[str, float], solve: Solve) -> Iterator[str]:
-    """Yield a sentence on the greatest lift at an imposed airspeed if it is below the weight."""
-    if not _AIRSPEEDS & set(imposed):
-        return
-    balanced = _greatest_lift(throttles, solve, ("alpha_dot", "speed_dot"))
-    if balanced is None or balanced.to_weight >= 1.0:
-        return
-    # Without balance of the pitching moment, the lift may reach the weight.
-    any_moment = _greatest_lift(throttles, solve, ("alpha_dot", "speed_dot", "pitch_rate_dot"))
-    greatest = max(balanced, any_moment or balanced)
-    what = "the greatest lift is"
-    if greatest.to_weight >= 1.0:
-        greatest = balanced
-        what = "the elevator balances the pitching moment only up to a lift of"
-    percent = f"{100.0 * greatest.to_weight:.0f} %"
-    yield f"{what} {percent} of the weight, at alpha {math.degrees(greatest.alpha):.1f} deg"
-
-
-class _Lift(NamedTuple):
-    """Lift relative to the weight at an angle of attack, rad."""
-
-    to_weight: float
-    alpha: float
-
-
-def _greatest_lift(
-    throttles: Sequence[str], solve: Solve, dropped: tuple[str, ...]
-) -> _Lift | None:
-    """Return the greatest lift over alpha at half throttle, without the equations `dropped`."""
-    lifts = []
-    for alpha in _ANGLES_OF_ATTACK.tolist():
-        values = solve({"alpha": alpha, **dict.fromkeys(throttles, 0.5)}, dropped)
-        if values is not None:
-            lifts.append(_Lift(values["lift_to_weight"], alpha))
-    return max(lifts, default=None)
-
-
-def _of_moment(solve: Solve) -> Iterator[str]:
-    """Yield a sentence on the unbalanced pitching moment if all other equations have a solution."""
-    # No value is imposed in addition, and the equation of the moment is dropped: its rate is what
-    # remains. If the other equations have no solution, that of the speed is dropped too.
-    for dropped in (("pitch_rate_dot",), ("pitch_rate_dot", "speed_dot")):
-        values = solve({}, dropped)
-        if values is not None:
-            pitch = values["pitch_rate_dot"]
-            if abs(pitch) > _LEAST_REPORTED:
-                yield f"the elevator cannot balance the pitching moment: {pitch:.3g} rad/s^2 remain"
-            return
 
 
 def of_engine_files(parts: Parts) -> Iterator[str]:

@@ -22,7 +22,7 @@ from hfa_aircraft.rigid.aircraft import (
 )
 from hfa_aircraft.rigid.atmosphere import SEA_LEVEL, air_at
 from hfa_aircraft.signals import ISA, Signal, usual_begin
-from hfa_jsbsim.accounting import explain, notes_on_omitted, of_engine_files
+from hfa_jsbsim.accounting import notes_on_omitted, of_engine_files
 from hfa_jsbsim.aircraft import GUSTS, LEVERS, WINDS, Equations
 from hfa_jsbsim.aircraft_files import choices_of, find_aircraft
 from hfa_jsbsim.airframe import SLUG_TO_LB
@@ -194,7 +194,7 @@ class _Declaration:
             source=source,
             domain=Domain(self._table_ranges()),
             about=About(
-                notes=(*of_engine_files(self.parts), *grouped(notes)),
+                notes=(*grouped(notes),),
                 aliases=short_aliases | aliases,
                 warnings_about=partial(self._warnings, configuration),
                 equations="JSBSim",
@@ -206,12 +206,6 @@ class _Declaration:
                     (throttle, name) for name, pair in self._splits().items() for throttle in pair
                 ),
                 begin=self._start_of_search(),
-                explain=partial(
-                    explain,
-                    self.parts,
-                    (*self.inputs,),
-                    self._commands(),
-                ),
             ),
         )
 
@@ -226,6 +220,7 @@ class _Declaration:
         values = configuration(x, [0.0] * len(self.inputs), p)
         xx, yy, zz, xz = (values[name][0] for name in ("Ixx", "Iyy", "Izz", "Ixz"))
         inertia = inertia_matrix((xx, yy, zz), (0.0, xz, 0.0))
+        yield from of_engine_files(self.parts)
         yield from filter(None, (inertia_warning(inertia), self._warning_of_throttle(x, p)))
 
     def _warning_of_throttle(self, x: list[float], p: list[float]) -> str:
