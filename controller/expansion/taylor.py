@@ -8,16 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import combinations_with_replacement
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import casadi as ca
+from flint import arb, arb_series
 
 from hfa_support.errors import BadInputError
 
-if TYPE_CHECKING:
-    from flint import arb
-
-Terms: TypeAlias = "dict[int, arb]"
+Terms: TypeAlias = dict[int, arb]
+Operation: TypeAlias = Callable[..., Terms]
 #: Bits of an exponent.
 _DIGIT = 4
 
@@ -49,7 +48,6 @@ class PowerSeries:
 
     def variables(self) -> list[Terms]:
         """Return the variables z1, ..., zn."""
-        from flint import arb
 
         return [{self.monomial([place]): arb(1)} for place in range(self.n)]
 
@@ -97,13 +95,11 @@ class PowerSeries:
 
     def of_degree(self, series: Terms, degree: int) -> list[arb]:
         """Return the coefficients of all monomials of a degree."""
-        from flint import arb
 
         return [series.get(monomial, arb(0)) for monomial in self.monomials(degree)]
 
     def composed(self, name: str, inner: Terms) -> Terms:
         """Return f(s) of a series s and a function of one variable, a method of `arb_series`."""
-        from flint import arb, arb_series
 
         at = inner.get(0, arb(0))
         try:
@@ -124,7 +120,6 @@ class PowerSeries:
         Raises BadInputError if a function that it calls, or an operation at the values of the
         arguments at 0, has no power series, or if a coefficient is not finite.
         """
-        from flint import arb
 
         begins = [0]
         for place in range(function.n_in()):
@@ -182,13 +177,13 @@ def _sign(series: Terms, name: str) -> int:
     return 0
 
 
-def _scaled(by: float) -> Callable[[PowerSeries, Terms], Terms]:
-    """Return the operation that multiplies by a number."""
-    return lambda ring, a: {key: coefficient * by for key, coefficient in a.items()}
+def _scaled(a: Terms, by: float) -> Terms:
+    """Return a series times a number."""
+    return {monomial: coefficient * by for monomial, coefficient in a.items()}
 
 
 def _minus(ring: PowerSeries, a: Terms, b: Terms) -> Terms:
-    return ring.sum(a, _scaled(-1)(ring, b))
+    return ring.sum(a, _scaled(b, -1))
 
 
 def _quotient(ring: PowerSeries, a: Terms, b: Terms) -> Terms:
@@ -197,7 +192,6 @@ def _quotient(ring: PowerSeries, a: Terms, b: Terms) -> Terms:
 
 def _power(ring: PowerSeries, a: Terms, b: Terms) -> Terms:
     """Return a**b. An exponent that is no whole constant requires a base above 0."""
-    from flint import arb
 
     exponent = b.get(0, arb(0))
     if all(coefficient == 0 for key, coefficient in b.items() if key) and exponent.is_integer():
@@ -214,17 +208,12 @@ def _power(ring: PowerSeries, a: Terms, b: Terms) -> Terms:
 
 def _hyperbolic(ring: PowerSeries, a: Terms, sign: int) -> Terms:
     """Return (exp(a) + sign exp(-a)) / 2."""
-    up, down = ring.composed("exp", a), ring.composed("exp", _scaled(-1)(ring, a))
-    return _scaled(0.5)(ring, ring.sum(up, _scaled(sign)(ring, down)))
-
-
-def _tanh(ring: PowerSeries, a: Terms) -> Terms:
-    return _quotient(ring, _hyperbolic(ring, a, -1), _hyperbolic(ring, a, 1))
+    up, down = ring.composed("exp", a), ring.composed("exp", _scaled(a, -1))
+    return _scaled(ring.sum(up, _scaled(down, sign)), 0.5)
 
 
 def _atan2(ring: PowerSeries, y: Terms, x: Terms) -> Terms:
     """Return the angle of the point (x, y)."""
-    from flint import arb
 
     if x.get(0, arb(0)) > 0:
         return ring.composed("atan", _quotient(ring, y, x))
@@ -235,120 +224,51 @@ def _atan2(ring: PowerSeries, y: Terms, x: Terms) -> Terms:
     return _minus(ring, {0: side * arb.pi() / 2}, angle)
 
 
-def _hypot(ring: PowerSeries, a: Terms, b: Terms) -> Terms:
-    return ring.composed("sqrt", ring.sum(ring.product(a, a), ring.product(b, b)))
+def _if(is_true: bool) -> Terms:
+    """Return 1 for true, and 0."""
+    return {0: arb(1)} if is_true else {}
 
 
-def _one(ring: PowerSeries, a: Terms) -> Terms:
-    from flint import arb
+def _by_sign(name: str, chosen: Callable[[int, Terms, Terms], Terms]) -> Operation:
+    """Return the operation that chooses a result by the sign of a - b, with b = 0 of one series."""
 
-    return ring.sum(a, {0: arb(1)})
+    def operation(ring: PowerSeries, a: Terms, b: Terms | None = None) -> Terms:
+        return chosen(_sign(_minus(ring, a, b or {}), name), a, b or {})
 
-
-def _asinh(ring: PowerSeries, a: Terms) -> Terms:
-    root = ring.composed("sqrt", _one(ring, ring.product(a, a)))
-    return ring.composed("log", ring.sum(a, root))
+    return operation
 
 
-def _acosh(ring: PowerSeries, a: Terms) -> Terms:
-    root = ring.composed(
-        "sqrt", _scaled(-1)(ring, _one(ring, _scaled(-1)(ring, ring.product(a, a))))
-    )
-    return ring.composed("log", ring.sum(a, root))
-
-
-def _atanh(ring: PowerSeries, a: Terms) -> Terms:
-    less = _one(ring, _scaled(-1)(ring, a))
-    return _scaled(0.5)(ring, ring.composed("log", _quotient(ring, _one(ring, a), less)))
-
-
-def _compared(is_true: Callable[[int], bool]) -> Callable[[PowerSeries, Terms, Terms], Terms]:
-    """Return the comparison of two series, 1 or 0, by the sign of their difference."""
-    from flint import arb
-
-    return lambda ring, a, b: (
-        {0: arb(1)} if is_true(_sign(_minus(ring, a, b), "comparison")) else {}
-    )
-
-
-def _logical(is_true: Callable[[bool, bool], bool]) -> Callable[[PowerSeries, Terms, Terms], Terms]:
-    from flint import arb
-
-    return lambda ring, a, b: {0: arb(1)} if is_true(bool(a), bool(b)) else {}
-
-
-def _chosen(sign: int) -> Callable[[PowerSeries, Terms, Terms], Terms]:
-    """Return the operation that returns the larger (sign 1) or the smaller series."""
-    return lambda ring, a, b: a if sign * _sign(_minus(ring, a, b), "min, max") >= 0 else b
-
-
-def _absolute(ring: PowerSeries, a: Terms) -> Terms:
-    return _scaled(_sign(a, "|.|"))(ring, a)
-
-
-def _one_of_sign(ring: PowerSeries, a: Terms) -> Terms:
-    from flint import arb
-
-    return {0: arb(side)} if (side := _sign(a, "sign")) else {}
-
-
-def _whole(name: str) -> Callable[[PowerSeries, Terms], Terms]:
-    """Return the operation floor or ceil."""
-
-    def rounded(ring: PowerSeries, a: Terms) -> Terms:
-        from flint import arb
-
-        value = getattr(a.get(0, arb(0)), name)()
-        is_constant = all(coefficient == 0 for key, coefficient in a.items() if key)
-        if not value.is_exact() or (not is_constant and a.get(0, arb(0)) == value):
-            raise _no_series(name)
-        return {0: value}
-
-    return rounded
-
-
-def _named(name: str) -> Callable[[PowerSeries, Terms], Terms]:
+def _named(name: str) -> Operation:
     return lambda ring, a: ring.composed(name, a)
 
 
-_OPERATIONS: dict[int, Callable[..., Terms]] = {
+_OPERATIONS: dict[int, Operation] = {
     ca.OP_ASSIGN: lambda ring, a: a,
-    ca.OP_ADD: lambda ring, a, b: ring.sum(a, b),
+    ca.OP_ADD: PowerSeries.sum,
     ca.OP_SUB: _minus,
-    ca.OP_MUL: lambda ring, a, b: ring.product(a, b),
+    ca.OP_MUL: PowerSeries.product,
     ca.OP_DIV: _quotient,
-    ca.OP_NEG: _scaled(-1),
-    ca.OP_TWICE: _scaled(2),
+    ca.OP_NEG: lambda ring, a: _scaled(a, -1),
+    ca.OP_TWICE: lambda ring, a: _scaled(a, 2),
     ca.OP_SQ: lambda ring, a: ring.product(a, a),
     ca.OP_POW: _power,
     ca.OP_CONSTPOW: _power,
-    ca.OP_HYPOT: _hypot,
     ca.OP_ATAN2: _atan2,
     ca.OP_SINH: lambda ring, a: _hyperbolic(ring, a, -1),
     ca.OP_COSH: lambda ring, a: _hyperbolic(ring, a, 1),
-    ca.OP_TANH: _tanh,
-    ca.OP_ASINH: _asinh,
-    ca.OP_ACOSH: _acosh,
-    ca.OP_ATANH: _atanh,
-    ca.OP_LOG1P: lambda ring, a: ring.composed("log", _one(ring, a)),
-    ca.OP_EXPM1: lambda ring, a: _scaled(-1)(
-        ring, _one(ring, _scaled(-1)(ring, ring.composed("exp", a)))
-    ),
-    ca.OP_LT: _compared(lambda side: side < 0),
-    ca.OP_LE: _compared(lambda side: side <= 0),
-    ca.OP_EQ: _compared(lambda side: side == 0),
-    ca.OP_NE: _compared(lambda side: side != 0),
-    ca.OP_NOT: lambda ring, a: {} if a else _one(ring, a),
-    ca.OP_AND: _logical(lambda a, b: a and b),
-    ca.OP_OR: _logical(lambda a, b: a or b),
+    ca.OP_TANH: lambda ring, a: _quotient(ring, _hyperbolic(ring, a, -1), _hyperbolic(ring, a, 1)),
+    ca.OP_LT: _by_sign("comparison", lambda sign, a, b: _if(sign < 0)),
+    ca.OP_LE: _by_sign("comparison", lambda sign, a, b: _if(sign <= 0)),
+    ca.OP_EQ: _by_sign("comparison", lambda sign, a, b: _if(sign == 0)),
+    ca.OP_NE: _by_sign("comparison", lambda sign, a, b: _if(sign != 0)),
+    ca.OP_NOT: lambda ring, a: _if(not a),
+    ca.OP_AND: lambda ring, a, b: _if(bool(a and b)),
+    ca.OP_OR: lambda ring, a, b: _if(bool(a or b)),
     ca.OP_IF_ELSE_ZERO: lambda ring, condition, a: a if condition else {},
-    ca.OP_FABS: _absolute,
-    ca.OP_SIGN: _one_of_sign,
-    ca.OP_COPYSIGN: lambda ring, a, b: _scaled(_sign(b, "copysign"))(ring, _absolute(ring, a)),
-    ca.OP_FMIN: _chosen(-1),
-    ca.OP_FMAX: _chosen(1),
-    ca.OP_FLOOR: _whole("floor"),
-    ca.OP_CEIL: _whole("ceil"),
+    ca.OP_FABS: _by_sign("|.|", lambda sign, a, b: _scaled(a, sign)),
+    ca.OP_SIGN: _by_sign("sign", lambda sign, a, b: {0: arb(sign)} if sign else {}),
+    ca.OP_FMIN: _by_sign("min", lambda sign, a, b: a if sign <= 0 else b),
+    ca.OP_FMAX: _by_sign("max", lambda sign, a, b: a if sign >= 0 else b),
     ca.OP_INV: _named("inv"),
     **{
         getattr(ca, f"OP_{name.upper()}"): _named(name)
