@@ -14,7 +14,6 @@ from controller.expansion.series import (
     BITS_OF_SERIES,
     in_coordinates,
     middle,
-    monomial_scales,
     nominal_size,
     polynomial,
     relative_radius,
@@ -168,7 +167,7 @@ class Expansion(Result, Reported):
     solution: exact solution of the linear game
     rates: CasADi Function (z, u) -> F(z, u)
     root: (n, n), lower triangular, P = root root'. The terms are polynomials of y = root'z.
-    value_terms: V2, V3, ..., as weights (M,) of the monomials of y, scaled by `monomial_scales`
+    value_terms: V2, V3, ..., as weights (M,) of the monomials of y
     policy_terms: u1, u2, ..., as weights (m, M) of the same monomials
     weights: weights W of V = W'ψ(z), (M,), of the monomials in `basis`
     policy_weights: weights of u, (m, M), of all monomials of degree 1 to `order` - 1, sorted by
@@ -309,7 +308,7 @@ def expand(linear: LinearModel, solution: Solution, order: int) -> Expansion:
     root = root_of(solution.P)
     value, policy = series_of_game(solution, rates, order)
     with precision(BITS_OF_SERIES):
-        z_of_y = np.array(ball_matrix(root.T).inv().tolist())
+        z_of_y = ball_matrix(root.T).inv()
         value_in_y = [in_coordinates(term[None], d, z_of_y) for d, term in enumerate(value, LOWEST)]
         policy_in_y = [in_coordinates(term, d, z_of_y) for d, term in enumerate(policy, 1)]
     # V2 = |y|² and u1 are the least of what matters where a state has its nominal value.
@@ -323,14 +322,13 @@ def expand(linear: LinearModel, solution: Solution, order: int) -> Expansion:
             f"the coefficients to degree {order} are not decided: they are enclosed within "
             f"{error:.2g} of the largest; choose a lower order"
         )
-    n = len(root)
     return Expansion(
         order,
         solution,
         rates,
         root,
-        tuple(middle(w)[0] / monomial_scales(n, d) for d, w in enumerate(value_in_y, LOWEST)),
-        tuple(middle(w) / monomial_scales(n, d) for d, w in enumerate(policy_in_y, 1)),
+        tuple(middle(w)[0] for w in value_in_y),
+        tuple(map(middle, policy_in_y)),
         weights=middle(np.concatenate(value)),
         policy_weights=middle(np.hstack(policy)),
         error=error,

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from controller.expansion.expansion import PERMITTED_ERROR, Expansion
-from controller.expansion.series import directions, homogeneous, monomial_scales, nominal_size
+from controller.expansion.series import directions, homogeneous, nominal_size
 from controller.game.basis import TO_DEGREE
 from hfa_aircraft.batch_simulation import (
     FAR_OF_EXPANSION,
@@ -230,7 +230,7 @@ class _Search:
         self._nominal = nominal_size(expansion.root, expansion.nominal)
         self._largest_terms: dict[int, float] = {}  # degree -> largest |V_d| on z'Pz = 1
         for degree, term in enumerate(expansion.value_terms[1:], _QUADRATIC + 1):  # V3, V4, ...
-            values = np.abs(homogeneous(n, degree).psi(drawn) @ (monomial_scales(n, degree) * term))
+            values = np.abs(homogeneous(n, degree).psi(drawn) @ term)
             self._largest_terms[degree] = float(values.max())
             flown.append(drawn[np.argsort(values)[-_DIRECTIONS_OF_TERM:]])
         # The opposite directions too, in which terms of an odd degree have the other sign.

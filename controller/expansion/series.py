@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import operator
+from collections.abc import Callable, Sequence
 from functools import lru_cache
-from itertools import combinations_with_replacement, permutations
-from typing import NamedTuple
+from itertools import combinations_with_replacement
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -27,44 +28,15 @@ def homogeneous(n: int, degree: int) -> Basis:
     return Basis(f"degree {degree}", exponents)
 
 
-@lru_cache(maxsize=64)
-def monomial_scales(n: int, degree: int) -> np.ndarray:
-    """Return sqrt(d! / (a1! ... an!)) of each monomial z^a of a degree d, (M,).
+def in_coordinates(weights: np.ndarray, degree: int, T: arb_mat) -> np.ndarray:
+    """Return the weights in y of k homogeneous polynomials that are given in z = T y, (k, M).
 
-    With these factors, the squares of all monomials sum to |z|^(2 d), and a rotation of z changes
-    the weights by an orthogonal matrix.
+    weights: (k, M), balls
     """
-    counts = [
-        math.factorial(degree) / math.prod(map(math.factorial, row))
-        for row in homogeneous(n, degree).exponents.tolist()
-    ]
-    return np.sqrt(counts)
-
-
-def in_coordinates(weights: np.ndarray, degree: int, T: np.ndarray) -> np.ndarray:
-    """Return the weights in z of a homogeneous polynomial that is given in y = T z, (k, M).
-
-    A polynomial of degree 3 is Σ C_abc y_a y_b y_c with a symmetric array C, of which an entry is
-    the weight of its monomial divided by the number of permutations of (a, b, c). In z, each axis
-    of C is multiplied by T.
-
-    weights: (k, M), k polynomials of the given degree
-    degree: their degree
-    T: (n, n)
-    """
-    n = len(T)
-    factors = list(combinations_with_replacement(range(n), degree))  # (a, b, c) of y_a y_b y_c
-    # number of permutations of (a, b, c)
-    arrangements = np.rint(monomial_scales(n, degree) ** 2).astype(int)
-    entries = weights / arrangements
-    C = np.zeros((*(n,) * degree, len(weights)), weights.dtype)  # C_abc of each polynomial
-    for monomial, indices in enumerate(factors):
-        for permuted in set(permutations(indices)):
-            C[permuted] = entries[:, monomial]
-    for axis in range(degree):  # y_a = sum of T_ai z_i
-        C = np.moveaxis(np.tensordot(T, C, axes=(0, axis)), 0, axis)
-    in_z = [C[indices] for indices in factors]
-    return np.stack(in_z, axis=1) * arrangements
+    ring = PowerSeries(T.ncols(), degree)
+    z = [ring.linear(row, ring.variables()) for row in T.tolist()]
+    psi = products_of(z, degree, ring.product, {0: arb(1)})
+    return np.array([ring.of_degree(ring.linear(row, psi), degree) for row in weights])
 
 
 def polynomial(y: ca.SX, degree: int, weights: np.ndarray) -> ca.SX:
@@ -72,18 +44,27 @@ def polynomial(y: ca.SX, degree: int, weights: np.ndarray) -> ca.SX:
 
     y: (n,), expressions
     degree: degree of the monomials ψ
-    weights: W, (k, M), of the monomials scaled by `monomial_scales`
+    weights: W, (k, M)
+    """
+    psi = products_of(ca.vertsplit(y), degree, operator.mul, ca.SX(1.0))
+    return ca.densify(ca.DM(weights) @ ca.vertcat(*psi))
+
+
+def products_of(parts: list[Any], degree: int, times: Callable[..., Any], one: Any) -> list[Any]:
+    """Return the products of all monomials of a degree of n parts, in the order of `homogeneous`.
+
+    times: function that multiplies two of them
+    one: the product of none
     """
     # (a, b, c) -> y_a y_b y_c; a <= b <= c, so that each monomial is made once
-    products: dict[tuple[int, ...], ca.SX] = {(): ca.SX(1.0)}
+    products: dict[tuple[int, ...], Any] = {(): one}
     for _ in range(degree):
         products = {
-            (*factors, following): product * y[following]
+            (*factors, following): times(product, parts[following])
             for factors, product in products.items()
-            for following in range(factors[-1] if factors else 0, y.numel())
+            for following in range(factors[-1] if factors else 0, len(parts))
         }
-    psi = ca.vertcat(*products.values()) * ca.DM(monomial_scales(y.numel(), degree))
-    return ca.densify(ca.DM(weights) @ psi)
+    return list(products.values())
 
 
 def name_of(exponents: Sequence[int], names: Sequence[str]) -> str:
