@@ -229,9 +229,11 @@ def corrections(equation: Equation, X: arb_mat) -> Iterator[Candidate]:
             F = in_doubles.loop(near_X, near_gains)
             if lyapunov is None:
                 lyapunov = Lyapunov(F.middle, is_discrete=is_discrete)
-                Y = Near(lyapunov.solve(-np.eye(equation.n)))
+                form = lyapunov.solve(-np.eye(equation.n))
             correction = lyapunov.solve(-r.middle)
             correction[has_no_cost] = correction[:, has_no_cost] = 0.0
+            # The proof is that of a symmetric Z and Y.
+            correction, Y = (correction + correction.T) / 2.0, Near((form + form.T) / 2.0)
             largest, Z = np.abs(correction).max() / size, Near(correction)
             of_gains, quadratic = in_doubles.changes(near_X, F, Z)
             near_X, near_gains = near_X + Z, near_gains + of_gains

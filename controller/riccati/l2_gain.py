@@ -7,7 +7,7 @@ is at least the gain of any one disturbance at any one frequency.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -97,7 +97,7 @@ class DisturbedLoop(NamedTuple):
         entries = equation_of(game, self.units(game, math.inf), math.inf).in_doubles.entries
         return float(math.sqrt(entries.Q.size) * entries.E.size / entries.A.size)
 
-    def gain_at(self, frequencies: Iterable[float]) -> float:
+    def gain_at(self, frequencies: Sequence[float] | np.ndarray) -> float:
         """Return the gain of one disturbance at one of these frequencies, rounded down; 0 without
         proof.
 
@@ -108,19 +108,18 @@ class DisturbedLoop(NamedTuple):
         from flint import acb, acb_mat
 
         F, E, C = map(midpoints, (self.F, self.E, self.C))
-        best, of_best, worst = -math.inf, 0.0, np.zeros(0)
-        for frequency in frequencies:
-            s = np.exp(1j * frequency) if self.is_discrete else 1j * frequency
-            with suppress(np.linalg.LinAlgError), np.errstate(all="ignore"):
-                response = np.linalg.solve(s * np.eye(len(F)) - F, E)
-                costs, disturbances = np.linalg.eigh(response.conj().T @ C @ response)
-                if costs[-1] > best:
-                    best, of_best, worst = costs[-1], frequency, disturbances[:, -1]
-        d = acb_mat([[complex(entry)] for entry in worst])
-        z_rate = acb(0, of_best).exp() if self.is_discrete else acb(0, of_best)
+        rates = 1j * np.asarray(frequencies)[:, None, None]
+        s = np.exp(rates) if self.is_discrete else rates
         try:
+            with np.errstate(all="ignore"):
+                responses = np.linalg.solve(s * np.eye(len(F)) - F, E)
+                costs, vectors = np.linalg.eigh(responses.conj().swapaxes(1, 2) @ C @ responses)
+            best = int(np.argmax(np.nan_to_num(costs[:, -1], nan=-math.inf)))
+            d = acb_mat([[complex(entry)] for entry in vectors[best, :, -1]])
+            rate = acb(0, float(frequencies[best]))
+            z_rate = rate.exp() if self.is_discrete else rate
             z = (acb_mat(identity(len(F))) * z_rate - acb_mat(self.F)).solve(acb_mat(self.E) * d)
-        except (ZeroDivisionError, ValueError):
+        except (np.linalg.LinAlgError, ZeroDivisionError, ValueError):
             return 0.0
         z_adjoint, d_adjoint = z.conjugate().transpose(), d.conjugate().transpose()
         square = (z_adjoint * acb_mat(self.C) * z)[0, 0].real / (d_adjoint * d)[0, 0].real

@@ -376,8 +376,6 @@ def zeros_of(game: Game) -> Zeros:
     unused = ~game.B[~states].any(0) & ~game.N.any(0)
     if not (game.R[np.ix_(unused, ~unused)].any() or game.R[np.ix_(~unused, unused)].any()):
         gains[unused] = True
-    if game.is_discrete:  # a state that moves nothing in the next step, and has no cross weights
-        gains[:, ~(game.A.any(0) | game.N.any(1))] = True
     return Zeros(states, gains)
 
 

@@ -13,6 +13,7 @@ from flint import arb, arb_mat, fmpq
 
 from controller.riccati.balls import (
     BITS,
+    Near,
     ball_matrix,
     is_positive_definite,
     make_balls_picklable,
@@ -98,6 +99,26 @@ def test_balls_that_are_not_finite_can_be_pickled():
     assert restored[1] < -1e300
     assert [ball.is_finite() for ball in restored] == [False] * 4
     assert [repr(ball.mid()) for ball in restored] == [repr(ball.mid()) for ball in balls]
+
+
+@pytest.mark.parametrize("error", [0.0, 1e-9])
+def test_balls_about_doubles_contain_all_results(error):
+    """The sum, product and inverse of matrices that are `error` from doubles are in the balls."""
+    rng = np.random.default_rng(4)
+    for scale in (1.0, 1e-160, 1e-320):
+        A, B, change = (rng.standard_normal((4, 4)) for _ in range(3))
+        change *= 0.99 * error / np.linalg.norm(change)
+        left, right = Near(A, error), Near(scale * B)
+        with precision(600):
+            a, b = ball_matrix(A) + ball_matrix(change), ball_matrix(scale * B)
+            for found, exact in (
+                (left + right, a + b),
+                (left * right, a * b),
+                (left * (arb(1) / 3), a / 3),
+                (left.inv(), a.inv()),
+                (Near.of(a / 3), a / 3),
+            ):
+                assert norm(exact - ball_matrix(found.middle)) <= arb(found.error)
 
 
 GAME = Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0])

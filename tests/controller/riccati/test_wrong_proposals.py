@@ -7,6 +7,7 @@ The games are uncoupled scalar games, whose roots are known, in other states.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from itertools import product
 from typing import NamedTuple
 
@@ -16,9 +17,9 @@ from flint import arb, arb_mat
 from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
 from controller.riccati.balls import ball_matrix, precision
-from controller.riccati.candidate import Candidate
+from controller.riccati.candidate import Candidate, corrections
 from controller.riccati.equation import equation_of, users_units
-from controller.riccati.lyapunov import NotProvedError
+from controller.riccati.lyapunov import FailedError, Lyapunov, NotProvedError
 from controller.riccati.refusal import prove_value, stabilizing
 from hfa import Game
 
@@ -157,6 +158,34 @@ def test_each_proved_ball_contains_the_solution_and_its_gains(name):
                     continue
                 assert contains(found.P, truth)
                 assert contains(found.gains, gains)
+
+
+@pytest.mark.parametrize("name", GAMES)
+def test_each_ball_proved_in_doubles_contains_the_solution_and_its_gains(name, monkeypatch):
+    """A ball that is proved in doubles contains the solution, whatever correction and Y a wrong solver
+    of Lyapunov equations returns.
+    """
+    game, right, _ = GAMES[name]
+    rng, solved, proofs = np.random.default_rng(2), Lyapunov.solve, 0
+
+    def wrong(self, C):
+        noise = 10.0 ** rng.uniform(-9.0, 0.0) * rng.standard_normal(C.shape)
+        return solved(self, C) * (1.0 + noise + noise.T)
+
+    monkeypatch.setattr(Lyapunov, "solve", wrong)
+    with precision(BITS):
+        equation = equation_of(game, users_units(game), game.delta)
+        truth = solution(list(right))
+        gains = equation.gains_and_residual(truth)[0]
+        for size in [0.0, 1e-12, 1e-6, 1e-3] * 8:
+            change = size * rng.standard_normal((2, 2))
+            with suppress(FailedError):
+                for candidate in corrections(equation, truth + ball_matrix(change)):
+                    with suppress(NotProvedError):
+                        found, proofs = stabilizing(candidate), proofs + 1
+                        assert contains(found.P, truth)
+                        assert contains(found.gains, gains)
+    assert proofs > 10
 
 
 @pytest.mark.parametrize("change", [1e-9, 1e-3, 0.05])
