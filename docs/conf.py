@@ -92,7 +92,12 @@ def setup(app: Any) -> None:
 
 
 def _without_links_to_the_repository(_app: Any, _page: str, source: list[str]) -> None:
-    """Replace links to files outside docs/ in a page by their texts and paths (`source-read`)."""
+    """Replace links to files outside docs/ in a page by their texts and paths, and those to notebooks
+    by links to their pages (`source-read`).
+    """
+    folder = "" if _page.startswith(GENERATED.name) else f"{GENERATED.name}/"
+    notebooks = r"\]\(\.\./examples/(\w+)\.ipynb"
+    source[0] = re.sub(notebooks, rf"]({folder}\1.md", source[0])
     source[0] = re.sub(r"\[([^\]]+)\]\(\.\./([^)#]+)[^)]*\)", r"\1 (`\2`)", source[0])
 
 

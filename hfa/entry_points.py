@@ -83,7 +83,7 @@ COMMANDS = {
     ),
     "solve": CommandEntry(
         "critic",
-        "solve the zero-sum game exactly, with a certificate",
+        "solve a zero-sum game or LQR exactly, with a certificate",
         "hfa.commands.game:solve",
         example="hfa solve --dihedral 15 --delta 300",
     ),
@@ -101,13 +101,13 @@ COMMANDS = {
     ),
     "assess": CommandEntry(
         "critic",
-        "assess a policy as deployed: sampled, normalized, delayed",
+        "assess an RL policy or gain as deployed: sampled, delayed",
         "hfa_flight.commands.assess:assess",
         example="hfa assess examples/gtm_policy/late.toml --aircraft examples/gtm.py:GTM",
     ),
     "fly": CommandEntry(
         "flight",
-        "simulate a policy on the nonlinear aircraft",
+        "simulate a policy, or none, in turbulence, gusts and noise",
         "hfa_flight.commands.fly:fly",
         example="hfa fly --dihedral 15 --gust 400:5",
     ),
@@ -133,7 +133,7 @@ COMMANDS = {
         "proof",
         "prove a schedule, or --check a certificate",
         "hfa_prove.commands.check:prove",
-        example="hfa prove --check certificate.json",
+        example="hfa prove schedule --dihedral 14:14.5 -o certificate.json",
     ),
     "prove schedule": CommandEntry(
         "proof",

@@ -42,6 +42,7 @@ _OF_ONE_TRIM = ("order", "reference")
 class SolveRequest(Request, SeveralTrims, GameOptions):
     """Options of `hfa solve`."""
 
+    usual = ("Q", "R", "sizes", "delta", "plant", "aircraft", "at", "hold")
     picture: Path | None = picture_option(
         "with --order: errors of V2 to VD over the distance from the trim"
     )

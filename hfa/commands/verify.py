@@ -73,6 +73,7 @@ class VerifyRequest(Request, GameOptions, ReadingOptions):
     """Options of `hfa verify`."""
 
     moved: ClassVar = {"--flights": "type `hfa optimize --policy FILE --starts N`"}
+    usual = ("Q", "R", "sizes", "delta", "plant", "aircraft", "at", "hold")
     picture: Path | None = picture_option(
         "P, the exact P and their difference, or errors of several critics"
     )

@@ -99,11 +99,13 @@ class Request:
     An option about the aircraft is a text until its model is loaded.
 
     moved: option of an earlier version -> what to type in place of it
+    usual: fields whose options the help shows first, in this order
     line: the command line as typed
     date: start of the run in UTC, as text
     """
 
     moved: ClassVar[Mapping[str, str]] = {}
+    usual: ClassVar[tuple[str, ...]] = ()
 
     output: Path | None = output_option()
     picture: Path | None = None

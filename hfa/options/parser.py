@@ -6,7 +6,7 @@ import argparse
 import re
 import sys
 import textwrap
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Any, NoReturn
@@ -86,22 +86,34 @@ def _text(_: str, text: str) -> str:
     return text
 
 
+#: Options of a trim that are rare in commands that name their usual options.
+_OF_OTHER_TRIMS = ("free", "limit", "conditions", "row", "parameters")
+
+
 def options_of(request: type) -> dict[str, Option]:
     """Return the options of a class of requests, field -> option.
 
     The order is that of the help: common options of the aircraft and the command, of the output, of
-    other groups, and rare ones; in each group, required ones come first.
+    other groups, and rare ones; in each group, required ones come first, then those that the class
+    names as `usual`.
     """
     options: dict[str, Option] = {}
+    usual: Sequence[str] = getattr(request, "usual", ())
     for of_option in fields(request):
         if declared := of_option.metadata.get("option"):
             usual_name = "--" + of_option.name.strip("_").replace("_", "-")  # class_: --class
-            options[of_option.name] = replace(declared, names=declared.names or (usual_name,))
+            rare = declared.rare or (bool(usual) and of_option.name in _OF_OTHER_TRIMS)
+            options[of_option.name] = replace(
+                declared,
+                names=declared.names or (usual_name,),
+                rare=rare and of_option.name not in usual,
+            )
     places = {  # compared from left to right, False before True
         name: (
             option.rare,
             bool(option.group),
             not (option.required or option.first),
+            usual.index(name) if name in usual else len(usual),
             name in _OUTPUT,
         )
         for name, option in options.items()

@@ -75,18 +75,21 @@ def claim_of(statement: ScheduleStatement) -> Claim:
 
 
 def at_least(value: float, digits: int) -> str:
-    """Return a lower bound as text with the given number of digits, rounded down."""
-    kept = Context(prec=digits, rounding=ROUND_FLOOR).create_decimal(Decimal(float(value)))
+    """Return a lower bound as text with the given number of digits, rounded down as it is typed."""
+    kept = Context(prec=digits, rounding=ROUND_FLOOR).create_decimal(Decimal(repr(float(value))))
     return f"{float(kept):.{digits}g}"
 
 
-def found_report(statement: ScheduleStatement, size: int) -> Report:
+def found_report(statement: ScheduleStatement, size: int, open_claim: str = "") -> Report:
     """Return the report of a statement that a search has proved.
 
     size: number of pieces of the proof
+    open_claim: sentence on what was asked and is not proved, or ""
     """
     claim = claim_of(statement)
     title = f"Proved: {claim.title}, without {claim.excluded}"
+    if open_claim:
+        title = f"{open_claim}\n{title}"
     parts = (claim.theorem, claim.not_covered)
     return Report(title, parts, data=_data(statement, claim, size))
 

@@ -108,6 +108,10 @@ def test_any_rate_of_a_variable_without_effect_is_proved_for_constant_gains(
     )
     assert (largest == math.inf) == is_any_rate
     assert largest > asked == 0.1
+    if not is_any_rate:  # the decay is proved, and the open motion is named
+        found = prove_schedule(Family(model), gains, 0.0, 2.0, decay_rate=0.1, scheduled_rate=1e9)
+        assert (found.statement.decay_rate, found.statement.scheduled_rate) == (0.1, None)
+        assert "least at s " in str(found.report()).split("Proved:")[0]
 
 
 #: K at the pulls 1 and 2.

@@ -152,6 +152,10 @@ class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
 
     moved = FORMER_POLICIES
     needs_dihedral = True
+    usual = (
+        *("policy", "initial", "turbulence", "samples", "noise", "filter", "gust", "command"),
+        *("duration", "aircraft", "at", "hold"),
+    )
     output: Path | None = output_option(
         stores=(".zarr",), purpose=" (flights of --samples or --draws)"
     )

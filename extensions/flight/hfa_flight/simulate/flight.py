@@ -471,7 +471,7 @@ class Flight(StatesAndInputs, Result, Reported):
             flight += f", {scheduled}"
         flight += f", policy {self.loop.policy.name}"
         if isinstance(self.loop.policy, GainPolicy):
-            flight += ", frozen"  # not scheduled in the flight
+            flight += ", constant gain"  # not scheduled in the flight
         duration = f"{self.deviations.times[-1]:g} s"
         wrong = self.departure or self.cycle
         has_envelope = is_limited(self.envelope)

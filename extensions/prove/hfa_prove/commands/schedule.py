@@ -96,7 +96,9 @@ def schedule(request: ScheduleRequest) -> Outcome:
         origin = provenance(request, given.source).to_dict()
         write_certificate(path, found.statement, found.witness, origin)
 
-    return Outcome(report=found.report(), source=given.source, write=write)
+    # With --rate alone, the search may find no rate.
+    is_asked = not (found.open_claim and request.rate)
+    return Outcome(report=found.report(), ok=is_asked, source=given.source, write=write)
 
 
 def interval_of(_model: Model, _name: str, text: str) -> tuple[float, ...]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -209,17 +209,19 @@ class ScheduleFound(Reported):
     statement: the claim
     witness: numbers for the checker
     size: number of pieces of the proof
+    open_claim: sentence on a motion of the scheduling variable that is not proved, or ""
     """
 
     statement: ScheduleStatement
     witness: ScheduleWitness
     size: int
+    open_claim: str = ""
 
     def report(self) -> Report:
         """Return the report that `hfa prove schedule` prints."""
         from hfa_prove.report import found_report
 
-        return found_report(self.statement, self.size)
+        return found_report(self.statement, self.size, self.open_claim)
 
 
 def prove_schedule(
@@ -242,7 +244,8 @@ def prove_schedule(
         search finds, or None for a variable that does not move
 
     Raises BadInputError if proofs do not support the trims. Raises NoSolutionError if the statement
-    is not proved; the message states the place and the open claim.
+    is not proved; the message states the place and the open claim. A motion that is not proved is
+    the `open_claim` of the statement on values that do not move.
     """
     if isinstance(scheduled_rate, str):
         refuse_unknown("scheduled_rate is", scheduled_rate, ("largest",))
@@ -268,7 +271,13 @@ def prove_schedule(
     if scheduled_rate is None:
         return _first_proved([(statement, without_P)], progress)
     wanted = None if scheduled_rate == "largest" else scheduled_rate
-    return _first_proved(_with_motion(statement, samples, wanted), progress)
+    try:
+        return _first_proved(_with_motion(statement, samples, wanted), progress)
+    except NoSolutionError as failure:
+        still = _first_proved([(statement, without_P)], progress)
+        return replace(
+            still, open_claim=f"Not proved for a moving {flight.model.schedule}: {failure}"
+        )
 
 
 def _refuse_uncovered(gains: Gains, low: float, high: float) -> None:
@@ -296,10 +305,6 @@ def _first_proved(
         # 100 more are spare, for a processor whose roundoff requires further pieces.
         stored = ScheduleWitness(2 * size + 100, witness.breakpoints, witness.P)
         return ScheduleFound(statement, stored, size)
-    if rejected is None:
-        raise NoSolutionError(
-            "no Lyapunov function was found for the stated motion of the scheduling variable"
-        )
     raise NoSolutionError(str(rejected)) from rejected
 
 
@@ -351,13 +356,15 @@ def _with_motion(
             yield claim(math.inf if wanted is None else wanted, [middle.s], [P])
 
     # A P that is linear between nodes permits a higher rate with more nodes.
-    best = 0.0
+    best, slowest = 0.0, samples[0].s
     improving: list[tuple[float, np.ndarray, np.ndarray]] = []
     for fineness in _FINENESS:
         cuts = [np.linspace(*part, fineness + 1)[:-1] for part in gains.pieces(*flight.range)]
         nodes = np.append(np.concatenate(cuts), flight.high)
         P = np.array([_lyapunov(_loop_near(samples, node), W) for node in nodes.tolist()])
-        permitted = _permitted_scheduled_rate(samples, nodes, P)
+        permitted, at = _permitted_scheduled_rate(samples, nodes, P)
+        if permitted >= best:
+            slowest = at
         # An infinite rate is that of a constant P, which was tried above.
         if _FASTER * best < permitted < math.inf:
             improving.append((permitted, nodes, P))
@@ -368,6 +375,12 @@ def _with_motion(
         for permitted, nodes, P in reversed(improving):
             for share in _RATE_SHARES:  # of the rate at samples, as between them it may be less
                 yield claim(float(f"{share * permitted:.2g}"), nodes, P)
+    name, unit = flight.model.schedule, flight.model.schedule_unit
+    asked = "any rate" if wanted is None else f"{wanted:g} {unit}/s"
+    raise NoSolutionError(
+        f"no Lyapunov function was found for {asked}; those of the search permit {best:.3g} "
+        f"{unit}/s, least at {name} {slowest:.6g} {unit}"
+    )
 
 
 def _loop_near(samples: Sequence[Sample], s: float) -> np.ndarray:
@@ -376,21 +389,25 @@ def _loop_near(samples: Sequence[Sample], s: float) -> np.ndarray:
     return near.C + near.slope * (s - near.s)
 
 
-def _permitted_scheduled_rate(samples: Sequence[Sample], nodes: np.ndarray, P: np.ndarray) -> float:
-    """Return the largest |ds/dt| for which V = x'P(s) x decreases at all samples, or 0."""
-    permitted = math.inf
+def _permitted_scheduled_rate(
+    samples: Sequence[Sample], nodes: np.ndarray, P: np.ndarray
+) -> tuple[float, float]:
+    """Return the largest |ds/dt| for which V = x'P(s) x decreases at all samples, or 0, and the s
+    that permits no more.
+    """
+    permitted, slowest = math.inf, samples[0].s
     for sample in samples:
         k = _piece_of(nodes, sample.s)
         slope = (P[k + 1] - P[k]) / (nodes[k + 1] - nodes[k])
         product = sample.C.T @ (P[k] + slope * (sample.s - nodes[k]))
         S = -(product + product.T)
         if not _is_positive(S):
-            return 0.0
+            return 0.0, sample.s
         # V decreases for |ds/dt| < 1 / max |λ| of slope x = λ S x.
         relative_slope = float(np.abs(scipy.linalg.eigh(slope, S, eigvals_only=True)).max())
-        if relative_slope > 0.0:
-            permitted = min(permitted, 1.0 / relative_slope)
-    return permitted
+        if relative_slope * permitted > 1.0:
+            permitted, slowest = 1.0 / relative_slope, sample.s
+    return permitted, slowest
 
 
 def _piece_of(nodes: np.ndarray, s: float) -> int:
