@@ -158,96 +158,59 @@ def _parts(value: Any) -> Iterator[str]:
         yield repr(value)
     elif isinstance(value, (int, float, complex)):
         yield repr(int(value) if isinstance(value, float) and value.is_integer() else value)
-    elif isinstance(value, FunctionType):
-        yield from _parts_of_function(value)
-    elif isinstance(value, MethodType):
-        yield value.__name__
-        yield from _parts(value.__self__)
     elif isinstance(value, type):
         yield f"{value.__module__}.{value.__qualname__}"
     elif hasattr(value, "fingerprint"):  # computed once
         yield value.fingerprint
-    elif type(value).__module__.startswith("casadi"):
-        yield from _parts_of_casadi(value)
     else:
         yield type(value).__qualname__
-        yield from _parts_of_object(value)
+        inside = _inside(value)
+        yield inside if isinstance(inside, str) else str(len(inside))
+        for part in () if isinstance(inside, str) else inside:
+            yield from _parts(part)
 
 
-def _parts_of_object(value: Any) -> Iterator[str]:
-    """Yield the texts of a collection, an array or another object."""
+def _inside(value: Any) -> Any:
+    """Return the parts of an object, or a text that tells it from others of its type."""
     from collections.abc import Mapping
     from dataclasses import is_dataclass
     from enum import Enum
     from functools import partial
     from pathlib import PurePath
 
+    import casadi as ca
     import numpy as np
 
-    inside: Any
+    kind = type(value)
     if isinstance(value, (np.ndarray, np.generic)):
-        yield repr(np.shape(value))
-        is_plain = np.asarray(value).dtype.kind in "fc"
-        inside = np.asarray(value).tobytes().hex() if is_plain else np.ravel(value).tolist()
-    elif isinstance(value, Mapping):
-        inside = [*value.items()]
-    elif isinstance(value, (set, frozenset)):
-        inside = sorted(map(fingerprint, value))
-    elif isinstance(value, (list, tuple, range)):
-        inside = value
-    elif isinstance(value, (Enum, PurePath, bytes)):
-        inside = str(value)
-    elif isinstance(value, partial):
-        inside = (value.func, value.args, value.keywords)
-    elif is_dataclass(value):
-        inside = _compared(value)
-    elif (reduced := _reduced(value)) is not None:
-        inside = reduced
-    elif _is_ours(type(value).__module__):
-        inside = sorted(vars(value).items())
-    else:
-        inside = _unlike_any_other(value)
-    if isinstance(inside, str):
-        yield inside
-        return
-    yield str(len(inside))
-    for part in inside:
-        yield from _parts(part)
-
-
-def _reduced(value: Any) -> Any:
-    """Return what an object reduces itself to for copies, or None if it does not."""
-    if type(value).__reduce__ is object.__reduce__:
-        return None
-    try:
+        array = np.asarray(value)
+        content = array.tobytes().hex() if array.dtype.kind in "fc" else array.ravel().tolist()
+        return [array.shape, content]
+    if isinstance(value, Mapping):
+        return [*value.items()]
+    if isinstance(value, (set, frozenset)):
+        return sorted(map(fingerprint, value))
+    if isinstance(value, (list, tuple)):
+        return value
+    if isinstance(value, (Enum, PurePath, bytes)):
+        return str(value)
+    if isinstance(value, partial):
+        return [value.func, value.args, value.keywords]
+    if isinstance(value, MethodType):
+        return [value.__name__, value.__self__]
+    if isinstance(value, ca.Function):
+        return value.name() + instructions(value)
+    if is_dataclass(value):
+        return _compared(value)
+    if not _is_ours(getattr(value, "__module__", "")):
+        return _unlike_any_other(value)
+    if isinstance(value, FunctionType):
+        enclosed = [cell.cell_contents for cell in value.__closure__ or ()]
+        name = f"{value.__module__}.{value.__qualname__} {value.__code__.co_firstlineno}"
+        return [name, enclosed, value.__defaults__, value.__kwdefaults__]
+    if kind.__reduce__ is not object.__reduce__:
         return value.__reduce__()
-    except TypeError:  # of a compiled type
-        return None
-
-
-def _parts_of_function(function: Any) -> Iterator[str]:
-    """Yield the texts of a function: of the user's, ones unlike those of any other process."""
-    if not _is_ours(function.__module__):
-        yield _unlike_any_other(function)
-        return
-    yield f"{function.__module__}.{function.__qualname__} {function.__code__.co_firstlineno}"
-    cells = [cell.cell_contents for cell in function.__closure__ or ()]
-    for part in (cells, function.__defaults__, function.__kwdefaults__):
-        yield from _parts(part)
-
-
-def _parts_of_casadi(value: Any) -> Iterator[str]:
-    """Yield the texts of a CasADi function, expression or matrix."""
-    import casadi as ca
-
-    if isinstance(value, ca.SX):
-        value = ca.Function("f", ca.symvar(value), [ca.densify(value)])
-    if isinstance(value, ca.DM):
-        yield from _parts(value.full())
-    elif isinstance(value, ca.Function):
-        yield value.name() + instructions(value)
-    else:
-        yield _unlike_any_other(value)
+    return sorted(vars(value).items())
 
 
 def instructions(function: ca.Function, of_call: Callable[[ca.Function], str] | None = None) -> str:
