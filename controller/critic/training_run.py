@@ -12,7 +12,7 @@ from controller.game.basis import basis
 from hfa_aircraft.signals import UNNAMED, PlantNames
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector, storable, without_empty
-from hfa_support.reporting.text import Table, matrix_table
+from hfa_support.reporting.text import Table, entry_rows, matrix_table
 
 if TYPE_CHECKING:
     from controller.critic.critic import Critic
@@ -91,7 +91,8 @@ class TrainingRun(Result, Reported):
     seed: seed of the data
     diagnostics: name -> further number
     data: what recorded data can tell, or None for exact data of the learner's own
-    P_band, K_band: half-widths of the 95 % bands of P and K, of recorded data, else None
+    P_band, K_band: half-widths of the 95 % bands of P and K, of recorded data whose deviations can
+        be independent noise, else None
     H: Q-function of a game in discrete time, Q(x, u, w) = [x; u; w]' H [x; u; w], or None
     names: names of the states and inputs of the game
 
@@ -188,24 +189,26 @@ class TrainingRun(Result, Reported):
             matrix_table("P", names.states, names.states, self.P),
             matrix_table("K", names.inputs, names.states, self.K),
         ]
-        if self.data is not None and self.P_band is not None and self.K_band is not None:
+        records = entry_rows((self.P,), (self.K,), names)
+        if self.data is not None:
             noise = zip(names.states, self.data.noise.tolist(), strict=True)
             of_states = ", ".join(f"{name} {deviation:.3g}" for name, deviation in noise)
             kind = "rates" if self.data.hold is None and self.H is None else "next states"
             of_data = [f"Recorded: {self.data.text()}", f"Noise of {kind}: {of_states}"]
             parts = [*of_data, *self.data.notes, *parts]
-            of_P = matrix_table("±P (95 %)", names.states, names.states, self.P_band)
-            parts += [of_P, matrix_table("±K (95 %)", names.inputs, names.states, self.K_band)]
+            if self.P_band is None or self.K_band is None:
+                parts.append(f"No bands: the data do not show independent noise of {kind}")
+            else:
+                of_P = matrix_table("±P", names.states, names.states, self.P_band)
+                of_K = matrix_table("±K", names.inputs, names.states, self.K_band)
+                parts += [f"95 % bands, if the noise of {kind} is independent:", of_P, of_K]
+                bands = entry_rows((self.P_band,), (self.K_band,), names)
+                records += [(f"{matrix}_band", *entry) for matrix, *entry in bands]
         if numbers := [(name, f"{value:.4g}") for name, value in self.diagnostics.items()]:
             parts.append(Table(("number of the law", "value"), numbers))
-        units = self.weight_units or [""] * len(self.W)
-        weights = [(f"W{place}", weight) for place, weight in enumerate(self.W.tolist(), start=1)]
         return Report(
             title=f"Law {self.law!r}, basis {self.basis!r}, on {names.origin}: {self.outcome}",
             parts=tuple(parts),
             data=storable(self),
-            records=Table(
-                ("weight", "value", "unit"),
-                [(*weight, unit) for weight, unit in zip(weights, units, strict=True)],
-            ),
+            records=Table(("matrix", "row", "column", "value", "unit"), records),
         )

@@ -50,11 +50,12 @@ def learn(
     game: the game
     law: name of the law
     seed: seed of simulated states, inputs and disturbances
-    data: file (.npz, .mat, .csv, .json), mapping or table of recorded transitions, or a list of
-        them, one for each episode: "x" (N, n), "u" (N, m), and "x_next" (states after each step) or
+    data: file, mapping or frame of recorded transitions, or a list of them, one for each episode:
+        "x" (N, n) or (episodes, N, n), "u" (N, m), and "x_next" (states after each step) or
         "x_rate", or neither for successive samples; optionally "d" (N, k), "time" or "dt" (s),
-        "episode", names and units ("states", "inputs", "state_units", "input_units"); or a column
-        for each signal, such as "alpha [deg]" and "alpha_next [deg]"
+        "episode" or flags of last rows ("terminals", ...), names and units ("states", "inputs",
+        "state_units", "input_units"); or a column for each signal, such as "alpha [deg]" and
+        "alpha_next [deg]"
     progress: called with (fraction done, 1, text), or None
 
     Raises BadInputError for an unknown law, for Q = 0, and for data that cannot determine the
@@ -86,6 +87,8 @@ def learn(
         run = _learned(fit.game, simulated(fit.game, seed).begins, law, seed, progress)
     except NoSolutionError as error:
         raise NoSolutionError(f"{error} (learned from {summary.text()})") from error
+    if not fit.shows_noise:
+        return replace(run, data=summary)
     bands = fit.bands(run.P)
     return replace(run, data=summary, P_band=bands.P, K_band=bands.K)
 

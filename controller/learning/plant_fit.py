@@ -1,7 +1,7 @@
 """Least-squares fit of [A B E] to transitions: what the data can tell, before anything is learned.
 
-The laws learn from states that are drawn for the fit. The 95 % bands of P and
-K follow from the covariance of the fit, to first order.
+The laws learn from states that are drawn for the fit. The 95 % bands of P and K follow from the
+covariance of the fit, to first order.
 """
 
 from __future__ import annotations
@@ -138,6 +138,15 @@ class PlantFit:
                 )
         if self.is_centered:
             yield "the data have a constant part, which is fitted: K is of deviations from a trim"
+        yield from self._doubts()
+
+    @property
+    def shows_noise(self) -> bool:
+        """Whether the deviations from the fit can be independent noise of the ends."""
+        return self.misfit > RANK_TOLERANCE and not any(self._doubts())
+
+    def _doubts(self) -> Iterator[str]:
+        """Yield sentences on why the deviations are no independent noise."""
         if self.misfit <= RANK_TOLERANCE:
             return
         if self._outliers:
@@ -151,7 +160,7 @@ class PlantFit:
             if np.abs(correlations).max() > 5.0:
                 yield (
                     "residuals of successive samples are correlated, as noise of sensors makes "
-                    "them: the bands do not contain its bias"
+                    "them, which biases P and K"
                 )
 
     @cached_property

@@ -171,13 +171,15 @@ def _of_columns(columns: Sequence[Column], names: PlantNames) -> dict[str, Any]:
     signals = (*names.states, *names.inputs)  # before words such as time
     units = dict(zip(signals, (*names.state_units, *names.input_units), strict=False))
     found, others = matched(columns, _NO_SIGNALS | dict.fromkeys(signals, ""))
-    named = found | others
+    in_order = [column.name for column in columns]
+    both = (found | others).items()
+    named = dict(sorted(both, key=lambda entry: in_order.index(entry[1].name)))
     states, inputs, disturbances = _signals_among(named, names)
     if not states or not inputs:
         missing = ", ".join(name for name in signals if name not in named)
         raise BadInputError(
             "the data have neither x and u nor columns of all states and inputs "
-            f"({missing or 'alpha, alpha_next, elevator'} is missing){entries_found(named)}; name "
+            f"(there is no {missing or 'alpha, alpha_next, elevator'}){entries_found(named)}; name "
             "the columns so, with units as in alpha [deg], or give a plant that names them"
         )
     units = {name: units.get(name) or named[name].unit or "" for name in (*states, *inputs)}

@@ -226,8 +226,17 @@ def learn(request: LearnRequest, named: NamedGame) -> Outcome:
     from verification.reports import checks_part
 
     verdict = verify(named.game, run)
-    judged = {"certificates": verdict.checks, "converged": verdict.ok}
+    judged: dict[str, Any] = {"certificates": verdict.checks, "converged": verdict.ok}
     parts = (named.weights_line(), *report.parts, checks_part(verdict.checks))
+    if run.P_band is not None:
+        inside = {
+            name: np.abs(getattr(run, name) - getattr(verdict.exact, name))
+            <= getattr(run, f"{name}_band")
+            for name in "PK"
+        }
+        judged["entries_in_bands"] = {name: int(entries.sum()) for name, entries in inside.items()}
+        counts = [f"{each.sum()} of {each.size} of {name}" for name, each in inside.items()]
+        parts = (f"Exact entries in the 95 % bands: {', '.join(counts)}", *parts)
     title = report.title
     if verdict.ok:
         parts = (verdict.headline, *parts)

@@ -155,7 +155,8 @@ def read_source(source: Any, name: str = "") -> Read:
         )
     entries = _with_history({str(key): values for key, values in content.items()})
     states, inputs, *units = (np.ravel(entries.get(key, ())).astype(str) for key in _NAMES)
-    unit_of = dict(zip((*states, *inputs), itertools.chain(*units), strict=False))
+    labels = zip((*states, *inputs), itertools.chain(*units), strict=False)
+    unit_of = {str(signal): str(unit) for signal, unit in labels}
     return Read(_columns_of_arrays(name, entries, unit_of, "" if is_file else None), entries)
 
 
@@ -166,12 +167,10 @@ def _with_history(entries: dict[str, Any]) -> dict[str, Any]:
     history = entries.get("history", of_npz)
     if not isinstance(history, Mapping) or "times" not in history:
         return entries
-    columns = {"time": history["times"]}
+    columns = {key: entries[key] for key in _NAMES} | {"time [s]": history["times"]}
     for kind in ("states", "inputs"):
         columns |= zip(map(str, entries[kind]), np.transpose(history[kind]), strict=True)
-    return {
-        key: entries[key] for key in entries if key.endswith(("states", "inputs", "units"))
-    } | columns
+    return columns
 
 
 def _columns_of_arrays(
