@@ -377,8 +377,9 @@ class _Source:
             if name == "episode":
                 starts[1:] |= labels[1:] != labels[:-1]
             else:
-                texts = np.char.lower(labels[: count - 1].astype(str))
-                starts[1:] |= ~np.isin(texts, ("false", "0", "0.0", ""))
+                # With one row more, x has the end of the last step too, which its flag follows.
+                texts = np.char.lower(labels[: len(labels) - 1].astype(str))
+                starts[1 : len(labels)] |= ~np.isin(texts, ("false", "0", "0.0", ""))
         return starts
 
     def _time_of_hold(self, starts: np.ndarray) -> float | None:
