@@ -45,7 +45,7 @@ def identify(
     *,
     given: Mapping[str, float] | Sequence[str] = (),
     hold: Mapping[str, float] | None = None,
-    inputs: str = "linear",
+    inputs: str | None = None,
     progress: Callable[[float, float], None] | None = None,
 ) -> Identified:
     """Identify parameters of a model from flight records by maximum likelihood.
@@ -61,8 +61,8 @@ def identify(
     given: parameters that keep their values although a pattern matches them, or name -> fixed
         value.
     hold: input without a column, or initial value of an unmeasured state -> value.
-    inputs: "linear" or "steps", the interpolation between samples. Commands of a flight computer
-        are steps.
+    inputs: "linear" or "steps", the interpolation between samples, by default that of the likelier
+        of both fits. Commands of a flight computer are steps.
     progress: function called with (work done, total work).
 
     Raises BadInputError for an invalid record, name or combination of arguments. Raises
@@ -80,22 +80,31 @@ def identify(
     listed = _listed(records)
     if not listed:
         raise BadInputError("no records are given; give at least one record")
-    refuse_unknown("inputs are", inputs, INPUTS)
-    read = _as_records(model, listed, held, inputs)
+    if inputs is not None:
+        refuse_unknown("inputs are", inputs, INPUTS)
+    read = [
+        _as_record(model, source, held, f"record {number}")
+        for number, source in enumerate(listed, start=1)
+    ]
     measured = tuple(dict.fromkeys(name for record in read for name in record.measured))
     names = _free_names(model, free, fixed, measured)
     responses = Responses(model, names, measured)
     if sum(len(record.time) for record in read) > _WORTH_COMPILING:
         responses.compile()
     guesses = [_initial_state(model, record, held) for record in read]
+    fits: list[Fit] = []
     try:
-        fit = OutputError(responses, read, guesses).fit(progress)
+        for has_steps in (False, True) if inputs is None else (inputs == "steps",):
+            of_kind = [replace(record, has_steps=has_steps) for record in read]
+            begin = fits[0] if fits else None
+            fits.append(OutputError(responses, of_kind, guesses).fit(progress, begin))
     except FloatingPointError as error:
         raise NoSolutionError(
             f"no parameters were found: {error} with the initial parameter values; give better "
             "initial values, or shorter records, and check units and signs of the columns"
         ) from error
-    return _identified(fit)
+    best = min(fits, key=lambda fit: (not fit.converged, fit.likelihood))
+    return _identified(best, is_chosen=len(fits) > 1)
 
 
 def _listed(records: Any) -> list[Any]:
@@ -123,20 +132,6 @@ def _with_given(
         if not is_finite(value):
             raise BadInputError(f"given: {name} is {shown(value)}; give a finite number")
     return model.with_parameters(**given), names
-
-
-def _as_records(
-    model: Model,
-    given: Sequence[Any],
-    held: Mapping[str, float],
-    inputs: str,
-) -> list[Record]:
-    """Return a `Record` for each path, flight, table, dictionary or record."""
-    records = []
-    for number, source in enumerate(given, start=1):
-        record = _as_record(model, source, held, f"record {number}")
-        records.append(replace(record, has_steps=inputs == "steps"))
-    return records
 
 
 def _as_record(model: Model, given: Any, held: Mapping[str, float], name: str) -> Record:
@@ -202,8 +197,11 @@ def _initial_state(model: Model, record: Record, held: Mapping[str, float]) -> n
     return np.array(start)
 
 
-def _identified(fit: Fit) -> Identified:
-    """Return the result of an identification, from the best fit."""
+def _identified(fit: Fit, *, is_chosen: bool) -> Identified:
+    """Return the result of an identification, from the best fit.
+
+    is_chosen: whether it is the likelier of two fits, with inputs that are linear and held
+    """
     search, theta = fit.search, fit.theta.tolist()
     responses, names = search.responses, search.responses.free
     model = responses.model
@@ -244,6 +242,16 @@ def _identified(fit: Fit) -> Identified:
         unexplained=tuple(np.array(responses.measured)[contradicts_records(fit)].tolist()),
         converged=fit.converged,
         steps=fit.steps,
+        inputs=INPUTS[search.records[0].has_steps],
+        is_chosen=is_chosen,
+        starts=tuple(
+            {
+                name: value
+                for name, value in zip(model.states, start.tolist(), strict=True)
+                if name not in record.held
+            }
+            for record, start in zip(search.records, fit.starts, strict=True)
+        ),
         fitted=tuple(
             (record, response.y)
             for record, response in zip(search.records, fit.responses, strict=True)

@@ -7,7 +7,7 @@ largest where
 
 is least. The sums are over quantities, with r = Σ v² / N. The second term keeps initial states that
 no sample determines near their guess. The factor 10 applies to measured states. It is 1 for other
-states that a trim balances, and 1e-6 for the remaining states.
+states that a trim balances, and 1e-6 for held and for the remaining states.
 
 Gauss-Newton steps use exact sensitivities. A step that does not lower L is damped by Levenberg's
 rule. The initial state of each record is eliminated from the normal equations.
@@ -30,8 +30,8 @@ from hfa_identify.records import Record
 from hfa_identify.response import Response, Responses, Simulation
 
 #: Standard deviations of the guess of an initial state, in nominal values: this one for a measured
-#: state, 1 for another, and the next one for a state that a trim does not balance (altitude,
-#: heading), which thus keeps its guess.
+#: state, 1 for another, and the next one for a held state and for one that a trim does not balance
+#: (altitude, heading), which thus keep their guess.
 _DEVIATION_MEASURED = 10.0
 _DEVIATION_HELD = 1e-6
 #: The search converges if the parameters move by less than this fraction of their standard
@@ -217,13 +217,15 @@ class OutputError:
         self.samples = np.sum([flags.sum(axis=0) for flags in self.present], axis=0)
         self.least = (1e-9 * responses.model.nominal(responses.measured)) ** 2
 
-    def fit(self, progress: Callable[[float, float], None] | None) -> Fit:
-        """Return the fit with the least L that Gauss-Newton steps reach from the start values.
+    def fit(self, progress: Callable[[float, float], None] | None, begin: Fit | None = None) -> Fit:
+        """Return the fit with the least L that Gauss-Newton steps reach.
+
+        begin: fit with which the steps begin, or None for the start values
 
         Raises FloatingPointError if the first simulation diverges or its sensitivities are not
         finite.
         """
-        current = self.at(self._begin, self.guesses)
+        current = self.at(*((begin.theta, begin.starts) if begin else (self._begin, self.guesses)))
         trial = 0
         for number in range(1, MOST_STEPS + 1):
             if progress is not None:
@@ -397,7 +399,7 @@ def _start_weights(model: Model, record: Record) -> np.ndarray:
     for name, signal in model.states.items():
         if name in record.measured:
             deviation = _DEVIATION_MEASURED
-        elif name in model.steady:
+        elif name in model.steady and name not in record.held:
             deviation = 1.0
         else:
             deviation = _DEVIATION_HELD

@@ -85,6 +85,9 @@ class Identified(Result, Reported):
     misfits: differences between records and model that are not noise, the clearest first.
     converged: whether the search converged to a maximum of the likelihood.
     steps: number of Gauss-Newton steps.
+    inputs: "linear" or "steps", the inputs between samples.
+    is_chosen: whether `inputs` are those of the likelier of both fits, and not given.
+    starts: state -> fitted initial value, for each record, without held states.
     """
 
     schema = "hfa.identified/1"
@@ -102,6 +105,9 @@ class Identified(Result, Reported):
     unexplained: tuple[str, ...]
     converged: bool
     steps: int
+    inputs: str
+    is_chosen: bool
+    starts: tuple[Mapping[str, float], ...]
     fitted: tuple[tuple[Record, np.ndarray], ...] = field(repr=False)
 
     def __getitem__(self, name: str) -> Estimate:
@@ -212,6 +218,15 @@ class Identified(Result, Reported):
         """Return the report: estimates, quality of the fit, and findings."""
         further = list(self.findings)[len(self._first_findings) :]
         parts: list[Any] = [self._estimates(), self._explained()]
+        unit = self.model.unit
+        unseen = [
+            (record, name, shown_value(value, unit(name)), shown_unit(unit(name)))
+            for record, of_record in zip(self.records, self.starts, strict=True)
+            for name, value in of_record.items()
+            if name not in self.quantities
+        ]
+        if unseen:
+            parts.append(Table(("record", "initial state, not measured", "fitted", "unit"), unseen))
         if self.far:
             values = ", ".join(
                 f"{name} ({self[name].value:.4g}, before {self[name].start:.4g})"
@@ -229,7 +244,9 @@ class Identified(Result, Reported):
         if coloured:
             sentence = f"The residuals of {', '.join(coloured)} are colored."
             parts.append(wrapped(sentence, WIDTH))
-        title = f"{self.first_line}\nIdentification of {self.model.title}"
+        between = "held" if self.inputs == "steps" else "linear"
+        title = f"{self.first_line}\nIdentification of {self.model.title}, inputs {between} between"
+        title += f" samples{', the likelier of both fits' * self.is_chosen}"
         estimates = [
             (name, estimate.value, estimate.low, estimate.high, estimate.start, estimate.unit)
             for name, estimate in self.parameters.items()

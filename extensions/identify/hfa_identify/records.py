@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,6 +27,7 @@ class Record:
     measured: state or output -> (N,) in the model's unit, NaN for a missing sample.
     has_steps: whether each input is constant until the next sample, as commands of a flight
         computer are. Otherwise inputs are linear between samples.
+    held: states whose initial value is held.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Record:
     inputs: np.ndarray
     measured: Mapping[str, np.ndarray]
     has_steps: bool = False
+    held: Collection[str] = ()
 
     def table(self, names: Sequence[str]) -> np.ndarray:
         """Return the samples of some measured quantities, (N, k), NaN for a missing sample.
@@ -102,4 +104,11 @@ def read_record(source: Any, model: Model, held: Mapping[str, float], name: str 
             f"{next(iter(model.states))}"
         )
     in_order = {signal: measured[signal] for signal in signals if signal in measured}
-    return Record(name, time, np.reshape(inputs, (-1, len(time))).T, in_order)
+    states = [signal for signal in held if signal in model.states]
+    for signal in states:
+        if signal in measured:
+            raise BadInputError(
+                f"{name} has a column {signal}, whose initial value is fitted; remove the column, "
+                "or the held value"
+            )
+    return Record(name, time, np.reshape(inputs, (-1, len(time))).T, in_order, held=states)

@@ -128,15 +128,15 @@ def test_the_command_gives_the_estimate_of_python(words):
     """The band of `hfa identify` contains the true value. With --inputs steps the estimate is another
     one, that of `hfa.identify(..., inputs="steps")`.
     """
-    linear, stepped = (
+    linear, stepped, chosen = (
         json.loads(run("identify", "flight.csv", *words, *more, "--json").out)["parameters"]["Cm_q"]
-        for more in ((), ("--inputs", "steps"))
+        for more in (("--inputs", "linear"), ("--inputs", "steps"), ())
     )
     assert linear["low"] < true_value("Cm_q") < linear["high"]
     model = hfa.load_model("data/uav.toml")
     given = {"CD_0": 0.05}
     found = hfa.identify(model, "flight.csv", ["Cm_q"], given=given, inputs="steps")["Cm_q"]
-    assert stepped["value"] == found.value != linear["value"]
+    assert stepped["value"] == found.value != linear["value"] == chosen["value"]
 
 
 def test_a_frozen_sensor_fails_the_command(words):

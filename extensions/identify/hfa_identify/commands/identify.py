@@ -20,11 +20,10 @@ from hfa.options.parser import option
 from hfa.options.plants import AircraftOptions, LoadedAircraft, loaded_aircraft
 from hfa_aircraft.model import Model
 from hfa_support.errors import refuse_unknown
+from hfa_support.files import TABLE_FILES
 
 #: Suffix of the file of an identified aircraft.
 AIRCRAFT = ".toml"
-#: Suffixes of records.
-RECORDS = (".csv", ".npz", ".mat")
 
 
 def _held(model: Model, name: str, text: str) -> float:
@@ -49,7 +48,7 @@ class IdentifyRequest(Request, AircraftOptions):
     records: tuple[Path, ...] = option(
         "flight records with columns for time, inputs, measured states and outputs",
         "RECORD.csv",
-        input_file(*RECORDS),
+        input_file(*TABLE_FILES),
         names="records",
         count="+",
         required=True,
@@ -71,11 +70,11 @@ class IdentifyRequest(Request, AircraftOptions):
         "NAME=VALUE",
         named=True,
     )
-    inputs: str = option(
-        "interpolation of the inputs between samples: linear (default) or steps",
+    inputs: str | None = option(
+        "interpolation of the inputs between samples: linear or steps; default: the likelier of "
+        "both fits",
         "KIND",
         one_of("linear", "steps"),
-        default="linear",
     )
 
 
