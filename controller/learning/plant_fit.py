@@ -28,8 +28,10 @@ from hfa_support.errors import BadInputError, shortened
 from hfa_support.reporting.text import numbered
 from hfa_support.units import conversion_factor
 
-#: Probability that a band holds the exact value.
-_CONFIDENCE = 0.95
+#: Probability that a band does not hold the exact value.
+_OUTSIDE = 0.05
+#: Probability that a constant is fitted to data without one.
+_CHANCE = 1e-4
 
 
 class Bands(NamedTuple):
@@ -89,11 +91,13 @@ class PlantFit:
 
     def _has_constant(self) -> bool:
         """Return whether the ends have a part that M cannot fit, and a constant can."""
-        # The component of independent residuals along it has the standard deviation of the noise.
-        # It exceeds 4 deviations in one of 16,000 cases.
         constant = _beyond(self.scaled_begins, np.ones(len(self.scaled_begins)))
         components = np.abs(constant @ self.residuals) / (np.linalg.norm(constant) or 1.0)
-        return self.misfit > RANK_TOLERANCE and bool(np.any(components > 4.0 * self.noise))
+        # Student's t-test: the component against the residuals that remain with a constant.
+        rest = self.degrees_of_freedom - 1
+        squares = self.degrees_of_freedom * self.noise**2 - components**2
+        limits = _quantile(_CHANCE / len(squares), rest) * np.sqrt(squares.clip(0.0) / rest)
+        return self.misfit > RANK_TOLERANCE and bool(np.any(components > limits))
 
     @cached_property
     def game(self) -> Game:
@@ -223,17 +227,12 @@ class PlantFit:
             np.linalg.inv(np.linalg.qr(self.scaled_begins, mode="r")) / self.scales[:, None]
         )
 
-    def _quantile(self, bands: int = 1) -> float:
-        """Return the half-width, in standard deviations, of bands that are all right in 95 %."""
-        from scipy.stats import t
-
-        # The probability outside is divided among the ends of all bands (Bonferroni).
-        return float(t.ppf(1.0 - 0.5 * (1.0 - _CONFIDENCE) / bands, self.degrees_of_freedom))
-
     def refuse_without_effect(self) -> None:
         """Raise BadInputError for an input whose effect on each state has 0 in its 95 % band."""
         n = len(self.matrix)
-        bands = self._quantile(n) * np.outer(self.noise, np.linalg.norm(self._root_of_row, axis=1))
+        # The probability outside is divided among the bands of all states (Bonferroni).
+        quantile = _quantile(_OUTSIDE / n, self.degrees_of_freedom)
+        bands = quantile * np.outer(self.noise, np.linalg.norm(self._root_of_row, axis=1))
         for place, name in enumerate(self.user_game.names.inputs, start=n):
             if np.any(np.abs(self.matrix[:, place]) > bands[:, place]):
                 continue
@@ -258,7 +257,8 @@ class PlantFit:
         ]
         # Variances add: the norm of all changes of P, and that of all changes of K.
         deviations = (np.linalg.norm(of_one, axis=0) for of_one in zip(*changes, strict=True))
-        return Bands(*(self._quantile() * deviation for deviation in deviations))
+        quantile = _quantile(_OUTSIDE, self.degrees_of_freedom)
+        return Bands(*(quantile * deviation for deviation in deviations))
 
     def _changes(self, P: np.ndarray, change: np.ndarray) -> Bands:
         """Return the changes of P and K, to first order, for a change (n, s) of the fit.
@@ -343,6 +343,13 @@ def _checked_excitation(game: Game, begins: np.ndarray, rounding: np.ndarray) ->
             "input independently"
         )
     return found
+
+
+def _quantile(outside: float, degrees_of_freedom: int) -> float:
+    """Return the half-width, in standard deviations, of a band that misses with a probability."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(degrees_of_freedom, 1.0 - 0.5 * outside))
 
 
 def _misfit(errors: np.ndarray, ends: np.ndarray) -> float:

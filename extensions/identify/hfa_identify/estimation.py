@@ -93,8 +93,9 @@ def identify(
         responses.compile()
     guesses = [_initial_state(model, record, held) for record in read]
     fits: list[Fit] = []
+    is_open = inputs is None and any(np.ptp(record.inputs, axis=0).any() for record in read)
     try:
-        for has_steps in (False, True) if inputs is None else (inputs == "steps",):
+        for has_steps in (False, True) if is_open else (inputs == "steps",):
             of_kind = [replace(record, has_steps=has_steps) for record in read]
             begin = fits[0] if fits else None
             fits.append(OutputError(responses, of_kind, guesses).fit(progress, begin))

@@ -131,8 +131,22 @@ def test_a_flight_is_a_record():
     moved = {"elevator": [(0.0, 0.03), (0.6, -0.03), (1.2, 0.0)]}
     flight = hfa.fly(LONGITUDINAL, hfa.trim(LONGITUDINAL), moved, duration=1.9)
     begin = LONGITUDINAL.with_parameters(Cm_q=1.5 * true_value("Cm_q"))
-    result = identify(begin, flight, ["Cm_q"], inputs="steps")
+    result = identify(begin, flight, ["Cm_q"])
+    assert result.inputs == "steps"  # the likelier inputs
     assert result["Cm_q"].value == pytest.approx(true_value("Cm_q"), rel=1e-3)
+
+
+def test_a_held_initial_state_is_held():
+    """Without a column of pitch, its initial value is fitted, and a wrong value that is held stays wrong."""
+    columns = record()
+    begin = columns.pop("pitch")[0]
+    free = identify(begun(1.2), columns, FREE, inputs="linear")
+    held = identify(begun(1.2), columns, FREE, inputs="linear", hold={"pitch": begin + 0.2})
+    assert abs(free.starts[0]["pitch"] - begin) < 0.02
+    assert "pitch" not in held.starts[0]
+    assert held.quantities["speed"].noise > 2.0 * free.quantities["speed"].noise
+    with pytest.raises(hfa.BadInputError, match="has a column pitch"):
+        identify(begun(1.2), record(), FREE, hold={"pitch": begin})
 
 
 def late(values):
