@@ -249,7 +249,7 @@ def _identified(fit: Fit, *, is_chosen: bool) -> Identified:
             {
                 name: value
                 for name, value in zip(model.states, start.tolist(), strict=True)
-                if name not in record.held
+                if name in record.measured or (name in model.steady and name not in record.held)
             }
             for record, start in zip(search.records, fit.starts, strict=True)
         ),
