@@ -87,7 +87,8 @@ class Identified(Result, Reported):
     steps: number of Gauss-Newton steps.
     inputs: "linear" or "steps", the inputs between samples.
     is_chosen: whether `inputs` are those of the likelier of both fits, and not given.
-    starts: state -> fitted initial value, for each record, of measured states and of those that a trim balances and nothing holds.
+    starts: state -> fitted initial value, for each record: measured states, and those that a trim
+        balances and nothing holds.
     """
 
     schema = "hfa.identified/1"
