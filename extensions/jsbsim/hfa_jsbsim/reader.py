@@ -103,8 +103,9 @@ def read_model(text: str) -> Model:
     that is not supported.
     """
     name, _, chosen = text.partition("?")
-    path, folders = find_aircraft(name)
-    parts = Parts(path, folders, choices_of(chosen))
+    choices = choices_of(chosen)
+    path, folders = find_aircraft(name, choices.folder)
+    parts = Parts(path, folders, choices)
     equations = Equations(parts)
     declaration = _Declaration(parts, equations)
     notes = [*equations.notes, *notes_on_omitted(parts, equations)]
