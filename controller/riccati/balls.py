@@ -255,10 +255,10 @@ class Near:
         from flint import arb
 
         if isinstance(other, float | int | arb):
-            factor = arb(other)
-            middle = self.middle * float(factor)
-            rest = 4.0 * ROUNDOFF * abs(float(factor)) + above(factor.rad())
-            return _near(middle, abs(float(factor)) * self.error + rest * self.size)
+            factor = float(other)
+            # The last term is the radius and the rounding of the number, which may underflow.
+            rest = 2.0 * ROUNDOFF * abs(factor) + above(abs(arb(other) - factor))
+            return _near(self.middle * factor, abs(factor) * self.error + rest * self.size)
         other = Near.of(other)
         n = len(other.middle)
         rounding = (n + 2) * ROUNDOFF * _size(self.middle) * _size(other.middle)
