@@ -463,7 +463,7 @@ def _one_entry(compared: Compared) -> Iterator[Mistake]:
 
 
 def _of_weights(critic: Critic) -> Iterator[Mistake]:
-    """Yield that weights are in another order, lack a factor, or that two are interchanged."""
+    """Yield that weights are in another order, or lack a factor."""
     if critic.weights is None or critic.basis is None:
         return
     psi: Basis = critic.basis
@@ -490,11 +490,6 @@ def _of_weights(critic: Critic) -> Iterator[Mistake]:
             rule = "; the order must be row by row, i <= j" if order else ""
             says = f"the weights {' and '.join(mistakes)}{rule}"
             yield Mistake(says, psi.matrix(costs[cost] * factors[factor] * placed))
-    for first, second in itertools.combinations(range(len(weights)), 2):
-        swapped = weights.copy()
-        swapped[[first, second]] = weights[[second, first]]
-        says = f"weights {first + 1} and {second + 1} are interchanged"
-        yield Mistake(says, psi.matrix(swapped))
 
 
 def _beyond_quadratic(critic: Critic) -> str:

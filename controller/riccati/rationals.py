@@ -275,7 +275,7 @@ def boundary_of(game: Game, delta: float) -> Boundary:
     """Return whether the Hamiltonian of a game has an eigenvalue exactly on the axis, in discrete
     time its pencil on the circle.
     """
-    from flint import fmpq, fmpq_mat
+    from flint import fmpq, fmpq_mat, fmpq_poly
 
     exact = RationalGame.of(game)
     is_disturbed = math.isfinite(delta)
@@ -297,27 +297,14 @@ def boundary_of(game: Game, delta: float) -> Boundary:
     # The eigenvalues of √growth A are √growth z.
     blocks = pencil_blocks(A, G, Q, W, C, rational(np.eye(n)), growth)
     L, M = map(stacked_rationals, blocks)
-    points = list(range(-n, n + 1))  # the determinant is a polynomial of the degree 2n in z
-    polynomial = _interpolated(points, [(L - M * point).det() for point in points])
-    if polynomial.degree() < 0:
-        return Boundary.SINGULAR
-    return Boundary.CROSSED if has_root_on_circle(polynomial, growth) else Boundary.CLEAR
-
-
-def _interpolated(points: list[int], values: list[fmpq]) -> fmpq_poly:
-    """Return the polynomial that has these values at these points (Newton)."""
-    from flint import fmpq_poly
-
-    differences = list(values)  # divided differences of Newton's form
-    for order in range(1, len(points)):
-        for i in reversed(range(order, len(points))):
-            step = points[i] - points[i - order]
-            differences[i] = (differences[i] - differences[i - 1]) / step
-    # Newton's form by Horner's rule.
-    polynomial = fmpq_poly([differences[-1]])
-    for point, value in zip(reversed(points[:-1]), reversed(differences[:-1]), strict=True):
-        polynomial = polynomial * fmpq_poly([-point, 1]) + fmpq_poly([value])
-    return polynomial
+    for point in range(-n, n + 1):  # det(L - z M) is a polynomial of the degree 2n, or 0
+        at_point = L - M * point
+        if at_point.det() != 0:
+            # det(1 - (z - point) at_point⁻¹ M)
+            in_difference = fmpq_poly(at_point.solve(M).charpoly().coeffs()[::-1])
+            polynomial = in_difference(fmpq_poly([-point, 1]))
+            return Boundary.CROSSED if has_root_on_circle(polynomial, growth) else Boundary.CLEAR
+    return Boundary.SINGULAR
 
 
 def stacked_rationals(blocks: list[list[fmpq_mat]]) -> fmpq_mat:

@@ -91,7 +91,6 @@ OF_W = [
     ),
     (lambda P: P.T[np.tril_indices(3)], "stored column by column and lack the factor 2"),
     (lambda P: weights_of(P)[np.argsort(ROW != COLUMN, kind="stable")], "with the squares first"),
-    (lambda P: weights_of(P)[[0, 4, 2, 3, 1, 5]], "weights 2 and 5 are"),
 ]
 OF_K = [
     (lambda K: -K, "the gain has the wrong sign: the policy is u = -K z"),
