@@ -14,7 +14,6 @@ from project import ROOT
 import hfa
 from hfa_aircraft.about import Domain
 from hfa_support.origin import PACKAGES, code, fingerprint
-from trim.sweeps.sweep_plan import SweepPlan
 
 
 def model(rate=-1.0, output=1.0, **more):
@@ -89,20 +88,6 @@ def test_fingerprints_of_neighbours_differ(one, other):
     """Values that differ in a digit, their order or their kind have different fingerprints."""
     assert fingerprint(one) != fingerprint(other)
     assert fingerprint(one) == fingerprint(one)
-
-
-def test_sweeps_are_equal_if_their_fields_are():
-    """Points and aircraft decide what a sweep computes."""
-    plans = [
-        SweepPlan({"k": [1.0, 2.0]}, model()),
-        SweepPlan({"k": [1.0, 2.5]}, model()),
-        SweepPlan({"x": [1.0, 2.0]}, model()),
-        SweepPlan({"k": [1.0, 2.0]}, model(), listed=True),
-        SweepPlan({"k": [1.0, 2.0]}, model(output=2.0)),
-        SweepPlan({"k": [1.0, 2.0]}, model(), start=hfa.trim(model(), x=0.1)),
-    ]
-    assert len({*plans}) == len(plans)
-    assert SweepPlan({"k": [1.0, 2.0]}, model()) == plans[0]
 
 
 @pytest.fixture(scope="module")

@@ -12,6 +12,7 @@ from nominal import nominal_game
 from own_models import GTM
 
 import hfa
+from controller.expansion.taylor import PowerSeries
 from hfa import BadInputError, Model, NoSolutionError, Signal, expand
 from trim import usual_condition
 
@@ -215,3 +216,31 @@ def test_a_switch_away_from_the_trim_is_permitted():
     """A plant that switches at x = 1 is expanded about its trim x = 0."""
     found = scalar_expansion(lambda x: x + x**2 + ca.fmax(x, 1.0) - 1.0)
     assert found.weights[1] == pytest.approx(scalar_expansion(lambda x: x + x**2).weights[1])
+
+
+@pytest.mark.parametrize(
+    "f",
+    [
+        lambda a, b: ca.atan2(0.3 + a, 0.5 - b) + ca.atan2(0.3 + a, b - 0.1) + ca.atan2(b - 0.4, a),
+        lambda a, b: (1.2 + a) ** (0.7 + b) + (a - 2.0) ** 3 + (3.0 + b) ** -2.0 + 2.0 ** (a * b),
+        lambda a, b: ca.tanh(a - b) + ca.sinh(a) * ca.cosh(b) + ca.exp(a) / (2.0 + ca.sin(b)),
+        lambda a, b: (
+            ca.fmax(a, 0.5) * b + ca.fmin(b, a - 1.0) + ca.fabs(b - 0.3) + ca.sign(a - 1.0)
+        ),
+        lambda a, b: (
+            ca.if_else(ca.logic_and(a < 0.5, b > -0.2), a * b, ca.sqrt(a)) + ca.log(1.5 + a)
+        ),
+    ],
+)
+def test_the_power_series_of_an_operation_is_near_it(f):
+    """The series to degree 4 differ from the functions near 0 by terms of degree 5."""
+    z = ca.SX.sym("z", 2)
+    function = ca.Function("f", [z], [f(z[0], z[1])])
+    ring = PowerSeries(2, 4)
+    (series,) = ring.values(function, ring.variables())
+    for at in ((0.01, -0.02), (-0.02, -0.01), (0.02, 0.02)):
+        found = sum(
+            float(term) * at[0] ** ring.exponent(key, 0) * at[1] ** ring.exponent(key, 1)
+            for key, term in series.items()
+        )
+        assert found == pytest.approx(float(function(at)), abs=1e-6)

@@ -111,12 +111,12 @@ def dip(x, u, p, w):
     }, {}
 
 
-@pytest.mark.parametrize("unit", [1.0, 1000.0])
-def test_a_set_ends_where_flights_stay_at_another_equilibrium(unit):
+@pytest.mark.parametrize(("unit", "nominal"), [(1.0, 0.1), (1000.0, 0.1), (1.0, 100.0)])
+def test_a_set_ends_where_flights_stay_at_another_equilibrium(unit, nominal):
     """Flights from far beyond a loss of lift come back to it and stay there, at .42 in place of 0: no
-    set that is said to agree reaches it, also in other units.
+    set that is said to agree reaches it, also in other units or from nominal values far beyond.
     """
-    a = Signal(nominal=0.1 * unit)
+    a = Signal(nominal=nominal * unit)
 
     def equations(x, u, p, w):
         rates, _ = dip(x._replace(a=x.a / unit, q=x.q / unit), u, p, w)
