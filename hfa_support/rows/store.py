@@ -127,6 +127,8 @@ def fill_store(
     with open_workers(workers) as run:
         if resume:
             _refuse_another(store, job)
+            for unfinished in store.rglob("*.partial"):  # of an interrupted write
+                unfinished.unlink(missing_ok=True)
             missing = _missing_chunks(store, job)
         else:
             _create(store, job, provenance)

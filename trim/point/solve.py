@@ -191,7 +191,7 @@ def trim(
     condition: imposed and free variables; by default the trim that the model declares
     start: neighboring point at which the search begins, or some of its values by name; by default
         the declared initial values
-    hold: variable, output, airspeed (kcas) or rate (speed_dot) -> imposed value, a number in the
+    hold: variable, output, parameter, airspeed (kcas) or rate (speed_dot) -> value, a number in the
         units of the model or text with a unit, such as "250 kt" or "FL200"; None for none
     free: variables and parameters to set free; a rate (h_dot) that is set free is not balanced. A
         parameter such as cg has the value found in `point.model`
@@ -213,6 +213,8 @@ def trim(
     if bool(condition.model.source.native) != bool(model.source.native):  # one was converted to SI
         raise BadInputError(OTHER_UNITS)
     held = {**(hold or {}), **held}
+    if parameters := {name: held.pop(name) for name in [*held] if name in model.parameters}:
+        model = model.with_parameters(**parameters)
     if at is not None:
         if model.schedule in held:
             raise BadInputError(f"at and {model.schedule} are the same variable; give one of them")

@@ -391,7 +391,8 @@ def _text(name: str, entries: Mapping[str, Entry]) -> str:
 def _limits(name: str, entry: Entry, system: str) -> tuple[float, float]:
     """Return the lowest and highest value of an input: rad of a surface, lbf or N of the thrust."""
     unit = FORCE[system] if name == THRUST_INPUT else "rad"
-    if not name.isidentifier() or name in UNITS or len(entry.value) != 2:
+    is_number = name in UNITS or derivative_of(name, ())
+    if not name.isidentifier() or is_number or len(entry.value) != 2:
         raise entry.error(
             f"{shown(name)} is {shown(entry.value)}; give a single value, or the lower and upper"
             " limit of an input"

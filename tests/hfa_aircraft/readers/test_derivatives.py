@@ -378,6 +378,7 @@ def test_each_entry_has_its_own_unit():
         ({"per": "turn"}, "use rad or deg"),
         ({"tail_arm": 1.0}, "add cg"),
         ({"flap": 20.0}, "flap is 20.0; give text"),
+        ({"Cn_p": [1.0, 2.0]}, "'Cn_p' is [1.0, 2.0]; give a single value"),
         ({"span": 30.0}, "'span' is given twice"),
         ({"condition": {"speed": 176.0, "altitude": 160000.0}}, "altitude is 160000 ft; give"),
     ],

@@ -65,10 +65,8 @@ def row_job(seed=0, function=numbers):
 
 
 def contents(folder):
-    """Return the bytes of each file in a store by name, without files that a kill left
-    unfinished.
-    """
-    files = [file for file in folder.rglob("*") if file.is_file() and file.suffix != ".partial"]
+    """Return the bytes of each file in a store by name."""
+    files = [file for file in folder.rglob("*") if file.is_file()]
     return {str(file.relative_to(folder)): file.read_bytes() for file in files}
 
 
