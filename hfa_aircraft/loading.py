@@ -299,9 +299,9 @@ def _with_changed_paths(text: str, change: Callable[[str], str]) -> str:
     if not suffix.startswith("."):
         return text
     files, question, query = text.partition("?")
-    key, _, path = query.partition("=")
-    if key in ("mass", "folder"):
-        query = f"{key}={change(path)}"
+    key, _, mass = query.partition("=")
+    if key == "mass":
+        query = f"mass={change(mass)}"
     return "+".join(map(change, joined_files(files))) + question + query
 
 

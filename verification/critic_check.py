@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -36,8 +37,10 @@ if TYPE_CHECKING:
     from verification.nonlinear_game import NonlinearComparison
 
 
-#: Default number of initial conditions from which a critic that is not quadratic is simulated.
+#: Default number of initial conditions from which a critic that is not quadratic is simulated, and
+#: largest duration of a proof, s of the processor.
 FLIGHTS = 100
+SECONDS = 10.0
 #: What is given as a critic.
 _CRITICS = (
     "a critic: write hfa.from_gain(game, K), hfa.from_value(game, P), hfa.from_weights(game, W, "
@@ -52,6 +55,7 @@ def verify(
     limit: float = LIMIT,
     box: ArrayLike | None = None,
     flights: int = FLIGHTS,
+    limit_seconds: float = SECONDS,
     linear: LinearModel | None = None,
     taylor: bool | None = None,
     progress: Progress | None = None,
@@ -64,8 +68,8 @@ def verify(
     - stability of A - B K
     - P not indefinite, and an L2 gain below delta
 
-    A critic that is not quadratic is also searched for the largest errors in the box, and simulated
-    from states in the box.
+    Of a critic that is not quadratic, it is first proved how much it costs, by bounds of its error
+    (`verification.network.theorem`). If this fails, it is simulated from states in the box.
 
     In discrete time, the policy of a critic of V or dV/dx is optimal for one step, followed by V.
     A - B K and √α (A - B K) must be stable: if the exact policy does not stabilize, the exact
@@ -84,7 +88,9 @@ def verify(
     limit: limit of the errors and the residual
     box: half-widths (n,) of the box of states; by default typical deviations of the paper's
         aircraft, the limits of the states that a model declares, or balanced units
-    flights: number of initial conditions from which a critic that is not quadratic is simulated
+    flights: number of initial conditions from which a critic that is not quadratic is simulated, if
+        its cost is not proved
+    limit_seconds: largest duration of this proof, s of the processor; 0 for no proof
     linear: the linear model of the game at a trim of an aircraft, or None
     taylor: whether the critic is judged on the nonlinear game, which requires `linear` and a critic
         that is not quadratic; by default only a polynomial is
@@ -101,6 +107,8 @@ def verify(
     """
     refuse_unless_positive("limit", limit)
     refuse_unless_whole("flights", flights, 0)
+    if not limit_seconds >= 0.0:
+        raise BadInputError(f"limit_seconds is {shown(limit_seconds)}; give a number of at least 0")
     judged = _critic(game, critic, linear)
     exact = solve(game)
     if taylor and (linear is None or judged.is_quadratic):
@@ -126,9 +134,13 @@ def verify(
         from verification.network.search import findings_of
 
         plant = None if linear is None or game.is_discrete else nonlinear_plant(linear)
-        findings = findings_of(exact, judged, loop.suboptimality, widths, limit, flights, plant)
+        findings = findings_of(
+            exact, judged, loop.suboptimality, widths, limit, flights, limit_seconds, plant
+        )
 
     checks = [*errors, *loop.checks]
+    if findings is not None and judged.is_nonsmooth and math.isfinite(findings.proof.excess):
+        checks = errors  # K has mean slopes, and its loop is not that of the policy
     if judged.P is not None and judged.is_finite:
         checks.append(value_check(exact, judged.P, widths, limit))
     sections: list[Section | LinearLoop] = [
@@ -152,8 +164,10 @@ def verify(
         reason = judged.declared.other_game or _reason(exact, compared, widths, limit)
         reason = reason or judged.declared.assumed
     above = 100.0 * loop.suboptimality.high  # of a linear policy, proved
-    if findings is not None:  # of a network, simulated
+    if findings is not None:  # of a network, simulated or proved
         above = findings.flown.cost_above_optimum_flown_percent
+        if not findings.flown.flights and math.isfinite(findings.proof.excess):
+            above = 100.0 * findings.proof.excess
     return Verdict(
         critic=judged,
         exact=exact,
@@ -163,6 +177,8 @@ def verify(
         cost_above_optimum_percent=above,
         box=in_box,
         flights=None if findings is None else findings.flown.flights,
+        proof=None if findings is None else findings.proof,
+        worst_flight=None if findings is None else findings.flown.worst,
         searched=0 if findings is None else findings.states,
         sections=tuple(sections),
         nonlinear=nonlinear,

@@ -160,8 +160,10 @@ class LinearLoop:
             margins[f"disk_margin{end}"] = loop.margin.disk if loop.margin else math.nan
         if _has_worst(suboptimality):
             graded["worst_initial_state"] = suboptimality.worst
+        # Of a network, this is the loop of its linear part alone.
+        name = "linear_part" if self.critic.network else "graded"
         return margins | without_empty(
-            graded=graded,
+            **{name: graded},
             discount=game.discount if game.is_discrete else None,
             dt=None if game.dt is True else game.dt,
         )

@@ -18,6 +18,7 @@ from hfa_support.reporting.report import Check, Report, verdict_text
 from hfa_support.reporting.results import Entries
 from hfa_support.reporting.text import Cell, Table, entry_rows, percent
 from verification.box import SHARE
+from verification.linear_checks import state_text
 from verification.nonlinear_game import NonlinearComparison
 from verification.verdict import NEAR, OPTIMAL, Verdict
 
@@ -120,9 +121,11 @@ def _first_lines(verdict: Verdict, limit_cost: float | None, game: str) -> list[
     scope = f"on the {game}, {verdict.box.name}"
     if verdict.nonlinear is not None:
         scope = f"of the linear part on the {game}"
-    if verdict.flights is not None:
-        scope += f", {verdict.flights or 'no'} flight{'' if verdict.flights == 1 else 's'}"
-    first, second, *further = _facts(verdict)
+    is_seen = verdict.proof is not None and verdict.flights and not verdict.is_proved(limit_cost)
+    if is_seen and not verdict.has_counterexample(limit_cost):
+        flights = f"{verdict.flights} flight{'' if verdict.flights == 1 else 's'}"
+        scope += f", in {flights}, not proved"
+    first, second, *further = _facts(verdict, limit_cost)
     grade = grade_word(verdict._linear_grade(limit_cost))
     headline = f"{grade} {scope}: {first}"
     if len(headline) + len(second) + 2 <= _FIRST_LINE:
@@ -137,23 +140,29 @@ def _first_lines(verdict: Verdict, limit_cost: float | None, game: str) -> list[
     return lines
 
 
-def _facts(verdict: Verdict) -> list[str]:
+def _facts(verdict: Verdict, limit_cost: float | None) -> list[str]:
     """Return at least two findings, the most important one first."""
     failed = [check for check in verdict.checks if not check.ok]
     exactness = _exactness(verdict, failed)
     # A policy with a nonsmooth point at the trim has no slopes there: its errors come first.
     is_nonsmooth = verdict.critic.is_nonsmooth and bool(failed)
     facts = [exactness] if is_nonsmooth else []
-    if failed and not any(check.kind in _KINDS_IN_FIRST_LINES for check in failed):
+    is_told = verdict.proof is not None or any(
+        check.kind in _KINDS_IN_FIRST_LINES for check in failed
+    )
+    if failed and not is_told:
         # The findings below mention no check of this kind, and would not say why the critic fails.
         facts.append(failed[0].reason)
-    facts += [_cost_text(verdict)] if verdict.flights is None else _network_facts(verdict)
+    if verdict.proof is None:
+        facts.append(_cost_text(verdict))
+    else:
+        facts += _network_facts(verdict, limit_cost)
     if not verdict.stabilizing:
         facts.append("not stabilizing")
     if not is_nonsmooth:
         facts.append(exactness)
-    if verdict.stabilizing:
-        facts.append("stabilizing with the mean slopes" if is_nonsmooth else "stabilizing")
+    if verdict.stabilizing and verdict.proof is None:
+        facts.append("stabilizing")
     gain = next((check for check in verdict.checks if check.kind == "gain"), None)
     if gain is not None and math.isfinite(gain.value):
         facts.append(f"L2 gain {gain.value:.4g} (delta {gain.limit:g})")
@@ -180,17 +189,8 @@ def _nonlinear_lines(
 
 def _cost_text(verdict: Verdict) -> str:
     """Return the cost of the critic relative to the optimum, as far as it is known, as text."""
-    enclosed, simulated = verdict.suboptimality, verdict.cost_above_optimum_percent
-    if enclosed is None:  # of a network
-        if math.isinf(simulated):
-            return "cost without bound"
-        if math.isnan(simulated):
-            return next(check.reason for check in verdict.checks if math.isnan(check.value))
-        text = f"at least {percent(simulated)} above the optimum"
-        if simulated <= OPTIMAL:
-            text = "optimal cost"
-        is_at_trim = all(check.ok for check in verdict.checks if check.kind == "rest")
-        return text if is_at_trim else f"{text} about its equilibrium"
+    enclosed = verdict.suboptimality
+    assert enclosed is not None
     if enclosed.is_optimal:
         return "optimal cost"
     least = percent(100.0 * enclosed.low)
@@ -203,9 +203,48 @@ def _cost_text(verdict: Verdict) -> str:
     return f"{least} to {percent(100.0 * enclosed.high, up=True)} above the optimum"
 
 
-def _network_facts(verdict: Verdict) -> list[str]:
-    """Return the cost, the equilibrium (first, if off the trim) and K of a simulated critic."""
-    cost = [_cost_text(verdict)]
+def _simulated_text(verdict: Verdict, limit_cost: float | None) -> str:
+    """Return what is proved of the cost of a critic, or else what its simulations show, as text."""
+    proof, worst = verdict.proof, verdict.worst_flight
+    assert proof is not None
+    simulated = verdict.cost_above_optimum_percent
+    if verdict.is_proved(limit_cost) or (not verdict.flights and math.isfinite(proof.excess)):
+        is_within = verdict.is_proved(limit_cost)
+        bound = percent(100.0 * proof.excess, up=True)
+        text = f"proved{'' if is_within else ' stable'}, at most {bound} above the optimum"
+    elif not verdict.flights:
+        return "cost not decided"
+    elif math.isnan(simulated):
+        return next(check.reason for check in verdict.checks if math.isnan(check.value))
+    elif math.isinf(simulated):
+        assert worst is not None
+        start = state_text(verdict.exact, worst.start)
+        game = verdict.exact.game
+        what = "cost without bound" if math.isfinite(game.delta) else "not stabilizing"
+        return f"{what} from ({start}): {worst.what}"
+    elif simulated <= OPTIMAL:
+        text = "no flight above the optimum"
+    else:
+        text = f"at least {percent(simulated)} above the optimum"
+        if worst is not None and verdict.has_counterexample(limit_cost):
+            text += f" from ({state_text(verdict.exact, worst.start)})"
+    is_at_trim = all(check.ok for check in verdict.checks if check.kind == "rest")
+    return text if is_at_trim else f"{text} about its equilibrium"
+
+
+def _network_facts(verdict: Verdict, limit_cost: float | None) -> list[str]:
+    """Return the cost, what is proved, the equilibrium (first, if off the trim) and K of a critic
+    that is not quadratic.
+    """
+    proof = verdict.proof
+    assert proof is not None
+    cost = [_simulated_text(verdict, limit_cost)]
+    if verdict.flights and not verdict.is_proved(limit_cost):
+        if math.isfinite(proof.excess):
+            bound = percent(100.0 * proof.excess, up=True)
+            cost.append(f"proved: stable, at most {bound} above the optimum")
+        else:
+            cost.append(f"not proved: {proof.why}")
     equilibrium = [
         "equilibrium at the trim" if check.ok else check.reason
         for check in verdict.checks
@@ -227,7 +266,7 @@ def _exactness(verdict: Verdict, failed: Sequence[Check]) -> str:
     """Return whether the critic is exact, as text, for a simulated critic without the errors of K,
     which are a finding of their own (`_network_facts`).
     """
-    excluded = () if verdict.flights is None else _OF_K
+    excluded = () if verdict.proof is None else _OF_K
     errors = (check for check in failed if check.kind == "error" and check.name not in excluded)
     wrong = next(errors, None)
     if wrong is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,10 @@ from hfa_support.reporting.report import Check, Checked, Report, Reported
 from hfa_support.reporting.results import Result, storable, without_empty
 from verification.box import Box
 from verification.nonlinear_game import GRADES, NonlinearComparison
+
+if TYPE_CHECKING:
+    from verification.network.loops import CounterExample
+    from verification.network.proof import Proof
 
 #: Cost above the optimum, percent, with which the cost is the same double as the optimum.
 OPTIMAL = 100.0 * SAME_DOUBLE
@@ -52,10 +56,13 @@ class Verdict(Checked, Result, Reported):
     checks: the checks, each of kind error, rest, stability, game loop, cost, gain or data.
     limit: limit of the errors.
     reason: the recognized mistake, or "".
-    cost_above_optimum_percent: upper bound of the cost above the optimum, percent.
+    cost_above_optimum_percent: cost above the optimum, percent: a proved upper bound, or the
+        largest of simulations.
     box: box of states in which the errors are measured.
     flights: number of simulations of the critic, or None for a quadratic critic, whose cost is
         computed without simulations.
+    proof: what is proved of a critic that is not quadratic, or None for another.
+    worst_flight: the simulation with the largest cost, or None.
     searched: number of states at which errors in the box were searched for, or 0 if the errors are
         bounds.
     sections: further findings, each with the `part` and the `data` of a `Section`.
@@ -79,6 +86,8 @@ class Verdict(Checked, Result, Reported):
     cost_above_optimum_percent: float
     box: Box
     flights: int | None = None
+    proof: Proof | None = None
+    worst_flight: CounterExample | None = None
     searched: int = 0
     sections: tuple[Any, ...] = ()
     nonlinear: NonlinearComparison | None = None
@@ -178,7 +187,7 @@ class Verdict(Checked, Result, Reported):
         limit_cost: with a limit, percent, the grade is "exact" if the loop is stable, and the cost
             and V* at the equilibrium are within the limit, else "fail"
         """
-        above = self.cost_above_optimum_percent
+        above = self._above(limit_cost)
         if limit_cost is not None:
             is_within = above <= limit_cost and self.rests_within(limit_cost)
             return "exact" if is_within and self.stabilizing else "fail"
@@ -187,6 +196,26 @@ class Verdict(Checked, Result, Reported):
             return "exact"
         is_near = above <= NEAR and self.rests_within(NEAR)
         return "near" if is_near and failed <= {"error", "rest"} else "fail"
+
+    def is_proved(self, limit_cost: float | None = None) -> bool:
+        """Return whether a cost within the limit, by default `NEAR` percent, is proved."""
+        limit = NEAR if limit_cost is None else limit_cost
+        if self.proof is None:
+            return self.cost_above_optimum_percent <= limit
+        return 100.0 * self.proof.excess <= limit
+
+    def has_counterexample(self, limit_cost: float | None = None) -> bool:
+        """Return whether a flight costs more than the limit, by default `NEAR` percent."""
+        limit = NEAR if limit_cost is None else limit_cost
+        return self.worst_flight is not None and self.cost_above_optimum_percent > limit
+
+    def _above(self, limit_cost: float | None) -> float:
+        """Return the cost above the optimum that decides, percent: a bound within the limit, or
+        that of simulations.
+        """
+        if self.proof is not None and self.is_proved(limit_cost):
+            return 100.0 * self.proof.excess
+        return self.cost_above_optimum_percent
 
     def file_entries(self, limit_cost: float | None = None) -> dict[str, Any]:
         """Return the entries of the verdict for files, name -> value.

@@ -59,6 +59,7 @@ class Critic(Reported):
         for listed functions and for policy_weights, only in `network`
     is_discrete: whether the critic was made with a game in discrete time; None without a game
     is_nonsmooth: True if slopes beside z = 0 differ: K and P are means at two opposite states
+    on_vectors: the policy of a network with operations on vectors, or None if they are unknown
     declared: what the file of a network states of its policy, and notes on what is not used
 
     >>> import hfa
@@ -85,6 +86,7 @@ class Critic(Reported):
     has_weights: bool = False
     is_discrete: bool | None = None
     is_nonsmooth: bool = False
+    on_vectors: ca.Function | None = None
     declared: Declared = NOTHING
 
     @property
@@ -113,18 +115,17 @@ class Critic(Reported):
         return not self.network and (self.slope_gain is None or self.is_quadratic)
 
     @property
-    def is_wide(self) -> bool:
-        """True for a network that is too large for SX symbols and is therefore an MX function.
-
-        Only the first available function of "V", "gradient" and "policy" is examined.
-        """
-        first = next((self.network[name] for name in FUNCTIONS if name in self.network), None)
-        return first is not None and not first.is_a("SXFunction")
-
-    @property
     def linear_part(self) -> Critic:
         """Critic with the policy u = -K z and, if V is known, the value z'Pz."""
-        return replace(self, weights=None, basis=None, constant=0.0, network={}, is_layer=False)
+        return replace(
+            self,
+            weights=None,
+            basis=None,
+            constant=0.0,
+            network={},
+            is_layer=False,
+            on_vectors=None,
+        )
 
     @property
     def symbols(self) -> ca.SX:
@@ -336,6 +337,8 @@ def from_functions(
     outputs: Mapping[str, ca.SX],
     origin: str,
     precision: str = "float64",
+    *,
+    is_small: bool = False,
 ) -> Critic:
     """Return the critic whose functions are given as expressions of the symbols z.
 
@@ -347,9 +350,17 @@ def from_functions(
     outputs: "V", "gradient" (∂V/∂z), "policy" -> expression, at least one of them
     origin: source of the critic
     precision: floating-point type of the numbers in the critic's file
+    is_small: whether CasADi evaluates them faster after an expansion to scalar operations
 
     Raises BadInputError if a value or a derivative at z = 0 is not finite.
     """
+    on_vectors = None
+    if "policy" in outputs:
+        on_vectors = ca.Function("policy", [z], [ca.densify(outputs["policy"])])
+    if is_small:
+        given = ca.Function("outputs", [z], [*outputs.values()]).expand()
+        z = ca.SX.sym("z", z.numel())
+        outputs = dict(zip(outputs, given.call([z]), strict=True))
     V = outputs.get("V")
     u = outputs.get("policy")
     gradient = outputs.get("gradient") if V is None else ca.gradient(V, z)
@@ -386,6 +397,7 @@ def from_functions(
         network=network,
         is_discrete=game.is_discrete,
         is_nonsmooth=is_nonsmooth,
+        on_vectors=on_vectors,
     )
     if u is not None:
         return critic

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 from controller.critic.critic import Critic
 from controller.critic.critic_file import critic_file, critic_suffixes
 from controller.critic.reading import CriticFile
 from controller.game.zero_sum import Game
-from hfa.options.argument_types import listed_names, positive
+from hfa.options.argument_types import listed_names, number, positive, whole
 from hfa.options.command import Outcome, ProgressLine, Request, command, picture_option
 from hfa.options.games import (
     CONTINUOUS_ONLY,
@@ -29,18 +29,13 @@ from hfa.options.games import (
 )
 from hfa.options.parser import option, refuse
 from hfa_support.errors import BadInputError, prefix_errors
-from hfa_support.files import MATRIX_FILES
+from hfa_support.files import MATRIX_FILES, Number
 from hfa_support.progress import with_progress
 from hfa_support.reporting.report import Report
-from verification.critic_check import FLIGHTS, verify as judge
+from verification.critic_check import FLIGHTS, SECONDS, verify as judge
 from verification.critic_errors import LIMIT
 from verification.reports import verdict_report, verdicts_figure, verdicts_report
 from verification.verdict import NEAR, Verdict
-
-#: With more files than this, a critic that is not quadratic is simulated from only a few initial
-#: conditions.
-_MANY = 5
-_FEW_FLIGHTS = 10
 
 
 def _critics(text: str) -> list[Path]:
@@ -72,7 +67,6 @@ def _about_weights() -> str:
 class VerifyRequest(Request, GameOptions, ReadingOptions):
     """Options of `hfa verify`."""
 
-    moved: ClassVar = {"--flights": "type `hfa optimize --policy FILE --starts N`"}
     usual = ("Q", "R", "sizes", "delta", "plant", "aircraft", "at", "hold")
     picture: Path | None = picture_option(
         "P, the exact P and their difference, or errors of several critics"
@@ -101,6 +95,20 @@ class VerifyRequest(Request, GameOptions, ReadingOptions):
     )
     limit_cost: float | None = option(
         "largest excess of the cost above the optimum for exit code 0, percent", "PERCENT", positive
+    )
+    flights: int = option(
+        "number of flights of a critic that is not quadratic, if its cost is not proved; default "
+        f"{FLIGHTS}",
+        "N",
+        whole(0),
+        default=FLIGHTS,
+    )
+    limit_seconds: float = option(
+        "largest duration of the proof of a critic that is not quadratic, s of the processor; "
+        f"default {SECONDS:g}",
+        "S",
+        partial(number, declared=Number(0.0)),
+        default=SECONDS,
     )
     reference: Mapping[str, str] = REFERENCE
 
@@ -193,7 +201,8 @@ def verify(request: VerifyRequest, given: GivenCritics) -> Outcome:
                 game,
                 _with_assumption(file.critic(game, reading), named),
                 limit=request.limit_error,
-                flights=FLIGHTS if len(files) <= _MANY else _FEW_FLIGHTS,
+                flights=request.flights,
+                limit_seconds=request.limit_seconds,
                 linear=named.linear,
                 # The comparison with the nonlinear game takes long.
                 taylor=None if len(files) == 1 else False,

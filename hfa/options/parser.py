@@ -86,8 +86,8 @@ def _text(_: str, text: str) -> str:
     return text
 
 
-#: Options that are rare in commands that name their usual options without them.
-_SELDOM = ("free", "limit", "conditions", "row", "parameters", "delta")
+#: Options of a trim that are rare in commands that name their usual options.
+_OF_OTHER_TRIMS = ("free", "limit", "conditions", "row", "parameters")
 
 
 def options_of(request: type) -> dict[str, Option]:
@@ -102,7 +102,7 @@ def options_of(request: type) -> dict[str, Option]:
     for of_option in fields(request):
         if declared := of_option.metadata.get("option"):
             usual_name = "--" + of_option.name.strip("_").replace("_", "-")  # class_: --class
-            rare = declared.rare or (bool(usual) and of_option.name in _SELDOM)
+            rare = declared.rare or (bool(usual) and of_option.name in _OF_OTHER_TRIMS)
             options[of_option.name] = replace(
                 declared,
                 names=declared.names or (usual_name,),

@@ -137,7 +137,6 @@ REFUSED = {
     "verify": [
         ("--dihedral 15", "the following arguments are required: --weights"),
         ("--dihedral 15 --weights given.npz --set activation=tanh", "applies only to a network"),
-        ("--flights 3", "type `hfa optimize --policy FILE --starts N`"),
     ],
     "regenerate": [("--dynamics unsteady", "more than seven states")],
 }

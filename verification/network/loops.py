@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -17,6 +18,7 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic
+from controller.critic.network.operations import RowNetwork, row_function
 from controller.riccati.gare import Solution
 from controller.riccati.suboptimality import Suboptimality, reference_cost
 from hfa_aircraft.batch_simulation import (
@@ -27,7 +29,7 @@ from hfa_aircraft.batch_simulation import (
     has_decayed,
 )
 from hfa_support.matrices import quadratic_forms, spectral_abscissa
-from hfa_support.native.bound import BoundFunction, of_rows
+from hfa_support.native.bound import RowFunction
 from hfa_support.reporting.report import Check, at_most
 from hfa_support.reporting.text import percent
 from verification.box import NonlinearPlant, starts_in
@@ -40,13 +42,11 @@ SLOWEST = 100.0
 #: Largest number of ticks of a simulation in continuous time: 500 time constants of the linear
 #: loop.
 TICKS = 100
-#: Largest number of steps of a simulation, LSODA's or those of a discrete loop, and that of a loop
-#: that is slow to evaluate (a wide network, the nonlinear plant).
-STEPS = 20_000
+#: Largest number of steps of a simulation, LSODA's or those of a discrete loop, and that of the
+#: nonlinear plant.
+STEPS = 8000
 FEW_STEPS = 2000
-#: Number of flights from which each operation is applied to all of them: a third of the time.
-_MANY_ROWS = 24
-#: Number of steps of a discrete loop in a tick, unless it is slow.
+#: Number of steps of a discrete loop in a tick.
 _STEPS_PER_TICK = 100
 #: Largest number of Newton steps to an equilibrium, and its largest distance, in boxes.
 _NEWTON_STEPS = 30
@@ -66,12 +66,14 @@ class End(NamedTuple):
     times: durations, s or steps, (N,)
     z: last states, (N, n), minus the equilibrium unless a flight diverges or there is none
     costs: (N,)
+    failed: number of a flight that diverges or has not converged; 0 if all converge
     """
 
     outcome: FlightOutcome
     times: np.ndarray
     z: np.ndarray
     costs: np.ndarray
+    failed: int = 0
 
 
 class Simulator(Protocol):
@@ -97,11 +99,16 @@ class Simulator(Protocol):
         """
 
 
+#: Function of states z (N, n) -> rows (N, n + 1) of z' or z⁺ and of the cost.
+Dynamics = Callable[[np.ndarray], np.ndarray]
+
+
 class Rates:
     """Simulator of z' = f(z), by LSODA with error control.
 
-    closed: Function [z; cost] -> (its rate, V*)
-    largest: V* above which a flight diverges
+    dynamics: f and the rate of the cost
+    largest: V* = z'P z above which a flight diverges
+    P: (n, n)
     sizes: sizes of the states and of the cost, to which errors are relative, (n + 1,)
     tick: duration of a tick, s; the longest flight has `TICKS` of them
     most_steps: largest number of steps of LSODA in a simulation
@@ -109,8 +116,9 @@ class Rates:
 
     def __init__(
         self,
-        closed: ca.Function,
+        dynamics: Dynamics,
         largest: float,
+        P: np.ndarray,
         sizes: np.ndarray,
         tick: float,
         most_steps: int,
@@ -118,8 +126,9 @@ class Rates:
         self.tick = tick
         self.longest = TICKS * tick
         self.most_steps = most_steps
-        self._closed = closed
+        self._dynamics = dynamics
         self._largest = largest
+        self._P = P
         self._sizes = sizes
 
     def after(self, rows: np.ndarray, time: float, most: int) -> tuple[np.ndarray, int]:
@@ -129,21 +138,16 @@ class Rates:
         # The distance of each flight, in boxes: tolerances decrease with a flight that converges.
         distances = np.abs(rows / self._sizes).max(axis=1, keepdims=True)
         half_bandwidth = rows.shape[1] - 1  # of a block-diagonal Jacobian: flights are independent
-        # The loops of all flights as one function, and the order of its numbers in memory.
-        function, order = of_rows(self._closed, len(rows), len(rows) >= _MANY_ROWS)
-        bound = BoundFunction(function)
-        # Views of the function's own memory: an evaluation copies no array.
-        state, rate = (
-            memory.reshape(rows.shape, order=order)
-            for memory in (bound.inputs[0], bound.results[0])
-        )
+
+        diverging = rows.copy()
 
         def rates(numbers: np.ndarray, _: float) -> np.ndarray:
-            state[:] = numbers.reshape(rows.shape)
-            bound.evaluate()
-            if not (bound.results[1] <= self._largest).all():  # V* is too large, or nan
+            z = numbers.reshape(rows.shape)[:, :-1]
+            is_far = ~((z @ self._P * z).sum(axis=1) <= self._largest)  # too large, or nan
+            if is_far.any():
+                diverging[is_far] = np.nan
                 raise FloatingPointError
-            return rate.ravel()
+            return self._dynamics(z).ravel()
 
         try:
             with warnings.catch_warnings(action="ignore"):  # of LSODA when it fails
@@ -159,7 +163,7 @@ class Rates:
                     mxstep=most,
                 )
         except FloatingPointError:
-            return np.full(rows.shape, np.nan), 0
+            return diverging, 0
         if report["message"] != "Integration successful.":
             return rows, 0
         return reached.reshape(rows.shape), int(report["nst"][-1])
@@ -168,26 +172,26 @@ class Rates:
 class Steps:
     """Simulator of z⁺ = f(z), whose cost is the sum of αᵏ times that of step k.
 
-    closed: Function z -> (z⁺, cost of the step)
+    dynamics: f and the cost of the step
     discount: α
     """
 
-    def __init__(self, closed: ca.Function, discount: float, *, is_slow: bool) -> None:
-        self.most_steps = FEW_STEPS if is_slow else STEPS
-        self.tick = 1.0 if is_slow else float(_STEPS_PER_TICK)
-        self.longest = float(self.most_steps)
-        self._closed = closed
+    def __init__(self, dynamics: Dynamics, discount: float) -> None:
+        self.most_steps = STEPS
+        self.tick = float(_STEPS_PER_TICK)
+        self.longest = float(STEPS)
+        self._dynamics = dynamics
         self._discount = discount
 
     def after(self, rows: np.ndarray, time: float, most: int) -> tuple[np.ndarray, int]:
         """Return the rows after a tick, and the number of its steps."""
-        bound = BoundFunction(self._closed.map(len(rows)))
-        z, total = rows[:, :-1].ravel(), rows[:, -1].copy()
+        z, total = rows[:, :-1], rows[:, -1].copy()
         with np.errstate(all="ignore"):
-            for step in range(int(self.tick)):
-                z, cost = bound.at(z)
-                total += self._discount ** (time + step) * cost
-        return np.column_stack([z.reshape(len(rows), -1), total]), int(self.tick)
+            for step in range(_STEPS_PER_TICK):
+                after = self._dynamics(z)
+                z = after[:, :-1]
+                total += self._discount ** (time + step) * after[:, -1]
+        return np.column_stack([z, total]), _STEPS_PER_TICK
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,8 +229,10 @@ class Loop:
         time, steps_left = 0.0, self.simulator.most_steps
         while flying.size and steps_left > 0 and time < self.simulator.longest:
             rows[flying], steps = self.simulator.after(rows[flying], time, steps_left)
-            if not (self._value(rows[flying, :-1]) <= self.largest).all():  # far away, or nan
-                return End(FlightOutcome.LEFT, times, rows[:, :-1], rows[:, -1])
+            is_far = ~(self._value(rows[:, :-1]) <= self.largest)  # or nan
+            if is_far.any():
+                far = int(np.argmax(is_far))
+                return End(FlightOutcome.LEFT, times, rows[:, :-1], rows[:, -1], far)
             if not steps:  # the tick takes more steps than are left
                 break
             steps_left -= steps
@@ -242,7 +248,7 @@ class Loop:
             has_converged = has_decayed(self._value(z[flying]), self._value(z_of_exact), OF_EXACT)
             flying = flying[~has_converged]
         outcome = FlightOutcome.UNDECIDED if flying.size else FlightOutcome.CONVERGED
-        return End(outcome, times, z, rows[:, -1])
+        return End(outcome, times, z, rows[:, -1], int(flying[0]) if flying.size else 0)
 
     def _value(self, z: np.ndarray) -> np.ndarray:
         """Return V* of states z (N, n), (N,)."""
@@ -251,17 +257,62 @@ class Loop:
 
 
 def worst_loop(
-    exact: Solution, critic: Critic, suboptimality: Suboptimality, b: np.ndarray
+    exact: Solution,
+    critic: Critic,
+    disturbance_gain: np.ndarray,
+    b: np.ndarray,
+    equilibrium: np.ndarray | None,
 ) -> Loop:
-    """Return the closed loop under the worst disturbance of u = -K z, the critic's linear part.
+    """Return the closed loop with the exact disturbance and a gain above it, and its cost J - V*.
 
-    The cost is J - V*. Inputs and disturbances count from their values at the equilibrium.
+    Inputs and disturbances count from their values at the equilibrium.
 
-    suboptimality: of u = -K z, with the gain of its disturbance above the optimum
+    disturbance_gain: gain of the disturbance above the exact one, (k, n)
     b: half-widths of the box of states, (n,)
     """
-    A = exact.game.A + exact.game.E @ (exact.L + suboptimality.disturbance_gain)
-    return _linear_loop(exact, A, critic, b, suboptimality.disturbance_gain)
+    game = exact.game
+    by_disturbance = game.E @ (exact.L + disturbance_gain)
+    A = game.A + by_disturbance
+    policy = policy_of_rows(critic)
+    at_rest = np.zeros(len(b)) if equilibrium is None else equilibrium
+    u_at_rest = policy(at_rest[None])[0]
+    H = weights_of_deviations(exact, disturbance_gain)
+
+    def dynamics(z: np.ndarray) -> np.ndarray:
+        u, deviation = policy(z), z - at_rest
+        a = np.hstack([u - u_at_rest + deviation @ exact.K.T, deviation @ disturbance_gain.T])
+        after = z @ game.A.T + u @ game.B.T + deviation @ by_disturbance.T
+        return np.column_stack([after, (a @ H * a).sum(axis=1)])
+
+    if game.is_discrete:
+        return Loop(
+            Steps(dynamics, game.discount),
+            P=exact.P,
+            equilibrium=equilibrium,
+            largest=_diverging_value(exact, b),
+            exact_step=A - game.B @ exact.K,
+        )
+    # The slowest of the loops without and with the disturbance counts.
+    tick = _tick(exact, *(open_loop - game.B @ critic.K for open_loop in (game.A, A)))
+    return _flow_loop(exact, dynamics, equilibrium, tick, b, STEPS)
+
+
+def policy_of_rows(critic: Critic) -> RowNetwork:
+    """Return the policy for rows z (N, n) -> u (N, m)."""
+    listed = None if critic.on_vectors is None else row_function(critic.on_vectors)
+    return listed or critic.u
+
+
+def equilibrium_of(
+    exact: Solution, critic: Critic, b: np.ndarray, start: np.ndarray | None = None
+) -> np.ndarray | None:
+    """Return the equilibrium of a policy without a disturbance, (n,), or None if none is found.
+
+    start: from which it is searched, by default 0
+    """
+    game, z = exact.game, critic.symbols
+    after = ca.DM(game.A) @ z + ca.DM(game.B) @ critic.policy(z)
+    return newton_equilibrium(z, after - z if game.is_discrete else after, b, start)
 
 
 def plant_loop(
@@ -275,69 +326,24 @@ def plant_loop(
     game, judged = exact.game, critic or Critic(exact.K)
     z = judged.symbols
     rates = plant.closed(z, judged.policy(z))
+    closed = ca.Function("closed", [z], [ca.densify(ca.vertcat(rates, 0.0))], {"cse": True})
+    rows = RowFunction(closed)
     tick, equilibrium = _tick(exact, game.A - game.B @ judged.K), newton_equilibrium(z, rates, b)
-    return _flow_loop(exact, z, ca.vertcat(rates, 0.0), equilibrium, tick, b, FEW_STEPS)
-
-
-def _linear_loop(
-    exact: Solution,
-    A: np.ndarray,
-    critic: Critic,
-    b: np.ndarray,
-    disturbance_gain: np.ndarray | None = None,
-) -> Loop:
-    """Return the loop z' = A z + B u of a policy, in discrete time z⁺, with the cost J - V*.
-
-    A: (n, n), with the worst disturbance or without one
-    b: half-widths of the box of states, (n,)
-    disturbance_gain: gain of the disturbance minus that of the exact one, (k, n); None for a loop
-        without cost
-    """
-    game, z = exact.game, critic.symbols
-    u = critic.policy(z)
-    dynamics = ca.DM(A) @ z + ca.DM(game.B) @ u  # z', or z⁺ in discrete time
-    residual = dynamics - z if game.is_discrete else dynamics  # 0 at an equilibrium
-    equilibrium = newton_equilibrium(z, residual, b)
-    cost = type(z)(0.0)
-    if disturbance_gain is not None and equilibrium is not None:
-        deviation, u_deviation = z - ca.DM(equilibrium), u - ca.DM(critic.u(equilibrium))
-        cost = running_suboptimality(exact, disturbance_gain, deviation, u_deviation)
-    is_slow = not isinstance(z, ca.SX)  # a wide network is an MX function
-    if game.is_discrete:
-        step = ca.Function("step", [z], [ca.densify(dynamics), ca.densify(cost)], {"cse": True})
-        return Loop(
-            Steps(step, game.discount, is_slow=is_slow),
-            P=exact.P,
-            equilibrium=equilibrium,
-            largest=_diverging_value(exact, b),
-            exact_step=A - game.B @ exact.K,
-        )
-    # The slower of the loops without and with the disturbance counts.
-    tick = _tick(exact, *(open_loop - game.B @ critic.K for open_loop in (game.A, A)))
-    rates, most_steps = ca.vertcat(dynamics, cost), FEW_STEPS if is_slow else STEPS
-    return _flow_loop(exact, z, rates, equilibrium, tick, b, most_steps)
+    return _flow_loop(exact, lambda z: rows(z)[0], equilibrium, tick, b, FEW_STEPS)
 
 
 def _flow_loop(
     exact: Solution,
-    z: ca.SX,
-    rates: ca.SX,
+    dynamics: Dynamics,
     equilibrium: np.ndarray | None,
     tick: float,
     b: np.ndarray,
     most_steps: int,
 ) -> Loop:
-    """Return a closed loop in continuous time.
-
-    z, rates: symbols of the state, and the rates of state and cost as expressions of them
-    tick, most_steps: as for a `Simulator`
-    """
-    value = ca.bilin(ca.DM(exact.P), z, z)
-    both = ca.vertcat(z, type(z).sym("cost"))
-    function = ca.Function("closed", [both], [ca.densify(rates), value], {"cse": True})
+    """Return a closed loop in continuous time; tick, most_steps: as for a `Simulator`."""
     far = _diverging_value(exact, b)
     sizes = np.append(b, far / FAR_OF_VALUE)  # the cost is as large as V* in the box
-    simulator = Rates(function, far, sizes, tick, most_steps)
+    simulator = Rates(dynamics, far, exact.P, sizes, tick, most_steps)
     return Loop(simulator, P=exact.P, equilibrium=equilibrium, largest=far)
 
 
@@ -358,15 +364,14 @@ def _tick(exact: Solution, *loops: np.ndarray) -> float:
     return DECAY / max(min([of_exact, *rates]), of_exact / SLOWEST)
 
 
-def running_suboptimality(exact: Solution, M: np.ndarray, z: ca.SX, u: ca.SX) -> ca.SX:
-    """Return the rate a'H a at which a policy costs more than the exact policy.
+def weights_of_deviations(exact: Solution, M: np.ndarray) -> np.ndarray:
+    """Return H of the rate a'H a at which a policy costs more than the exact policy.
 
     a = (u + K z, M z) are the deviations of both players from their exact policies. H is
     [R 0; 0 -δ²], in discrete time plus α [B E]'P [B E].
 
     exact: exact solution, with the policy u* = -K z and the value z'P z
     M: gain of the disturbance above the exact one, (k, n)
-    z, u: state and input minus those at the equilibrium
     """
     game = exact.game
     weight, cross = exact.suboptimality_weight, np.zeros((len(game.R), len(M)))
@@ -376,13 +381,13 @@ def running_suboptimality(exact: Solution, M: np.ndarray, z: ca.SX, u: ca.SX) ->
         ahead = game.discount * exact.P @ game.E
         cross = game.B.T @ ahead
         of_disturbance = of_disturbance + game.E.T @ ahead
-    H = np.block([[weight, cross], [cross.T, of_disturbance]])
-    a = ca.vertcat(u + ca.DM(exact.K) @ z, ca.DM(M) @ z)
-    return ca.bilin(ca.DM(H), a, a)
+    return np.block([[weight, cross], [cross.T, of_disturbance]])
 
 
-def newton_equilibrium(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | None:
-    """Return the equilibrium z (n,) that Newton's method finds from z = 0, or None.
+def newton_equilibrium(
+    z: ca.SX, rates: ca.SX, b: np.ndarray, start: np.ndarray | None = None
+) -> np.ndarray | None:
+    """Return the equilibrium z (n,) that Newton's method finds from a state, by default 0, or None.
 
     The result is None without convergence. The iterates must stay within
     |z_i| <= `_FARTHEST_EQUILIBRIUM` b_i.
@@ -392,7 +397,7 @@ def newton_equilibrium(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | No
     b: half-widths of the box, (n,)
     """
     step = ca.Function("step", [z], [rates, ca.jacobian(rates, z)])
-    point = np.zeros(len(b))
+    point = np.zeros(len(b)) if start is None else start
     for _ in range(_NEWTON_STEPS):
         rate, jacobian = (np.array(part) for part in step(point))
         if not (np.all(np.isfinite(rate)) and np.all(np.isfinite(jacobian))):
@@ -409,12 +414,29 @@ def newton_equilibrium(z: ca.SX, rates: ca.SX, b: np.ndarray) -> np.ndarray | No
     return None
 
 
-#: Number of initial conditions for a wide network, whose policy takes 2 to 20 ms.
-_WIDE_FLIGHTS = 2
-#: Largest number of initial conditions in the search for the largest box, and k of its multiples
+#: Number of initial conditions in the search for the largest box, and k of its multiples
 #: 2^-k ... 2^k.
 FEW = 6
 DOUBLINGS = 4
+#: Distance of another equilibrium, relative to the box.
+_ELSEWHERE = 1e-3
+#: Change of the state in a tick, relative to its distance from the equilibrium, at which a flight
+#: that does not converge has come to rest elsewhere.
+_AT_REST = 1e-6
+#: Most steps back along the exact loop from a violator into the box, per rate of its fastest mode.
+_STEPS_BACK, _STEPS_PER_RATE = 400, 50.0
+
+
+class CounterExample(NamedTuple):
+    """A flight that shows that a policy is not near the optimum.
+
+    start: initial state in the box, (n,)
+    what: "diverges", "stays there" (another equilibrium), "stays away from the equilibrium" or
+        "costs more"
+    """
+
+    start: np.ndarray
+    what: str
 
 
 class FlightResults(NamedTuple):
@@ -425,26 +447,26 @@ class FlightResults(NamedTuple):
 
     flights: number of initial conditions, or 0 if nothing was simulated.
     cost_above_optimum_flown_percent: largest cost above V*, in percent of the `reference_cost`; inf
-        if a simulation diverges, nan if one is not decided at the end of its clock. For a linear
-        policy, it is the largest suboptimality over all initial conditions.
+        if a simulation diverges or ends at another equilibrium, nan if one is not decided at the
+        end of its clock. For a linear policy, it is the largest suboptimality over all initial
+        conditions.
     cost_above_optimum_flown_mean_percent: mean cost above V* in percent of it, or inf or nan.
     undecided_at: end of the clock of the simulation that is not decided, s or steps, or None.
+    worst: the flight with the largest cost, or None if nothing was simulated or is not decided.
     rest_point: (n,), equilibrium of the policy on the linear plant, or None.
     equilibrium_cost: cost of the equilibrium per second, or per discrete step; 0 at the trim.
-    reach: largest tested multiple of the box from which the loop converges on the linear plant, or
-        0.
-    reach_nonlinear: `reach` on the nonlinear plant, or None without such a plant.
-    reach_nonlinear_exact: `reach` of the exact policy on the nonlinear plant, or None without such
-        a plant.
+    reach_nonlinear: largest tested multiple of the box from which the loop converges on the
+        nonlinear plant, 0 for none, or None without such a plant.
+    reach_nonlinear_exact: `reach_nonlinear` of the exact policy, or None without such a plant.
     """
 
     flights: int = 0
     cost_above_optimum_flown_percent: float = math.inf
     cost_above_optimum_flown_mean_percent: float = math.inf
     undecided_at: float | None = None
+    worst: CounterExample | None = None
     rest_point: np.ndarray | None = None
     equilibrium_cost: float = 0.0
-    reach: float = 0.0
     reach_nonlinear: float | None = None
     reach_nonlinear_exact: float | None = None
 
@@ -479,72 +501,118 @@ def fly(
     suboptimality: Suboptimality,
     b: np.ndarray,
     flights: int,
+    equilibrium: np.ndarray | None,
+    violators: Sequence[np.ndarray] = (),
     plant: NonlinearPlant | None = None,
 ) -> FlightResults:
     """Simulate a critic that is not quadratic from the box |z_i| <= b_i.
 
-    Nothing is simulated if the critic has non-finite values or its linear loop is unstable.
+    Flights first begin where the exact loop comes to a violator, under the worst disturbance of the
+    exact loop. The others are under that of the critic's linear part, u = -K z, if it is stable.
 
     suboptimality: cost of the policy u = -K z above the optimum
-    flights: number of initial conditions. At most `_WIDE_FLIGHTS` are used for a wide network
+    flights: number of initial conditions, 0 for no simulation
+    equilibrium: of the policy, or None
+    violators: deviations from the equilibrium at which the error of the policy is too large
     plant: nonlinear plant of a critic in continuous time, or None
     """
-    game = exact.game
-    if not (flights and critic.is_finite and suboptimality.is_stable):
+    if not (flights and critic.is_finite):
         return FlightResults()
-    if critic.is_wide:
-        flights = min(flights, _WIDE_FLIGHTS)
-    above, undecided_at = costs_above_optimum(exact, critic, suboptimality, b, flights)
-    loop = _linear_loop(exact, game.A, critic, b)  # without disturbance and cost
-    equilibrium_cost = 0.0
-    if loop.equilibrium is not None:
-        z_and_u = np.append(loop.equilibrium, critic.u(loop.equilibrium))
-        equilibrium_cost = float(z_and_u @ game.weights @ z_and_u)
+    starts = [start for at in violators if (start := _start_towards(exact, at, b)) is not None]
+    results = None
+    if starts and equilibrium is not None:
+        loop = worst_loop(exact, critic, 0.0 * exact.L, b, equilibrium)
+        results = _flown(exact, loop, np.array(starts) + equilibrium, b, 0.0 * exact.P)
+        if not math.isinf(results.cost_above_optimum_flown_percent):
+            results = _other_equilibrium(exact, critic, b, equilibrium, violators)
+    remaining = suboptimality.matrix
+    if results is None and suboptimality.is_stable and remaining is not None:
+        loop = worst_loop(exact, critic, suboptimality.disturbance_gain, b, equilibrium)
+        # The worst state is nan or 0 if all cost the same; a corner of the box then stands for it.
+        worst = suboptimality.worst if np.any(np.nan_to_num(suboptimality.worst)) else b
+        chosen = [worst, *starts][:flights]
+        all_starts = np.vstack([*chosen, starts_in(b, flights - len(chosen))])
+        results = _flown(exact, loop, all_starts, b, remaining)
+    if results is None:
+        return FlightResults()
     few = min(FEW, flights)
     on_plant: list[float | None] = [None, None]  # reach of the critic, and of the exact policy
     if plant is not None:
         policies = (critic, None)
         on_plant = [_reach(plant_loop(exact, plant, each, b), b, few) for each in policies]
-    return FlightResults(
-        flights=flights,
-        cost_above_optimum_flown_percent=float(above.max()),
-        cost_above_optimum_flown_mean_percent=float(above.mean()),
-        undecided_at=undecided_at,
-        rest_point=loop.equilibrium,
-        equilibrium_cost=equilibrium_cost,
-        reach=_reach(loop, b, few),
+    return results._replace(
         reach_nonlinear=on_plant[0],
         reach_nonlinear_exact=on_plant[1],
     )
 
 
-def costs_above_optimum(
-    exact: Solution, critic: Critic, suboptimality: Suboptimality, b: np.ndarray, flights: int
-) -> tuple[np.ndarray, float | None]:
-    """Return the cost above V* from each initial condition, in percent of the `reference_cost`,
-    (flights,), and the end of the clock, s or steps, if a simulation is not decided, or None.
+def _other_equilibrium(
+    exact: Solution,
+    critic: Critic,
+    b: np.ndarray,
+    equilibrium: np.ndarray,
+    violators: Sequence[np.ndarray],
+) -> FlightResults | None:
+    """Return a flight that stays at another equilibrium in the box, found from the violators."""
+    for at in violators:
+        other = equilibrium_of(exact, critic, b, at + equilibrium)
+        if other is None or (np.abs(other) > b).any():
+            continue
+        if (np.abs(other - equilibrium) > _ELSEWHERE * b).any():
+            return FlightResults(1, worst=CounterExample(other, "stays there"))
+    return None
 
-    The first initial condition is the worst one of the linear loop. The loop is under the worst
-    disturbance of the critic's linear part. The cost after the end of a simulation is computed for
-    the linear loop. All costs are inf if a simulation diverges or the linear loop has no bounded
-    cost, and nan if a simulation is not decided.
+
+def _start_towards(exact: Solution, z: np.ndarray, b: np.ndarray) -> np.ndarray | None:
+    """Return a state of the box from which the exact loop comes to a state z, or None."""
+    F = exact.game.A - exact.game.B @ exact.K
+    if exact.game.is_discrete:
+        back = np.linalg.pinv(F)
+    else:
+        from scipy.linalg import expm
+
+        back = expm(-F / (_STEPS_PER_RATE * np.abs(np.linalg.eigvals(F)).max()))
+    for _ in range(_STEPS_BACK):
+        if (np.abs(z) <= b).all():
+            return z
+        z = back @ z
+    return None
+
+
+def _flown(
+    exact: Solution, loop: Loop, starts: np.ndarray, b: np.ndarray, remaining: np.ndarray
+) -> FlightResults:
+    """Return the results of flights from initial states (N, n), of which the worst is shown.
+
+    remaining: matrix of the cost above V* of the linear loop after the end of a flight, (n, n)
     """
-    remaining = suboptimality.matrix  # of the cost of u = -K z above V*
-    if remaining is None:
-        return np.full(flights, math.inf), None
-    loop = worst_loop(exact, critic, suboptimality, b)
-    # The worst state is nan or 0 if all cost the same; a corner of the box then stands for it.
-    worst = suboptimality.worst if np.any(np.nan_to_num(suboptimality.worst)) else b
-    starts = np.vstack([worst, starts_in(b, flights - 1)])
-    end = loop.simulate(starts)
+    flights, end = len(starts), loop.simulate(starts)
+    if end.outcome is FlightOutcome.CONVERGED:
+        after_end = exact.game.discount**end.times * quadratic_forms(end.z, remaining)
+        reference = reference_cost(exact.P, b)
+        # Near 0, the error of a network is absolute: what counts is the optimum of the box.
+        optima = np.maximum(quadratic_forms(starts, reference), reference[0, 0] * b[0] ** 2)
+        with np.errstate(over="ignore"):  # where P is 0
+            above = np.maximum(100.0 * (end.costs + after_end) / optima, 0.0)
+        worst = CounterExample(starts[int(np.argmax(above))], "costs more")
+        return FlightResults(flights, float(above.max()), float(above.mean()), worst=worst)
+    start = starts[end.failed]
     if end.outcome is FlightOutcome.LEFT:
-        return np.full(flights, math.inf), None
-    if end.outcome is FlightOutcome.UNDECIDED:
-        return np.full(flights, math.nan), float(end.times.max())
-    after_end = exact.game.discount**end.times * quadratic_forms(end.z, remaining)
-    with np.errstate(over="ignore"):  # where P is 0
-        ratios = (end.costs + after_end) / quadratic_forms(starts, reference_cost(exact.P, b))
-    return np.maximum(100.0 * ratios, 0.0), None
+        return FlightResults(flights, worst=CounterExample(start, "diverges"))
+    if loop.equilibrium is not None and _has_come_to_rest(loop, end):
+        what = "stays away from the equilibrium"
+        return FlightResults(flights, worst=CounterExample(start, what))
+    return FlightResults(flights, math.nan, math.nan, undecided_at=float(end.times.max()))
+
+
+def _has_come_to_rest(loop: Loop, end: End) -> bool:
+    """Return whether the flight that has not converged hardly moves in a further tick."""
+    assert loop.equilibrium is not None
+    z = end.z[[end.failed]]
+    row = np.column_stack([z + loop.equilibrium, [0.0]])
+    most = loop.simulator.most_steps
+    after, steps = loop.simulator.after(row, float(end.times[end.failed]), most)
+    return bool(steps and np.abs(after - row)[:, :-1].max() <= _AT_REST * np.abs(z).max())
 
 
 def _reach(loop: Loop, b: np.ndarray, flights: int) -> float:

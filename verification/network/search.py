@@ -6,8 +6,7 @@ A search returns a lower bound on the largest error.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from controller.critic.critic import FUNCTIONS, Critic
 from controller.riccati.gare import Solution
 from controller.riccati.suboptimality import Suboptimality
+from hfa_support.native.bound import RowFunction
 from hfa_support.reporting.report import Check, at_most, below
 from hfa_support.reporting.text import percent
 from verification.box import starts_in
@@ -24,17 +24,18 @@ from verification.network.loops import (
     FEW,
     FlightResults,
     equilibrium_check,
+    equilibrium_of,
     fly,
 )
-from verification.verdict import Section
+from verification.network.proof import Proof, proof_of
+from verification.verdict import NEAR, Section
 
 if TYPE_CHECKING:
     from verification.box import NonlinearPlant
 
 
-#: Number of random states in the box, half of them corners, and the same for a wide network.
-STATES = 8000
-STATES_OF_WIDE = 200
+#: Number of random states in the box, half of them corners.
+STATES = 4000
 #: Smallest number of states that are no corners and have the extreme value of a clipped input.
 CLIPPED = 3
 
@@ -62,8 +63,7 @@ def finding_of_policy(
     box: half-widths of the box of states, (n,)
     limit: largest error that passes
     """
-    count = STATES_OF_WIDE if critic.is_wide else STATES
-    states = np.random.default_rng(2).uniform(-1.0, 1.0, (count, len(box)))
+    states = np.random.default_rng(2).uniform(-1.0, 1.0, (STATES, len(box)))
     states[1::2] = np.sign(states[1::2])  # corners
     states *= box
     u = critic.u(states)
@@ -149,11 +149,7 @@ def _unit_text(unit: str) -> str:
 
 
 #: Number of states at which the errors are computed. Half of them are corners of the box.
-STARTS = 20_000
-#: The same for a wide network.
-STARTS_OF_WIDE = 1000
-#: Number of corners, and of other states, from which a search begins.
-CLIMBS = 3
+SEARCHED = 5000
 _NOUNS = {"value": "V", "gradient": "a slope of V", "policy": "the policy"}
 
 
@@ -173,15 +169,17 @@ class LargestError(NamedTuple):
 class Findings(NamedTuple):
     """Findings on a critic that is not quadratic.
 
-    checks: checks of the errors of a network at the origin and in the box, and of the equilibrium
-        and the costs if the critic was simulated.
-    flown: results of simulations.
+    checks: checks of the errors of a network at the origin and in the box, of the equilibrium, and
+        of the cost if it is proved or the critic was simulated.
+    proof: what is proved.
+    flown: results of simulations, none if a cost within `NEAR` is proved.
     section: section of the report.
-    states: number of states at which the search begins, or 0 for a polynomial, whose errors are
+    states: number of states at which errors were computed, or 0 for a polynomial, whose errors are
         bounded without a search.
     """
 
     checks: list[Check]
+    proof: Proof
     flown: FlightResults
     section: Section
     states: int
@@ -194,31 +192,55 @@ def findings_of(
     b: np.ndarray,
     limit: float,
     flights: int,
+    seconds: float,
     plant: NonlinearPlant | None,
 ) -> Findings:
-    """Return the errors of a critic over the box |z_i| <= b_i, and the results of its simulations.
+    """Return what is proved of a critic, its errors over the box |z_i| <= b_i, and, if nothing is
+    proved, the results of its simulations.
 
     suboptimality: cost of the policy u = -K z above the optimum
     limit: largest relative error that passes
     flights: number of initial conditions of simulations
+    seconds: largest duration of the proof
     plant: nonlinear plant in continuous time, or None
     """
     at_origin, largest = search(exact, critic, b)
     # The errors of a polynomial are bounded, and its bounds are checked instead.
     checks = search_checks(critic, exact, at_origin, largest, limit) if critic.network else []
-    flown = fly(exact, critic, suboptimality, b, flights, plant)
+    proof, equilibrium = Proof(why="the critic is not finite"), None
+    if critic.is_finite:
+        equilibrium = equilibrium_of(exact, critic, b)
+        if equilibrium is not None and not np.any(critic.u(np.zeros(len(b)))):
+            equilibrium = np.zeros(len(b))
+        checks.append(equilibrium_check(equilibrium, exact.P, b, limit))
+        if seconds > 0.0:
+            policy = critic.on_vectors or critic.policy
+            proof = proof_of(exact, policy, equilibrium, b, NEAR / 100.0, seconds)
+        else:
+            proof = Proof(why="no time")
+    flown = FlightResults()
+    if not proof.excess <= NEAR / 100.0:
+        flown = fly(exact, critic, suboptimality, b, flights, equilibrium, proof.violators, plant)
+    if equilibrium is not None:
+        z_and_u = np.append(equilibrium, critic.u(equilibrium))
+        cost = float(z_and_u @ exact.game.weights @ z_and_u)
+        flown = flown._replace(rest_point=equilibrium, equilibrium_cost=cost)
     is_discrete = exact.game.is_discrete
+    if math.isfinite(proof.excess):
+        above = 100.0 * proof.excess
+        checks.append(below("cost_above_optimum_proved_percent", above, math.inf, "", kind="cost"))
     if flown.flights:
         why = "not all flights from the box converge"
         if flown.undecided_at is not None:
             clock = f"{flown.undecided_at:.3g} {'steps' if is_discrete else 's'}"
             why = f"a flight from the box is not decided within {clock}"
         costs = flown.cost_above_optimum_flown_percent
-        checks.append(equilibrium_check(flown.rest_point, exact.P, b, limit))
         # Every finite cost passes: only flights that do not converge have none.
         checks.append(below("cost_above_optimum_flown_percent", costs, math.inf, why, kind="cost"))
-    section = nonlinear_section(critic, b, largest, flown, "step" if is_discrete else "second")
-    return Findings(checks, flown, section, starts_of(critic) if critic.network else 0)
+    section = nonlinear_section(
+        critic, exact, b, largest, proof, flown, "step" if is_discrete else "second"
+    )
+    return Findings(checks, proof, flown, section, SEARCHED if critic.network else 0)
 
 
 def search_checks(
@@ -240,11 +262,6 @@ def search_checks(
         what = f"{_NOUNS[found.name]} in the box"
         checks.append(error_check(f"searched_{found.name}_error", found.error, limit, what))
     return checks
-
-
-def starts_of(critic: Critic) -> int:
-    """Return the number of states at which the errors of a critic are computed."""
-    return STARTS_OF_WIDE if critic.is_wide else STARTS
 
 
 def errors_of(exact: Solution, critic: Critic, b: np.ndarray, z: ca.SX) -> tuple[list[str], ca.SX]:
@@ -276,42 +293,19 @@ def errors_of(exact: Solution, critic: Critic, b: np.ndarray, z: ca.SX) -> tuple
 def search(
     exact: Solution, critic: Critic, box: np.ndarray
 ) -> tuple[float, tuple[LargestError, ...]]:
-    """Return the largest error at the origin, and the largest errors found in the box |z_i| <= b_i.
-
-    The errors are computed at many states (`starts_of`). Each error is maximized by L-BFGS-B from
-    the worst state. For a network that is not wide, further maximizations begin at the `CLIMBS`
-    worst corners and at the `CLIMBS` worst other states.
-    """
+    """Return the largest error at the origin, and those at `SEARCHED` states of the box."""
     z = critic.symbols
     kinds, errors = errors_of(exact, critic, box, z)
-    errors_at = ca.Function("errors_at", [z], [errors], {"cse": True})
-    climb = _climber(errors, z, box)
-    climbs = 0 if critic.is_wide else CLIMBS
-    # Each corner of the unit box is followed by a state inside.
-    starts = starts_in(np.ones(len(box)), starts_of(critic), seed=0)
-    reached = []  # states of the unit box, at which the errors are compared at the end
-    sampled = np.array(errors_at((box * starts).T))
-    # `selects` is the unit vector of an error among all errors.
-    for error, sizes, selects in zip(
-        sampled, _magnitudes(sampled), np.eye(len(kinds)), strict=True
-    ):
-        ranking = np.argsort(-sizes, kind="stable")
-        worst = ranking[0]
-        reached.append(starts[worst])
-        if not math.isfinite(sizes[worst]):
-            continue
-        corners = ranking[ranking % 2 == 0][:climbs]
-        inside = ranking[ranking % 2 == 1][:climbs]
-        for start in (worst, *corners, *inside):  # a negative error is minimized
-            reached.append(climb(np.copysign(selects, error[start]), starts[start]))
-    states = box * np.array(reached)
+    errors_at = RowFunction(ca.Function("errors_at", [z], [ca.densify(errors)], {"cse": True}))
+    states = np.vstack([starts_in(box, SEARCHED, seed=0), np.zeros((1, len(box)))])
+    (found,) = errors_at(states)
+    sizes = _magnitudes(found)
     largest: dict[str, LargestError] = {}
-    for name, sizes in zip(kinds, _magnitudes(errors_at(states.T)), strict=True):
-        worst = int(np.argmax(sizes))
-        if name not in largest or sizes[worst] > largest[name].error:
-            largest[name] = LargestError(name, float(sizes[worst]), states[worst])
-    at_origin = float(_magnitudes(errors_at(np.zeros(len(box)))).max())
-    return at_origin, tuple(largest.values())
+    for name, of_error in zip(kinds, sizes[:-1].T, strict=True):
+        worst = int(np.argmax(of_error))
+        if name not in largest or of_error[worst] > largest[name].error:
+            largest[name] = LargestError(name, float(of_error[worst]), states[worst])
+    return float(sizes[-1].max()), tuple(largest.values())
 
 
 def _magnitudes(errors: ca.DM | np.ndarray) -> np.ndarray:
@@ -320,40 +314,19 @@ def _magnitudes(errors: ca.DM | np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(sizes), sizes, math.inf)
 
 
-def _climber(
-    errors: ca.SX, z: ca.SX, half_widths: np.ndarray
-) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
-    """Return the function (weights, y) -> local maximizer y of weighted errors, |y| <= 1."""
-    from scipy.optimize import minimize
-
-    w = type(z).sym("w", errors.numel())
-    weighted = ca.dot(w, errors)
-    ascent = ca.Function("ascent", [z, w], [weighted, ca.gradient(weighted, z)], {"cse": True})
-
-    def climb(weights: np.ndarray, start: np.ndarray) -> np.ndarray:
-        def descent(y: np.ndarray) -> tuple[float, np.ndarray]:
-            value, slope = ascent(half_widths * y, weights)
-            return -float(value), -np.array(slope).ravel() * half_widths
-
-        bounds = [(-1.0, 1.0)] * len(half_widths)
-        end = minimize(
-            descent, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 25}
-        )
-        return np.asarray(end.x)
-
-    return climb
-
-
 def nonlinear_section(
     critic: Critic,
+    exact: Solution,
     b: np.ndarray,
     largest: tuple[LargestError, ...],
+    proof: Proof,
     flown: FlightResults,
     period: str,
 ) -> Section:
     """Return the section of the report on a critic that is not quadratic.
 
-    largest: largest errors in the box
+    largest: largest errors found in the box
+    proof: what is proved
     flown: results of the simulations
     period: unit of the time of a cost, "second" or "step"
     """
@@ -378,22 +351,57 @@ def nonlinear_section(
         f"{kind}, {critic.precision} weights, linearized exactly at the origin{constant}",
         f"Read: {critic.origin}",
         f"{name}({_row(b)}) = {_row(value)}; compare with your critic",
-        f"Largest errors in the box (searched, {starts_of(critic)} starts; not a bound): {errors}",
+        f"Largest errors at {SEARCHED} states of the box (not a bound): {errors}",
+        _proof_line(proof),
     ]
     data = {
         "output": output,
         "precision": critic.precision,
         "value_at_origin": critic.constant,
         "origin": critic.origin,
-        "starts": starts_of(critic),
+        "starts": SEARCHED,
         "searched": [error._asdict() for error in largest],
         "at": b,
         "value_at": value,
-        **flown._asdict(),
+        **{name: found for name, found in flown._asdict().items() if name != "worst"},
+        "why_not_proved": proof.why,
+        "share_proved": proof.share,
+        "boxes": proof.boxes,
     }
+    bound = 100.0 * proof.excess
+    at_top: dict[str, Any] = {
+        "proved": math.isfinite(bound),
+        "bound_percent": bound,
+        "graded": {"cost_above_optimum_worst_percent": bound},
+    }
+    if flown.worst is not None:
+        data["worst_flight"] = flown.worst.what
+        at_top["counterexample"] = flown.worst.start
+        lines.append(f"Worst flight from {_initial(exact, flown.worst.start)}")
     if flown.equilibrium_cost > 0.0:
         lines.append(f"The steady-state error costs {flown.equilibrium_cost:.2g} per {period}")
-    return Section((*lines, *_flight_lines(flown)), {"network": data})
+    return Section((*lines, *_flight_lines(flown)), {"network": data} | at_top)
+
+
+def _initial(exact: Solution, state: np.ndarray) -> str:
+    """Return a state as the options of `hfa fly`, in degrees for radians."""
+    names = exact.names
+    return " ".join(
+        f"--initial {name}={math.degrees(value) if unit.startswith('rad') else value:.10g}"
+        for name, unit, value in zip(names.states, names.state_units, state, strict=True)
+        if value
+    )
+
+
+def _proof_line(proof: Proof) -> str:
+    """Return the line of the report on what is proved."""
+    if math.isfinite(proof.excess):
+        above = percent(100.0 * proof.excess, 3, up=True)
+        return f"Proved: stable, at most {above} above the optimum ({proof.boxes} boxes)"
+    if proof.boxes:
+        share = percent(100.0 * proof.share, 3)
+        return f"Not proved: {proof.why}; the error is bounded in {share} of the tube of flights"
+    return f"Not proved: {proof.why}"
 
 
 def _row(numbers: np.ndarray) -> str:
@@ -404,7 +412,7 @@ def _row(numbers: np.ndarray) -> str:
 def _flight_lines(flown: FlightResults) -> list[str]:
     """Return the lines of the report on the cost and the reach of the flights."""
     if not flown.flights:
-        return ["No flights: the linear loop is not stable"]
+        return []
     cost = "not all of them converge"
     if flown.undecided_at is not None:
         cost = "not decided"
@@ -417,14 +425,11 @@ def _flight_lines(flown: FlightResults) -> list[str]:
         f"Simulated in the linear game from {flown.flights} initial conditions in the box (not a "
         f"bound): {cost}"
     ]
-    reach = f"{flown.reach:g} times the box on the linear plant"
     if flown.reach_nonlinear is not None:
-        reach += (
-            f", {flown.reach_nonlinear:g} times on the nonlinear plant within the control limits "
-            f"(exact policy: {flown.reach_nonlinear_exact:g})"
+        few = min(FEW, flown.flights)
+        lines.append(
+            f"Converges from {flown.reach_nonlinear:g} times the box on the nonlinear plant within "
+            f"the control limits (exact policy: {flown.reach_nonlinear_exact:g}; {few} initial "
+            f"conditions each, factors up to {2**DOUBLINGS})"
         )
-    few = min(FEW, flown.flights)
-    lines.append(
-        f"Converges from {reach} ({few} initial conditions each, factors up to {2**DOUBLINGS})"
-    )
     return lines

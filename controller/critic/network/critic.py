@@ -170,7 +170,7 @@ def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str)
     if any(is_taken_as_policy(name, size, m) for name, size in sizes.items()):
         origin = f"{origin}, its one output read as the policy u, not V"
 
-    z = symbols_for(functions.values(), n)
+    z: Any = ca.MX.sym("z", n)
     outputs: dict[str, Any] = {}
     for name, function in functions.items():
         output = ca.vec(function(ca.DM(scales) * z))
@@ -188,7 +188,7 @@ def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str)
     notes = declared.notes
     if declared.observations not in ((), game.names.states):
         notes += (f"observations {', '.join(declared.observations)}, taken as the states",)
-    critic = from_functions(game, z, outputs, origin, stored.precision)
+    critic = from_functions(game, z, outputs, origin, stored.precision, is_small=stored.is_small)
     return replace(critic, declared=declared._replace(notes=notes))
 
 

@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from itertools import combinations, pairwise
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -21,31 +20,23 @@ import numpy as np
 
 from hfa_support.errors import BadInputError, refuse_unknown, shortened
 
-#: NumPy's functions by CasADi's names. nan stays nan, where np.fmax would return the other number.
-ON_ARRAYS = SimpleNamespace(
-    tanh=np.tanh, sin=np.sin, expm1=np.expm1, fmax=np.maximum, fmin=np.minimum, fabs=np.abs
-)
+
+def _leaky_relu(x: Any, alpha: float = 0.01) -> Any:
+    return ca.fmax(x, 0.0) + alpha * ca.fmin(x, 0.0)
 
 
-def _leaky_relu(x: Any, library: Any = ca, alpha: float = 0.01) -> Any:
-    # library: CasADi, or NumPy's functions by the same names (`ON_ARRAYS`), here and below
-    return library.fmax(x, 0.0) + alpha * library.fmin(x, 0.0)
-
-
-def _sigmoid(x: Any, library: Any = ca) -> Any:
+def _sigmoid(x: Any) -> Any:
     # 1 / (1 + exp(-x)) overflows for large -x, and its derivative is then nan.
-    return 0.5 + 0.5 * library.tanh(0.5 * x)
+    return 0.5 + 0.5 * ca.tanh(0.5 * x)
 
 
-def _elu(x: Any, library: Any = ca, alpha: float = 1.0) -> Any:
+def _elu(x: Any, alpha: float = 1.0) -> Any:
     # x for x > 0, and else alpha (exp(x) - 1), which may not overflow for x > 0
-    return library.fmax(x, 0.0) + alpha * library.expm1(library.fmin(x, 0.0))
+    return ca.fmax(x, 0.0) + alpha * ca.expm1(ca.fmin(x, 0.0))
 
 
-def _selu(
-    x: Any, library: Any = ca, alpha: float = 1.6732632423543772, gamma: float = 1.0507009873554805
-) -> Any:
-    return gamma * _elu(x, library, alpha)
+def _selu(x: Any, alpha: float = 1.6732632423543772, gamma: float = 1.0507009873554805) -> Any:
+    return gamma * _elu(x, alpha)
 
 
 def _softplus(x: Any) -> Any:
@@ -59,31 +50,29 @@ def _gelu(x: Any, approximate: str = "none") -> Any:
     return 0.5 * x * (1.0 + ca.erf(x / math.sqrt(2.0)))
 
 
-def hard_sigmoid(x: Any, library: Any = ca, alpha: float = 1.0 / 6.0, beta: float = 0.5) -> Any:
+def hard_sigmoid(x: Any, alpha: float = 1.0 / 6.0, beta: float = 0.5) -> Any:
     """Return alpha x + beta limited to [0, 1]."""
-    return library.fmin(library.fmax(alpha * x + beta, 0.0), 1.0)
+    return ca.fmin(ca.fmax(alpha * x + beta, 0.0), 1.0)
 
 
 #: Activations by the names of `--set activation`: those of torch's classes, in lower case.
 ACTIVATIONS: Mapping[str, Callable[..., Any]] = {
-    "tanh": lambda x, f=ca: f.tanh(x),
-    "relu": lambda x, f=ca: f.fmax(x, 0.0),
+    "tanh": ca.tanh,
+    "relu": lambda x: ca.fmax(x, 0.0),
     "leaky_relu": _leaky_relu,
     "sigmoid": _sigmoid,
     "softplus": _softplus,
     "elu": _elu,
     "gelu": _gelu,
-    "silu": lambda x, f=ca: x * _sigmoid(x, f),
+    "silu": lambda x: x * _sigmoid(x),
     "selu": _selu,
-    "sin": lambda x, f=ca: f.sin(x),
-    "identity": lambda x, f=ca: x,
-    "hardtanh": lambda x, f=ca: f.fmin(f.fmax(x, -1.0), 1.0),
-    "softsign": lambda x, f=ca: x / (1.0 + f.fabs(x)),
-    "hardswish": lambda x, f=ca: x * hard_sigmoid(x, f),
+    "sin": ca.sin,
+    "identity": lambda x: x,
+    "hardtanh": lambda x: ca.fmin(ca.fmax(x, -1.0), 1.0),
+    "softsign": lambda x: x / (1.0 + ca.fabs(x)),
+    "hardswish": lambda x: x * hard_sigmoid(x),
     "mish": lambda x: x * ca.tanh(_softplus(x)),
 }
-#: Activations that only CasADi evaluates.
-ONLY_IN_CASADI = ("softplus", "gelu", "mish")
 
 
 def activation_named(name: str) -> str:
@@ -95,14 +84,6 @@ def activation_named(name: str) -> str:
     known = by_letters.get(name.strip().lower().replace("_", ""), name)
     refuse_unknown("unknown activation", known, ACTIVATIONS)
     return known
-
-
-#: Function x (N, n) -> y (N, k).
-RowNetwork = Callable[[np.ndarray], np.ndarray]
-#: A network with a matrix of at least this many entries, those of 128 x 128, is wide.
-_WIDE_MATRIX = 2**14
-#: Number of rows per product. The values between the layers then fit into the cache.
-_ROWS_PER_BLOCK = 500
 
 
 class Layer(NamedTuple):
@@ -128,49 +109,6 @@ class Layer(NamedTuple):
     def outputs(self) -> int:
         """Number of outputs."""
         return len(self.weight)
-
-
-def precision_of(matrix: np.ndarray) -> type[np.floating]:
-    """Return the precision for products with a matrix: single from `_WIDE_MATRIX` entries on."""
-    return np.float32 if matrix.size >= _WIDE_MATRIX else np.float64
-
-
-def row_network(layers: Sequence[Layer]) -> RowNetwork | None:
-    """Return the function x (N, n) -> (N, k) of a chain of layers.
-
-    The result is None if only CasADi evaluates an activation.
-    """
-    if any(layer.activation in ONLY_IN_CASADI for layer in layers):
-        return None
-    # Single precision, which is faster, if the largest matrix is wide.
-    kind = precision_of(max((layer.weight for layer in layers), key=np.size))
-    steps = [
-        (
-            np.ascontiguousarray(layer.weight.T, dtype=kind),
-            layer.bias.astype(kind),
-            layer.activation,
-        )
-        for layer in layers
-    ]
-
-    def on_block(x: np.ndarray) -> np.ndarray:
-        """Return the outputs for a few rows."""
-        for columns, bias, name in steps:
-            x = x @ columns  # rows times the transpose of the weight
-            x += bias
-            x = ACTIVATIONS[name](x, ON_ARRAYS) if name else x
-        return x
-
-    def on_rows(x: np.ndarray) -> np.ndarray:
-        """Return the outputs for all rows, block by block."""
-        x = x.astype(kind, copy=False)
-        parts = [
-            on_block(x[first : first + _ROWS_PER_BLOCK])
-            for first in range(0, len(x), _ROWS_PER_BLOCK)
-        ]
-        return np.concatenate(parts).astype(float, copy=False)
-
-    return on_rows
 
 
 Tensors = Mapping[str, np.ndarray]

@@ -15,7 +15,7 @@ of deployment files. Arithmetic is in double precision, whatever the precision o
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -28,13 +28,11 @@ from controller.critic.network.declared import NOTHING, Declared
 from controller.critic.network.layers import (
     ACTIVATIONS,
     Layer,
-    RowNetwork,
     activation_named,
     has_word,
     layers_of,
     refuse_others,
     roots,
-    row_network,
     without_training,
 )
 from controller.critic.network.onnx_graph import FEW_WEIGHTS, check_width, graph_functions
@@ -137,13 +135,13 @@ class NetworkFile:
     """Network in a file: its functions, and what the file states.
 
     functions: requested kind, or name of an output -> function from x (n,) to the output (k,), for
-        a policy before `declared.action`
+        a policy before `declared.action`, with operations on vectors
     chain: the operations in their order, such as "6 -> tanh 64 -> 1"
     precision: lowest precision of the weights in the file, such as "float32"
     declared: what the file states besides its numbers
     on_basis: single layer whose inputs are the functions of the basis, or None. With such a layer,
         `functions` is empty
-    rows: versions of `functions` that are faster for many rows
+    is_small: whether CasADi evaluates the functions faster after `expand()` to scalar operations
     """
 
     functions: dict[str, ca.Function]
@@ -151,7 +149,7 @@ class NetworkFile:
     precision: str = "float64"
     declared: Declared = NOTHING
     on_basis: Layer | None = None
-    rows: Mapping[str, RowNetwork] = field(default_factory=dict)
+    is_small: bool = False
 
 
 class Asked(NamedTuple):
@@ -201,7 +199,8 @@ def network_in(source: Any, asked: Asked) -> NetworkFile:
     """
     if isinstance(source, ca.Function):
         kind = asked.network or (source.name() if source.name() in OUTPUTS else "")
-        return NetworkFile({kind: source}, f"function {source.name()}")
+        is_small = source.is_a("SXFunction")
+        return NetworkFile({kind: source}, f"function {source.name()}", is_small=is_small)
     parts = _requested_parts(asked.network)
     if not isinstance(source, (str, Path)):
         return _network_of(_in_memory(source), asked, parts)
@@ -231,6 +230,7 @@ def _of_graph(path: Path, asked: Asked, parts: Mapping[str, str]) -> NetworkFile
         chain=graph.operators,
         precision=graph.precision,
         declared=Declared(notes=graph.notes),
+        is_small=graph.is_small,
     )
 
 
@@ -327,15 +327,15 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
         return NetworkFile({}, f"{asked.basis_size} functions -> 1", precision, declared, on_basis)
 
     functions: dict[str, ca.Function] = {}
-    rows: dict[str, RowNetwork] = {}
     chains = [declared.algorithm] if declared.algorithm else []
     for kind, layers in networks.items():
         layers = _with_activations(layers, contents, asked.activation)
-        functions[kind], of_rows = _composed(layers)
+        functions[kind] = _composed(layers)
         chains.append(_description(kind, layers))
-        if of_rows is not None:
-            rows[kind] = of_rows
-    return NetworkFile(functions, "; ".join(chains), precision, declared, rows=rows)
+    numbers = sum(layer.weight.size for layers in networks.values() for layer in layers)
+    return NetworkFile(
+        functions, "; ".join(chains), precision, declared, is_small=numbers < FEW_WEIGHTS
+    )
 
 
 def _of_mean(layers: list[Layer]) -> tuple[list[Layer], str]:
@@ -456,17 +456,14 @@ def _with_activations(
     return [*hidden, layers[-1]._replace(activation=last)]
 
 
-def _composed(layers: list[Layer]) -> tuple[ca.Function, RowNetwork | None]:
-    """Return the function x (n,) -> output (k,), and its version for many rows or None."""
+def _composed(layers: list[Layer]) -> ca.Function:
+    """Return the function x (n,) -> output (k,)."""
     h = x = ca.MX.sym("x", layers[0].inputs)
     for layer in layers:
         h = ca.DM(layer.weight) @ h + ca.DM(layer.bias)
         if layer.activation:
             h = ACTIVATIONS[layer.activation](h)
-    function = ca.Function("network", [x], [ca.densify(h)])
-    if sum(layer.weight.size for layer in layers) < FEW_WEIGHTS:
-        function = function.expand()  # to scalar operations, faster for a small network
-    return function, row_network(layers)
+    return ca.Function("network", [x], [ca.densify(h)])
 
 
 def _description(kind: str, layers: list[Layer]) -> str:

@@ -169,7 +169,7 @@ _OPERATORS: Mapping[str, Callable[..., Any]] = {
     **{name: getattr(ca, name.lower()) for name in ("Erf", "Exp", "Sqrt", "Log", "Cos")},
     "Abs": ca.fabs,
     "Reciprocal": lambda a: 1.0 / a,
-    "HardSigmoid": lambda a, alpha=0.2, beta=0.5: hard_sigmoid(a, ca, alpha, beta),
+    "HardSigmoid": lambda a, alpha=0.2, beta=0.5: hard_sigmoid(a, alpha, beta),
     "Min": lambda *parts: reduce(ca.fmin, parts),
     "Max": lambda *parts: reduce(ca.fmax, parts),
     "Clip": _clip,
@@ -197,12 +197,14 @@ class GraphFunctions(NamedTuple):
 
     functions: requested kind, or name of the output -> function of x (states,), or of (x, u)
         (states + inputs,) for a Q
+    is_small: whether there are fewer than `FEW_WEIGHTS` numbers
     precision: lowest precision of the weights, such as "float32"
     operators: operators that depend on x with the sizes of their results, in one line
     notes: sentences on what the file contains and the functions do not use
     """
 
     functions: dict[str, ca.Function]
+    is_small: bool
     precision: str
     operators: str
     notes: tuple[str, ...]
@@ -239,14 +241,14 @@ def graph_functions(
         if row is None:  # a constant output
             row = ca.MX(ca.DM(np.atleast_2d(traced.arrays[name])))
         (value,) = ca.substitute([ca.densify(row.T)], traced.inputs, parts)
-        function = ca.Function("network", [x], [value])
-        functions[kind] = function.expand() if traced.size < FEW_WEIGHTS else function
+        functions[kind] = ca.Function("network", [x], [value])
     others = [item.name for item in model.graph.output if item.name not in chosen.values()]
     metadata = [f"metadata {entry.key}" for entry in model.metadata_props]
     notes = _notes_on_normalizer(model.graph, traced)
     if unused := ", ".join(others + metadata):
         notes += (f"not used: {shortened(unused, 200)}",)
-    return GraphFunctions(functions, traced.precision, traced.operators, notes)
+    is_small = traced.size < FEW_WEIGHTS
+    return GraphFunctions(functions, is_small, traced.precision, traced.operators, notes)
 
 
 def _notes_on_normalizer(graph: Any, traced: _Traced) -> tuple[str, ...]:

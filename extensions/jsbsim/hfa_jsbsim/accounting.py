@@ -82,8 +82,6 @@ _WITHOUT_EFFECT = {
     ),
     "simulation/integrator/": "without effect, as the motion is never stopped",
 }
-#: Kinds of engines with a cut-off.
-_TURBINES = {"turbine_engine", "turboprop_engine"}
 #: Why a file that sets a read-only property has no effect.
 _SET_BUT_COMPUTED = "without effect, as JSBSim computes it"
 #: Statements of notes.
@@ -174,10 +172,6 @@ def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
         reason = next(
             (why for prefix, why in _WITHOUT_EFFECT.items() if unnumbered.startswith(prefix)), ""
         )
-        if name == "propulsion/cutoff_cmd" and not _TURBINES & {
-            each.kind for each in parts.engines
-        }:
-            reason = "without effect, as these engines have no cut-off"
         reason = _SET_BUT_COMPUTED if access_rights == "R" else reason
         if reason:
             notes.append(Note(f"set {reason}", shortened(name), in_files[-1].where, MOTION))

@@ -25,12 +25,9 @@ def choices_of(text: str) -> Choices:
         if name == "inputs" and value:
             made["inputs"] = tuple(dict.fromkeys(map(canonical, value.split(","))))
             continue
-        if name == "folder" and value:
-            made["folder"] = value
-            continue
         if _CHOICES.get(name) != value:
             known = ", ".join(f"{key}={only}" for key, only in _CHOICES.items())
-            known += ", inputs=PROPERTY,PROPERTY or folder=PATH"
+            known += " or inputs=PROPERTY,PROPERTY"
             raise BadInputError(
                 f"{shortened(word)} is not an option of a JSBSim aircraft; use {known}"
             )
@@ -38,23 +35,18 @@ def choices_of(text: str) -> Choices:
     return Choices(**made)
 
 
-def find_aircraft(text: str, folder: str) -> tuple[Path, Folders]:
-    """Return the path of an aircraft's file, and the folders of further files.
-
-    folder: folder of the further files, "" for that of the aircraft's file
-    """
+def find_aircraft(text: str) -> tuple[Path, Folders]:
+    """Return the path of an aircraft's file, and the folders of further files."""
     root = data_folder()
     if text.startswith("jsbsim:"):
         path = _in_data(text.removeprefix("jsbsim:"), root)
     else:
         path = resolved(text)
     data = None if root is None else resolved(root)
-    own = resolved(folder) if folder else path.parent
-    # ROOT of ROOT/aircraft/NAME/NAME.xml
-    shared = [own] if folder else [own.parent.parent]
+    shared = [path.parent.parent.parent]  # of ROOT/aircraft/NAME/NAME.xml
     if data is not None and data not in shared:
         shared.append(data)
-    return path, Folders(own, tuple(shared), data)
+    return path, Folders(path.parent, tuple(shared), data)
 
 
 def _in_data(name: str, root: Path | None) -> Path:

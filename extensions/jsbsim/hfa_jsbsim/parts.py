@@ -36,14 +36,12 @@ class Choices:
     engines: whether the lags of engines are states. Otherwise engines follow their throttles at
         once.
     inputs: properties that are inputs of the model, in addition to the pilot's commands.
-    folder: folder of the aircraft's engines and systems, "" for that of its file.
     """
 
     filters: bool = False
     throttles: bool = False
     engines: bool = False
     inputs: tuple[str, ...] = ()
-    folder: str = ""
 
 
 class Parts:

@@ -103,9 +103,8 @@ def read_model(text: str) -> Model:
     that is not supported.
     """
     name, _, chosen = text.partition("?")
-    choices = choices_of(chosen)
-    path, folders = find_aircraft(name, choices.folder)
-    parts = Parts(path, folders, choices)
+    path, folders = find_aircraft(name)
+    parts = Parts(path, folders, choices_of(chosen))
     equations = Equations(parts)
     declaration = _Declaration(parts, equations)
     notes = [*equations.notes, *notes_on_omitted(parts, equations)]

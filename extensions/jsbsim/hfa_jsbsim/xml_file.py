@@ -336,6 +336,6 @@ class Folders:
             if path.is_file():
                 return path
         raise element.error(
-            f"the file {shortened(name)} is not in {', '.join(map(str, folders))}; give its folder "
-            "by ?folder=PATH after the aircraft's name"
+            f"the file {shortened(name)} is not in {', '.join(map(str, folders))}; move the file "
+            "into such a folder"
         )

@@ -111,7 +111,6 @@ def test_a_command_after_inputs_is_free_in_a_trim(tmp_path):
         ("inputs=fcs/elevon-cmd,fcs/idle-cmd", "inputs=fcs/idle-cmd: no force depends on"),
         ("inputs=fcs/elevn-cmd", "did you mean fcs/elevon-cmd"),
         ("inputs=", "inputs= is not an option"),
-        ("folder=", "folder= is not an option"),
     ],
 )
 def test_wrong_inputs_are_refused(query, fault, tmp_path):
@@ -336,17 +335,6 @@ def test_a_constant_that_would_close_a_loop_is_no_parameter(tmp_path):
     assert model.inputs["elevator"].unit == "1"
     assert "on" not in model.parameters
     assert notes_on(model, "sim/on")
-
-
-def test_further_files_are_in_a_given_folder(tmp_path):
-    """The system of a file that lies alone is found with ?folder=PATH, without which it is missing."""
-    system = tmp_path / "parts" / "systems" / "trim.xml"
-    system.parent.mkdir(parents=True)
-    system.write_text('<system name="t"> <property value="1">sim/gust</property> </system>')
-    path = written(tmp_path, glider(more='<system file="trim"/>'))
-    with pytest.raises(BadInputError, match=r"trim is not in .* by .folder=PATH"):
-        load_model(path)
-    assert load_model(f"{path}?folder={tmp_path / 'parts'}").inputs
 
 
 def summed(loop):

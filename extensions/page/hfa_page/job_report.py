@@ -336,12 +336,13 @@ def _article(job: MainJob, sections: Sections, provenance: Report) -> str:
         f'<li><a href="#{name}">{html.escape(section.title)}</a></li>'
         for name, section in folded.items()
     )
-    checks = Report("Verdicts, each of its own angle", (verdicts(job),)).html(3)
+    checks = Report("Verdicts", (verdicts(job),)).html(3)
     flights = (*stored_flights_sections(job), *sections.in_air)
     parts = [
         f'{verdict_sentence(job)}<nav aria-label="Contents"><ul>{links}</ul></nav>',
-        f'<section class="verdicts">{checks}</section>',
-        slider_html(job.slider, sections.of_slider),
+        slider_html(
+            job.slider, sections.of_slider, f'<section class="verdicts">{checks}</section>'
+        ),
         *(f"<section>{section.html(3)}</section>" for section in flights),
         *([] if job.regeneration is None else [f'<p class="paper">The paper: {_PAPER}.</p>']),
         *(
@@ -364,7 +365,7 @@ def verdict_sentence(job: MainJob) -> str:
     asked = " and ".join(f"{angle.dihedral_deg:g}" for angle in job.angles)
     at = f" at {asked} deg" if job.angles else ""
     return (
-        f"<p>hfa: {_toned_word(job.ok, 'PASS', 'FAIL')}, not of the angle of the slider. "
+        f"<p>hfa: {_toned_word(job.ok, 'PASS', 'FAIL')}. "
         f"Both pairs of matrices (A, B) that the paper prints are {regenerated} from one set of "
         f"parameters ({html.escape(job.slider.sweep.model.name)} dynamics). "
         f"The critic that hfa learns by its own law {agrees} with the exact solution of the "
@@ -372,11 +373,12 @@ def verdict_sentence(job: MainJob) -> str:
     )
 
 
-def slider_html(slider: Slider, drawn: Report) -> str:
+def slider_html(slider: Slider, drawn: Report, verdicts: str) -> str:
     """Return the part of the page that follows a slider, as HTML: the aircraft beside its modes,
     the root locus, the sheet and the linear model.
 
     drawn: the pictures that follow the slider
+    verdicts: HTML below the modes
     """
     beside, below = [], []
     for number, position in enumerate(slider.points):
@@ -395,7 +397,7 @@ def slider_html(slider: Slider, drawn: Report) -> str:
 <p class="slider"><label for="slider-{name}">{name}</label>
 <input type="range" id="slider-{name}" min="0" max="{len(slider.points) - 1}" value="{slider.first}" aria-valuetext="{label}">
 <output for="slider-{name}">{label}</output> <span class="noscript">The slider needs scripts.</span></p>
-<div class="first"><div>{beside_modes}</div><div>{"".join(beside)}</div></div>
+<div class="first"><div>{beside_modes}</div><div>{"".join(beside)}{verdicts}</div></div>
 {others}
 {"".join(below)}</div>"""
 

@@ -42,7 +42,8 @@ def test_a_policy_exact_in_the_box_fails_if_flights_leave_the_box_and_diverge():
     u = ca.if_else(ca.norm_inf(Z) < 1.05, -ca.DM(solve(slow).K) @ Z, 0.0)
     verdict = verify(slow, critic_of(slow, policy=u), box=[1.0, 1.0], flights=20)
     assert failed_names(verdict.checks) == {"cost_above_optimum_flown_percent"}
-    assert "not all flights from the box converge" in verdict.headline
+    assert ": not stabilizing from (x1 " in verdict.headline
+    assert verdict.to_dict()["network"]["why_not_proved"] == "operation lt has no bounds"
 
 
 def test_the_implied_policy_is_a_saddle_point():

@@ -153,7 +153,7 @@ class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
     moved = FORMER_POLICIES
     needs_dihedral = True
     usual = (
-        *("policy", "initial", "turbulence", "samples", "noise", "filter", "command"),
+        *("policy", "initial", "turbulence", "samples", "noise", "filter", "gust", "command"),
         *("duration", "aircraft", "at", "hold"),
     )
     output: Path | None = output_option(
@@ -198,8 +198,11 @@ class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
 def fly(request: FlyRequest, given: GivenTrim) -> Outcome:
     """Simulate a policy on the nonlinear aircraft, and compare the flight with the linear model.
 
-    `--policy none --command elevator=1:2,2:-2,3:0` simulates a doublet without a policy. --samples
-    N simulates N flights; in random air, the first line compares with no control.
+    `--policy none --command elevator=1:2,2:-2,3:0` simulates a doublet without a policy.
+    --reference adds the exact feedforward, and a flight without it. --samples N simulates N
+    flights, with --error and --noise as standard deviations; --draws N simulates N aircraft with
+    random parameters. --Q and --R add the cost of the flight. --gust smallest prints for each
+    length the smallest gust with which a flight leaves its limits.
 
     Exit code 1 if a state leaves its envelope, an input exceeds its control limits, or an
     oscillation does not decay. Of several flights, every one must pass, or the share of --need.

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from controller.critic.network.layers import RowNetwork
+from controller.critic.network.operations import RowNetwork
 from hfa_aircraft.batch_simulation import History, Over, Stepper, is_within, simulate_batch
 from hfa_flight.air.held_step import Delay, held_step, in_samples, slices_of, step_count
 from hfa_flight.policies.deployment.deployed import Deployed

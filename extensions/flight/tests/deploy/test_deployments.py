@@ -225,7 +225,7 @@ def damaged(folder, monkeypatch):
     ("file", "said"),
     [
         ("calls.pkl", "would call"),
-        ("empty.pkl", "empty.pkl: the data are not a pickle"),
+        ("empty.pkl", "empty.pkl: the file is damaged or has another format"),
         ("fifo.zip", "not a regular file"),
         ("fifo.npz", "not a regular file"),
         ("K.npz", "give finite entries"),

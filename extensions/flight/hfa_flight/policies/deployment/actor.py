@@ -20,8 +20,8 @@ from controller.critic.network.declared import (
     Normalizer,
     notes_on_statistics,
 )
-from controller.critic.network.layers import RowNetwork
 from controller.critic.network.network_file import Asked, NetworkFile, network_in
+from controller.critic.network.operations import RowNetwork, row_function
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY
 from hfa_aircraft.readers.matrices_file import NAME_KEYS, sample_time, words
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shown
@@ -83,7 +83,8 @@ def read_actor(wanted: Wanted) -> Actor:
         raise BadInputError(
             f"policy.file is {shown(source)}; give the path of the file that contains the policy"
         )
-    ((name, function),) = stored.functions.items()  # only the policy was asked for
+    (on_vectors,) = stored.functions.values()  # only the policy was asked for
+    function = on_vectors.expand() if stored.is_small else on_vectors
     _refuse_sizes(function, origin, wanted)
     declared = stored.declared
     with prefix_errors(origin):
@@ -95,7 +96,7 @@ def read_actor(wanted: Wanted) -> Actor:
         declared=declared._replace(
             action=action, normalizer=normalizer, notes=(*notes, *declared.notes)
         ),
-        rows=stored.rows.get(name),
+        rows=row_function(on_vectors),
         of_gain=of_gain,
         notes=notes,
     )
