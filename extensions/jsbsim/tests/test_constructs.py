@@ -23,6 +23,8 @@ QUICK = {
     "control: channel, execute 0": "agrees",
     "control: distributor": "refused",
     "control: gain, clip exchanged": "agrees",
+    "control: latch": "agrees",
+    "control: loop that settles": "agrees",
     "control: switch by a constant": "agrees",
     "control: switch, two tests": "agrees",
     "functions: moments, stability frame": "agrees",

@@ -172,6 +172,14 @@ CONSTRUCTS = {
     "lead lag filter": _of("lead_lag_filter", "<c1>1</c1> <c2>4</c2> <c3>1</c3> <c4>5</c4>"),
     "lead lag, no constant": _of("lead_lag_filter", "<c1>1</c1> <c2>0</c2> <c3>1</c3> <c4>5</c4>"),
     "lead lag, a coefficient missing": _of("lead_lag_filter", "<c2>3</c2> <c3>1</c3> <c4>5</c4>"),
+    "loop that settles": component(
+        f'<summer name="fcs/c"> <input>{_STICK}</input> <input>fcs/d</input> {_OUT} </summer>'
+        '<pure_gain name="fcs/d"> <input>fcs/c</input> <gain>0.5</gain> </pure_gain>'
+    ),
+    "latch": component(
+        '<switch name="fcs/c"> <default value="fcs/c"/> <test value="0.3"> aero/alpha-rad lt 0.1'
+        f" </test> {_OUT} </switch>"
+    ),
     "integrator without a gain": _of("integrator", ""),
     "kinematic without times": _of(
         "kinematic",
