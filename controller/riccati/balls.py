@@ -242,13 +242,8 @@ class Near:
         middle = self.middle + other.middle
         return _near(middle, self.error + other.error + ROUNDOFF * _size(middle))
 
-    __radd__ = __add__
-
     def __sub__(self, other: Any) -> Near:
         return self + -Near.of(other)
-
-    def __rsub__(self, other: Any) -> Near:
-        return -self + other
 
     def __mul__(self, other: Any) -> Near:
         """Return the product with a matrix or with a number."""
