@@ -25,8 +25,8 @@ class Servo:
     Raises BadInputError for a number that is not positive.
 
     >>> import hfa
-    >>> hfa.with_servos(hfa.aircraft(), hfa.Servo(0.02)).linear[-1]
-    'elevator_outer_servo'
+    >>> hfa.Servo(0.02).rate
+    inf
     """
 
     lag: float
@@ -47,6 +47,10 @@ def with_servos(model: Model, servos: Servo | Mapping[str, Servo]) -> Model:
     servos: of all inputs, or input -> servo; an input without one acts at once
 
     Raises BadInputError for an unknown input, and for a model whose equations are a program.
+
+    >>> import hfa
+    >>> hfa.with_servos(hfa.aircraft(), hfa.Servo(0.02)).linear[-1]
+    'elevator_outer_servo'
     """
     of_input = dict.fromkeys(model.inputs, servos) if isinstance(servos, Servo) else dict(servos)
     for name in of_input:

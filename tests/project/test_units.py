@@ -293,6 +293,21 @@ def of_filter(twin):
     return answers
 
 
+def of_servos(twin):
+    servo = hfa.Servo(0.05, twin.typed(elevator=0.2)["elevator"])
+    model = hfa.with_servos(twin.model, {"elevator": servo})
+    point = hfa.trim(model)
+    linear, z = point.linearize(), np.append(twin.z, twin.of("elevator"))
+    far = {**point.inputs._asdict()}
+    far["elevator"] += twin.typed(elevator=0.1)["elevator"]
+    rates = model.at(point.states, type(point.inputs)(**far)).f
+    return {
+        "A": linear.A * z[:, None] / z,
+        "B": linear.B * z[:, None] / twin.u,
+        "limited rate": rates[-1:] * twin.of("elevator"),
+    }
+
+
 def flown(twin, policy=None):
     tick = 0.01 / twin.second
     return hfa.fly(
@@ -453,6 +468,7 @@ ANSWERS = {
     "hfa.assess": of_assessment,
     "hfa.environment": of_environment,
     "hfa.identify": of_record,
+    "hfa.with_servos": of_servos,
     "trim.sheet_of": of_sheet,
     "trim.graded": of_sheet,
 }
@@ -494,6 +510,7 @@ NAMED_UNITS_ONLY = ("trim.sheet_of", "trim.graded")
 #: Functions with times in seconds by definition (samples, the drift of a state): the equations of
 #: their twins keep the second as the unit of time.
 TIMES_IN_SECONDS = (
+    "hfa.with_servos",
     "hfa.filter",
     "hfa.keep_inside",
     "hfa.assess",
