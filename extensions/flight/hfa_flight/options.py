@@ -15,9 +15,11 @@ import numpy as np
 from hfa.options.argument_types import (
     among,
     each_of,
+    input_file,
     listed_numbers,
     number,
     positive,
+    seconds,
     whole,
 )
 from hfa.options.games import (
@@ -40,6 +42,7 @@ from hfa_flight.air.sensors import Sensor, measurable
 from hfa_flight.air.turbulence import FORM, FORM_OF_OWN, LEVELS, Turbulence, typed_turbulence
 from hfa_flight.policies.laws import DEPLOYMENT, GAIN, LAWS, NETWORK, PREDICTIVE, TABLE
 from hfa_support.errors import BadInputError, choice_of, shortened, warn
+from hfa_support.files import checked, read_toml
 from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import linearize
 from trim.point.operating_point import OperatingPoint
@@ -241,8 +244,10 @@ def noted_game(weights: Mapping[str, Any], linear: LinearModel, of_flights: bool
     return named.game
 
 
-def behind_a_filter(policy: Policy, scenario: Scenario, point: OperatingPoint) -> Policy:
-    """Return the policy behind the filter of the scenario's noise and turbulence.
+def behind_a_filter(
+    policy: Policy, scenario: Scenario, point: OperatingPoint, air: Turbulence | None
+) -> Policy:
+    """Return the policy behind the filter of the scenario's noise, and its turbulence or `air`.
 
     Raises BadInputError without noise.
     """
@@ -251,7 +256,9 @@ def behind_a_filter(policy: Policy, scenario: Scenario, point: OperatingPoint) -
 
     noise = sensors_of_filter(scenario.uncertainty.noise)
     dt = own_sample_time(policy, scenario.interval)
-    return filter(point.linearize(), noise, scenario.uncertainty.turbulence, dt).policy(policy)
+    return filter(point.linearize(), noise, air or scenario.uncertainty.turbulence, dt).policy(
+        policy
+    )
 
 
 def policy_of_options(
@@ -284,9 +291,9 @@ def policy_of_options(
     return policy_of_file(path, linear.point, game, reading_of(request), condition, commands)
 
 
-def turbulence_option() -> Any:
-    """Return the option `--turbulence` as a dataclass field."""
-    about = (
+def turbulence_option(about: str = "") -> Any:
+    """Return an option of turbulence as a dataclass field, by default `--turbulence`."""
+    about = about or (
         f"turbulence of MIL-F-8785C at ALTITUDE: {', '.join(LEVELS)}; a wing SPAN adds p, q, r; "
         f"karman-LEVEL has spectra of von Karman; {FORM_OF_OWN} has intensity and scale; units of "
         "the model; random by --seed"
@@ -306,19 +313,61 @@ def at_held_altitude(typed: Turbulence | None, hold: Mapping[str, Any]) -> Turbu
     return replace(typed, altitude=hold.get("altitude"))
 
 
-def sensors_typed(
-    model: Model, noise: Mapping[str, str], bias: Mapping[str, str]
-) -> dict[str, Sensor]:
-    """Return the sensors of --noise and --bias, in the model's units.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SensorOptions:
+    """The sensors of a flight and of its filter."""
+
+    sensors: Path | None = option(
+        "table of sensors: [NAME] with noise, bias and every, as typed here",
+        "FILE.toml",
+        input_file(".toml"),
+        rare=True,
+    )
+    noise: Mapping[str, str] = option(
+        "standard deviation of the noise of a sensor, of a state or an output (airspeed, "
+        "angle_of_attack, ...), degrees for angles, white from sample to sample; repeatable",
+        "NAME=VALUE",
+        named=True,
+        rare=True,
+    )
+    bias: Mapping[str, str] = option(
+        "size of the bias of a sensor, with a random sign in each flight, which --filter "
+        "estimates; repeatable",
+        "NAME=VALUE",
+        named=True,
+        rare=True,
+    )
+
+
+def sensors_of_options(request: SensorOptions, model: Model) -> dict[str, Sensor]:
+    """Return the sensors of --sensors, --noise and --bias, in the model's units.
 
     Raises BadInputError for a bias without noise.
     """
-    deviations = each_of("--noise", model, noise, _deviation)
-    biases = each_of("--bias", model, bias, _deviation)
-    for name in biases:
-        if name not in deviations:
+    declared = {str: {"noise*": None, "bias": None, "every": None}}
+    tables: dict[str, Any] = {}
+    if request.sensors is not None:
+        tables = checked(str(request.sensors), read_toml(request.sensors), declared)
+    file = str(request.sensors)
+    sizes = {
+        entry: each_of(
+            f"{file}: {entry} of",
+            model,
+            {name: str(table[entry]) for name, table in tables.items() if entry in table},
+            _deviation if entry != "every" else lambda model, name, text: seconds(text),
+        )
+        for entry in ("noise", "bias", "every")
+    }
+    sizes["noise"] |= each_of("--noise", model, request.noise, _deviation)
+    sizes["bias"] |= each_of("--bias", model, request.bias, _deviation)
+    for name in sizes["bias"]:
+        if name not in sizes["noise"]:
             raise BadInputError(f"--bias {name}: no such sensor is given; add --noise {name}=VALUE")
-    return {name: Sensor(value, biases.get(name, 0.0)) for name, value in deviations.items()}
+    others = {entry: sizes[entry] for entry in ("bias", "every")}
+    return {
+        name: Sensor(noise, **{entry: of.get(name, 0.0) for entry, of in others.items()})
+        for name, noise in sizes["noise"].items()
+    }
 
 
 def _deviation(model: Model, name: str, text: str) -> float:
@@ -383,26 +432,8 @@ def _disturbed(model: Model, name: str, text: str) -> float:
     return among((*model.linear, *model.disturbances), model, name, text)
 
 
-def noise_option() -> Any:
-    """Return the option `--noise` as a dataclass field."""
-    about = (
-        "standard deviation of the noise of a sensor, of a state or an output (airspeed, "
-        "angle_of_attack, ...), degrees for angles, white from sample to sample; repeatable"
-    )
-    return option(about, "NAME=VALUE", named=True, rare=True)
-
-
-def bias_option() -> Any:
-    """Return the option `--bias` as a dataclass field."""
-    about = (
-        "size of the bias of a sensor, with a random sign in each flight, which --filter "
-        "estimates; repeatable"
-    )
-    return option(about, "NAME=VALUE", named=True, rare=True)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ScenarioOptions(TimingOptions):
+class ScenarioOptions(SensorOptions, TimingOptions):
     """The scenario of a flight, except for commands.
 
     By default, nothing disturbs the flight.
@@ -430,8 +461,6 @@ class ScenarioOptions(TimingOptions):
         named=True,
         rare=True,
     )
-    noise: Mapping[str, str] = noise_option()
-    bias: Mapping[str, str] = bias_option()
     gust: tuple[float, ...] | SmallestGust | None = option(
         "1-cosine updraft: length, peak speed (units of the model), begin (s, default 0); or "
         f"{SMALLEST}[:LENGTH,...]: the smallest peaks with which a flight leaves its limits",
@@ -471,7 +500,7 @@ def scenario_of(
     model = point.model
     initial = each_of("--initial", model, request.initial, _state)
     disturbed = each_of("--disturbance", model, request.disturbance, _disturbed)
-    sensors = sensors_typed(model, request.noise, request.bias)
+    sensors = sensors_of_options(request, model)
     if delay and not 0.0 < delay < duration:
         raise BadInputError(
             f"--delay is {delay:g} s; give a delay from 0 to less than {duration:g} s"

@@ -178,6 +178,10 @@ def test_biases_are_estimated(point, linear):
     flight = hfa.fly(point.model, point, policy, scenario=drawn, predict=False)
     assert flight.departure is None
     true = dict(zip(drawn.sensors, np.mean(drawn.samples, axis=0), strict=True))
+    blind = {name: sensor.noise for name, sensor in IN_THE_AIR.items()}
+    unaware = hfa.filter(linear, blind, "light:20000").policy(mild_gain(linear))
+    lost = hfa.fly(point.model, point, unaware, scenario=drawn, predict=False)
+    assert lost.departure is not None  # without states of the biases
     for name, share in (("airspeed", 0.6), ("angle_of_attack", 0.3), ("pitch_rate", 0.1)):
         assert flight.loop.policy.biases[name] == pytest.approx(
             true[name], abs=share * IN_THE_AIR[name].bias

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
@@ -29,15 +29,14 @@ from hfa_flight.options import (
     EXACT,
     FORMER_POLICIES,
     PolicyOptions,
+    SensorOptions,
     at_held_altitude,
-    bias_option,
     check_policy,
-    noise_option,
     noted_linear_model,
     policy_of_options,
     policy_option,
     sample_of_options,
-    sensors_typed,
+    sensors_of_options,
     turbulence_option,
 )
 from hfa_support.errors import BadInputError, printable
@@ -51,12 +50,14 @@ if TYPE_CHECKING:
     from trim.linear.linear_model import LinearModel
     from trim.point.operating_point import OperatingPoint
 
+#: Options that apply only with --filter.
+_OF_FILTER = ("sensors", "noise", "bias", "turbulence", "fade", "rate", "delay")
 #: Default dihedral angle of the exported HFA, deg.
 _DIHEDRAL = math.radians(15.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ExportRequest(Request, PolicyOptions, TimingOptions):
+class ExportRequest(Request, PolicyOptions, SensorOptions, TimingOptions):
     """Options of `hfa export`."""
 
     moved = FORMER_POLICIES
@@ -81,8 +82,6 @@ class ExportRequest(Request, PolicyOptions, TimingOptions):
         "policy behind the Kalman filter of --noise and --turbulence, in C too, or in the FMU",
         rare=True,
     )
-    noise: Mapping[str, str] = noise_option()
-    bias: Mapping[str, str] = bias_option()
     turbulence: Turbulence | None = turbulence_option()
     fade: float | None = option(
         "time in which the C code of --filter fades commands in where it is switched on in flight, "
@@ -139,11 +138,11 @@ def _check_filter(request: ExportRequest) -> None:
     if not request.filter:
         refuse(
             request,
-            ("noise", "bias", "turbulence", "fade", "rate", "delay"),
+            _OF_FILTER,
             "applies only with --filter; add --filter",
         )
         return
-    if not request.noise:
+    if not (request.noise or request.sensors):
         raise BadInputError("--filter requires the noise of the sensors; add --noise NAME=VALUE")
     if request.kind == DEPLOYMENT:
         raise BadInputError("--filter cannot be combined with a deployment; remove --filter")
@@ -213,7 +212,7 @@ def _filtered(
     """Return a policy behind the filter of --noise and --turbulence."""
     from hfa_flight.policies.filter import filter
 
-    sensors = sensors_typed(given.model, request.noise, request.bias)
+    sensors = sensors_of_options(request, given.model)
     air = at_held_altitude(request.turbulence, given.hold)
     dt = sample_of_options(request)
     filtered = filter(linear, sensors, air, dt).policy(policy, fade=request.fade)

@@ -33,6 +33,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Waveform, stacked
 from hfa_flight.air.scenario import Scenario, with_errors
 from hfa_flight.air.signals import CommandedStates, TimeVector
+from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_flight.options import (
     DEPLOYMENT,
@@ -43,6 +44,7 @@ from hfa_flight.options import (
     PolicyOptions,
     ScenarioOptions,
     SmallestGust,
+    at_held_altitude,
     behind_a_filter,
     check_policy,
     noted_game,
@@ -51,6 +53,7 @@ from hfa_flight.options import (
     policy_of_word,
     require_policy,
     scenario_of,
+    turbulence_option,
 )
 from hfa_flight.policies.given import command_steps
 from hfa_flight.policies.laws import LAWS
@@ -171,6 +174,9 @@ class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
         "Kalman filter before the policy, for the --noise of the sensors (a state without noise "
         "has no sensor) and the --turbulence",
         rare=True,
+    )
+    filter_turbulence: Turbulence | None = turbulence_option(
+        "turbulence that --filter assumes; default that of --turbulence"
     )
     samples: int | None = option(
         "simulate N flights, each with its own random errors, noise and turbulence",
@@ -303,7 +309,7 @@ def _refuse_contradictions(request: FlyRequest, many: bool = False) -> None:
         require_policy(request, "--reference")
         refuse(request, ("command", "keep_inside", "filter"), beside.format("reference"))
     if not request.filter:
-        refuse(request, ("rate",), "applies only with --filter; add --filter")
+        refuse(request, ("rate", "filter_turbulence"), "applies only with --filter; add --filter")
     if request.filter:
         require_policy(request, "--filter")
         refuse(request, ("command", "keep_inside"), beside.format("filter"))
@@ -342,7 +348,8 @@ def _planned(
 
         policy = keep_inside(policy, point.model, point, limits=limits)
     if request.filter:
-        policy = behind_a_filter(policy, scenario, point)
+        air = at_held_altitude(request.filter_turbulence, given.hold)
+        policy = behind_a_filter(policy, scenario, point, air)
     policy, scenario = policy.in_scenario(scenario)
     if not many:
         scenario = scenario.drawn(request.seed, 0, point)
