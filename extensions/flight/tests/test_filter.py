@@ -178,14 +178,24 @@ def test_biases_are_estimated(point, linear):
     flight = hfa.fly(point.model, point, policy, scenario=drawn, predict=False)
     assert flight.departure is None
     true = dict(zip(drawn.sensors, np.mean(drawn.samples, axis=0), strict=True))
-    blind = {name: sensor.noise for name, sensor in IN_THE_AIR.items()}
-    unaware = hfa.filter(linear, blind, "light:20000").policy(mild_gain(linear))
-    lost = hfa.fly(point.model, point, unaware, scenario=drawn, predict=False)
-    assert lost.departure is not None  # without states of the biases
     for name, share in (("airspeed", 0.6), ("angle_of_attack", 0.3), ("pitch_rate", 0.1)):
         assert flight.loop.policy.biases[name] == pytest.approx(
             true[name], abs=share * IN_THE_AIR[name].bias
         )
+
+
+@pytest.mark.slow
+def test_only_a_filter_of_the_biases_stays_inside_in_severe_turbulence(point, linear):
+    """In 20 s of severe turbulence with biases of all sensors, the aircraft stays inside behind a filter
+    with states of the biases, and leaves behind one without.
+    """
+    air = Uncertainty(noise=IN_THE_AIR, turbulence=Turbulence("severe", 40000.0))
+    drawn = Scenario(20.0, uncertainty=air).drawn(1, 0, point)
+    noise = {name: sensor.noise for name, sensor in IN_THE_AIR.items()}
+    for sensors, stays in ((IN_THE_AIR, True), (noise, False)):
+        policy = hfa.filter(linear, sensors, "severe:40000").policy(mild_gain(linear))
+        flight = hfa.fly(point.model, point, policy, scenario=drawn, predict=False)
+        assert (flight.departure is None) == stays
 
 
 def test_modes_that_no_sensor_observes_are_named():
