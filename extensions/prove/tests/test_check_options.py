@@ -31,7 +31,6 @@ CHANGED = {
     "servo": {"--servo .05": "model"},
     "isa": {"--isa 10": REFUSED},
     "mass": {"--mass 5": REFUSED},
-    "servo": {"--servo 20ms": "model"},
     "at": {"--at 15.1:15.25": "range"},
     "dihedral": {"--dihedral 15:15.5": "range"},
     "condition": {"--condition few.toml": "limits", "--condition fast.toml": "imposed"},
