@@ -133,13 +133,6 @@ class PlantFit:
 
     def _warnings(self) -> Iterator[str]:
         """Yield sentences on what contradicts a linear plant with independent noise."""
-        if self.transitions.hold is not None:
-            fastest = self.transitions.hold * np.abs(np.linalg.eigvals(self.game.A).imag).max()
-            if fastest > 0.5 * math.pi:
-                yield (
-                    f"a mode has {2.0 * math.pi / fastest:.2g} samples in a period: a faster one "
-                    "gives the same samples, and another P and K; record at least 4"
-                )
         if self.is_centered:
             yield "the data have a constant part, which is fitted: K is of deviations from a trim"
         yield from self._doubts()

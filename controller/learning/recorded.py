@@ -238,7 +238,7 @@ def _signals_among(columns: Mapping[str, Column], names: PlantNames) -> _Signals
 
     The states are those of the plant, if the table has all of them, and otherwise the columns
     beside one of their next value or rate, such as alpha beside alpha_next. The inputs are those of
-    the plant, if the table has all of them, and otherwise all other columns of numbers.
+    the plant, if the table has all of them, and otherwise all other columns.
     """
     states: list[str] = []
     for suffixes in _SUFFIXES_OF_ENDS.values():
@@ -249,7 +249,7 @@ def _signals_among(columns: Mapping[str, Column], names: PlantNames) -> _Signals
     every = [suffix for suffixes in _SUFFIXES_OF_ENDS.values() for suffix in suffixes]
     ends = {f"{state}{suffix}" for suffix in every for state in states}
     no_inputs = {*states, *disturbances, *_NO_SIGNALS, *_NO_INPUTS, *ends}
-    inputs = [name for name in columns if name not in no_inputs and columns[name].is_numeric]
+    inputs = [name for name in columns if name not in no_inputs]
     if names.inputs and columns.keys() >= {*names.inputs}:
         inputs = list(names.inputs)
     return _Signals(states, inputs, disturbances)

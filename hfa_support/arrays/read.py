@@ -122,7 +122,6 @@ def _table(name: str, path: Path) -> _Table:
     is not a number.
     """
     rows = [row for _, row in rows_of_text(str(path), regular_file(path).read_bytes())]
-    _refuse_blanks(name, rows)
     column_names: list[str] = []
     if rows and not any(map(_is_number, rows[0])):
         column_names = rows.pop(0)
@@ -142,17 +141,6 @@ def _table(name: str, path: Path) -> _Table:
         cells = " and of ".join(map(str, sorted(widths)))
         raise ValueError(f"{name} has rows of {cells} cells; give rows of equal length")
     return _Table(np.array(rows, dtype=float), row_names, column_names)
-
-
-def _refuse_blanks(name: str, rows: list[list[str]]) -> None:
-    """Raise ValueError if the numbers in a .csv file are separated by blanks or other marks."""
-    for cell in (cell for row in rows for cell in row):
-        words = re.split(r"[;\s]+", cell)
-        if len(words) > 1 and all(map(_is_number, words)):
-            raise ValueError(
-                f"{name} has the cell {shortened(cell)!r}; separate numbers by commas, and write "
-                "decimals with a point"
-            )
 
 
 class Label(NamedTuple):

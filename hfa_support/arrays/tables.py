@@ -91,15 +91,6 @@ class Column(NamedTuple):
         for place in np.flatnonzero(is_wrong).tolist():
             raise BadInputError(f"{self.where}, row {self.rows[place]}: {self.name} {fault}")
 
-    @property
-    def is_numeric(self) -> bool:
-        """Whether the first cell is a number, or empty."""
-        try:
-            float(next(iter(self.cells), None) or 0.0)
-        except ValueError:
-            return False
-        return True
-
     def _number(self, cell: str, row: int) -> float:
         """Return the number in a cell, nan for an empty one."""
         try:

@@ -104,24 +104,6 @@ def trajectory(game, count, seed=0, probing=1.0):
     return np.array(x), np.array(u)
 
 
-def test_successive_samples_of_several_episodes_are_read():
-    """Three episodes of 30 steps are marked by a number in each row, or are a list of three sources.
-
-    Without `x_next`, the next state of a row is the state of the following row. Times of the rows do
-    not change the result.
-    """
-    parts = [trajectory(STEPS, 30, seed) for seed in range(3)]
-    x, u = (np.array(each) for each in zip(*parts, strict=True))  # (3, 31, 3) and (3, 30, 2)
-    u = np.concatenate([u, np.zeros((3, 1, 2))], axis=1)  # a row for each x; the last is not used
-    time = np.tile(np.round(0.1 * np.arange(31), 1), 3)
-    flat = {"x": x.reshape(-1, 3), "u": u.reshape(-1, 2), "episode": np.repeat([7, 8, 9], 31)}
-    separate = [{"x": x, "u": u} for x, u in parts]
-    for data in (flat, flat | {"time": time}, separate):
-        run = learn(blind(STEPS), data=data)
-        assert_exact(STEPS, run)
-        assert (run.data.rows, run.data.episodes) == (90, 3)
-
-
 NAMED = replace(
     STEPS,
     names=PlantNames(("alpha", "q", "h"), ("left", "right"), ("rad", "rad/s", "m"), ("N", "N")),
@@ -145,17 +127,6 @@ def csv_file(columns):
     rows = np.column_stack([*columns.values()])
     np.savetxt("data.csv", rows, "%.17g", ",", header=",".join(columns), comments="")
     return "data.csv"
-
-
-def test_columns_are_told_by_name_and_unit():
-    """Columns in degrees, in any order, are converted to the states in rad of the game.
-
-    They are given as a mapping, a CSV file and a table of pandas.
-    """
-    columns = in_columns()
-    pandas = pytest.importorskip("pandas")
-    for data in (columns, csv_file(columns), pandas.DataFrame(columns)):
-        assert_exact(NAMED, learn(blind(NAMED), data=data))
 
 
 def test_the_command_learns_from_data_with_and_without_a_plant():
@@ -283,19 +254,30 @@ def test_unusable_data_are_refused_with_the_cause(said):
     assert "\n" not in str(refused.value)
 
 
-def test_layouts_of_reinforcement_learning_are_read():
-    """Episodes (E, T, n), flags of their last rows, and the names of D4RL and Minari give the exact
-    solution, and a column of rewards is no input.
+def test_episodes_are_read_in_each_layout():
+    """Three episodes of 30 steps, as sources, arrays (E, T, n), rows with numbers or flags of their
+    last rows, and with the names of D4RL and Minari, give the exact solution. Rewards are no inputs.
     """
     parts = [trajectory(STEPS, 30, seed) for seed in range(3)]
     x, u = (np.array(each) for each in zip(*parts, strict=True))  # (3, 31, 3) and (3, 30, 2)
     last = np.tile(np.arange(30) == 29, (3, 1))
     rows = {"observations": x[:, :-1].reshape(-1, 3), "actions": u.reshape(-1, 2)}
-    rows |= {"rewards": np.zeros(90), "timeouts": last.ravel(), "terminals": np.zeros(90, bool)}
-    after = {"next_observations": x[:, 1:].reshape(-1, 3)}
-    episodes = {f"episode_{k}": {"observations": x[k], "actions": u[k]} for k in range(3)}
-    for data in ({"x": x, "u": u}, rows, rows | after, episodes):
-        assert_exact(STEPS, learn(blind(STEPS), data=data))
+    rows |= {"rewards": np.zeros(90), "terminals": np.zeros(90, bool)}
+    numbered = {"episode": np.repeat([7, 8, 9], 30), "time": np.tile(0.1 * np.arange(30), 3)}
+    ends = {"next_observations": x[:, 1:].reshape(-1, 3)}
+    for steps, data in {
+        90: [
+            [{"x": x, "u": u} for x, u in parts],
+            {"x": x, "u": u},
+            {f"episode_{k}": {"observations": x[k], "actions": u[k]} for k in range(3)},
+            rows | ends,
+        ],
+        87: [rows | numbered, rows | {"timeouts": last.ravel()}],
+    }.items():
+        for each in data:
+            run = learn(blind(STEPS), data=each)
+            assert_exact(STEPS, run)
+            assert (run.data.rows, run.data.episodes) == (steps, 3)
 
 
 def test_a_record_about_its_trim_that_begins_at_rest():
