@@ -37,7 +37,7 @@ from trim.point.status import (
 )
 from trim.reports.book import Condition, book_of, matrix_figure, with_range
 from trim.reports.levels import CATEGORIES, CLASSES, Airplane
-from trim.reports.sheet import brief, brief_list, matrix, read_first, revision
+from trim.reports.sheet import brief, brief_list, matrix, revision
 
 if TYPE_CHECKING:
     from trim.point.operating_point import OperatingPoint
@@ -163,11 +163,7 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
         airplane = row.airplane(request.class_, request.category)
         try:
             point = trimmed(points.trims.trim_of(row))
-            # Of a list that is only printed, the rows that are read first suffice.
-            report = read_first(point, airplane)
-            if is_whole:
-                report = _sheet(point, airplane, full=request.full)
-            report = _with_name(report, row.name)
+            report = _with_name(_sheet(point, airplane, full=request.full), row.name)
         except TrimError as error:
             point, report = None, _failed(model, row, error, error.found.data)
         except BadInputError as error:

@@ -27,18 +27,16 @@ _AIR_OUTPUTS = ("mach", "dynamic_pressure", "load_factor")
 OUTPUTS = (*_GROUND_OUTPUTS, *_AIR_OUTPUTS)
 
 
-def flight_rows(trimmed: Trimmed, brief: bool = False) -> Iterator[Row | Lacking]:
+def flight_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     """Return the rows of the flight other than variables: airspeeds, air, load factor, unbalanced
     rates, distances from the condition of the derivatives, and ranges in which the model is valid.
-
-    brief: whether rows on the air are left out
     """
     rows: list[Iterator[Row | Lacking]] = []
     if (airspeed := trimmed.airspeed) is not None:
         rows.append(airspeed_rows(trimmed, airspeed))
         rows.append(output_rows(trimmed, _GROUND_OUTPUTS, rare=not trimmed.in_wind))
         rows.append(output_rows(trimmed, _AIR_OUTPUTS))
-        rows += [] if brief else [air_rows(trimmed, airspeed)]
+        rows.append(air_rows(trimmed, airspeed))
     elif trimmed.model.about.atmosphere:
         rows.append(iter([Row("atmosphere", trimmed.model.about.atmosphere)]))
     rows += [unbalanced_rates(trimmed), domain_rows(trimmed)]

@@ -34,14 +34,11 @@ from trim.point.status import BALANCE, FREE, LIMIT, RESULTS, STALLED, TRIMMED, U
 from trim.reports.balances import balances_rows
 from trim.reports.figures import (
     flight_rows,
-    lift_and_drag,
     other_outputs,
-    output_rows,
     performance_rows,
     same_as_the_table,
     stability_rows,
     stall_lines,
-    static_margin,
 )
 from trim.reports.first_lines import (
     condition_words,
@@ -57,7 +54,6 @@ from trim.reports.levels import (
     DEFAULT_AIRPLANE,
     Airplane,
     chosen_airplane,
-    graded_modes,
     level_lines,
     mode_rows,
 )
@@ -306,36 +302,32 @@ def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
             ("modes and levels", modes, level_lines(trimmed, airplane, modes)),
         ]
     without_findings = Sheet.of(groups, first=VARIABLES)
-    found = findings(trimmed, without_findings, airplane, whole=True)
+    found = findings(trimmed, without_findings, airplane)
     return Sheet.of([*groups, ("findings", found, ())], VARIABLES)
 
 
-def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane, *, whole: bool) -> list[Row]:
-    """Return the rows of the group "findings": stalls, warnings and the worst level.
+def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane) -> list[Row]:
+    """Return the rows of the group "findings", which repeat first lines and sentences of the
+    groups, with the limits that are reached and the worst level.
 
     sheet: the other groups of the sheet
-    whole: whether to add rows that repeat the first lines and the sentences of the groups, and the
-        limits that are reached
     """
+    point = trimmed.point
     said: dict[str, Iterable[str]] = {  # row -> sentences, or names
         "stalled": stall_lines(trimmed),
         "warnings": warnings_of(trimmed),
+        "not determined": uniqueness_lines(trimmed),
+        "far out": point._large_angles,
+        "engines out": engines_without_power(trimmed).values(),
+        "limits reached": [margin.name for margin in nearest_first(trimmed) if margin.at_limit],
+        "assumed limits": [
+            margin.name for margin in point.margins.values() if margin.nearer and margin.assumed
+        ],
+        "search": [*trimmed.search.sentences, *trimmed.search.unlimited],
+        "notes": without_line_numbers(point.warnings),
     }
-    if whole:
-        point = trimmed.point
-        said |= {
-            "not determined": uniqueness_lines(trimmed),
-            "far out": point._large_angles,
-            "engines out": engines_without_power(trimmed).values(),
-            "limits reached": [margin.name for margin in nearest_first(trimmed) if margin.at_limit],
-            "assumed limits": [
-                margin.name for margin in point.margins.values() if margin.nearer and margin.assumed
-            ],
-            "search": [*trimmed.search.sentences, *trimmed.search.unlimited],
-            "notes": without_line_numbers(point.warnings),
-        }
-        for title, _, lines in sheet.groups:
-            said[f"on {title}"] = [line for line in lines if line != ASSUMED]
+    for title, _, lines in sheet.groups:
+        said[f"on {title}"] = [line for line in lines if line != ASSUMED]
 
     # A rare row is printed in a full sheet only. Sentences are separated by semicolons.
     rows = []
@@ -476,24 +468,13 @@ def saved_report(point: OperatingPoint) -> Report:
     return Report(title, [Table(header, shown)], notes, storable(point), Table(header, records))
 
 
-#: Group of a sheet -> names of the rows that are read first, in addition to rows with a tone.
-_READ_FIRST = {
-    "condition": (
-        *("true airspeed", "calibrated airspeed", "mach", "ground speed", "track"),
-        "balances",
-    ),
-    "performance": (
-        "weight",
-        "thrust",
-        "thrust force",
-        "thrust available",
-        "rate of climb left",
-        "speed / stall speed",
-        "speed / stall speed at n",
-        "stall speed at 1 g",
-    ),
-    "stability": ("static margin",),
-}
+#: Rows that are read first, in addition to variables and to rows with a tone of `_JUDGED`.
+_READ_FIRST = (
+    *("true airspeed", "calibrated airspeed", "mach", "ground speed", "track", "balances"),
+    *("weight", "thrust", "thrust force", "thrust available", "rate of climb left"),
+    *("speed / stall speed", "speed / stall speed at n", "stall speed at 1 g", "static margin"),
+)
+_JUDGED = ("far", "bad")
 #: Ends of the names of further rows that are read first: distances from the condition of the data,
 #: and control gradients.
 _ENDS_READ_FIRST = (" from the table's", " per g", " per knot")
@@ -514,26 +495,9 @@ def brief(point: OperatingPoint, airplane: Airplane, show: Sequence[str] = ()) -
     outputs = point.model.outputs
     for name in show:
         refuse_unknown("--show names the unknown output", name, outputs)
-    own = tuple(name for name in outputs if name in show or outputs[name].show)
+    chosen = {n.replace("_", " ") for n in outputs if n in show or outputs[n].show}
     trimmed = Trimmed(point)
-    limited = nearest_first(trimmed)
-    binding = [margin for margin in limited if margin.at_limit and margin.role != "held"]
-    groups: list[_Titled] = [
-        ("condition", [*flight_rows(trimmed, brief=True), *balances_rows(trimmed)], ()),
-        (VARIABLES, variable_rows(trimmed), ()),
-        ("limits", [*map(_margin_row, binding)], ()),
-    ]
-    if point.ok:
-        qualities = [row for _, rows in graded_modes(trimmed, airplane) for row in rows]
-        groups += [
-            ("performance", performance_rows(trimmed), ()),
-            ("stability", [*stability_rows(trimmed)], ()),
-            ("modes and levels", [row for row in qualities if (row.level or 1) > 1], ()),
-        ]
-    elsewhere = {row.name for _, rows, _ in groups for row in rows}
-    shown = [row for row in output_rows(trimmed, own) if row.name not in elsewhere]
-    sheet = Sheet.of([*groups, ("outputs", shown, ())], first=VARIABLES)
-    chosen = {name.replace("_", " ") for name in own}
+    sheet = sheet_at(trimmed, airplane)
 
     fault = trimmed.fault
     modes = f"no modes: {fault}" if fault else mode_lines(trimmed.modes, point.model)
@@ -551,33 +515,6 @@ def brief(point: OperatingPoint, airplane: Airplane, show: Sequence[str] = ()) -
         parts.append(tuple(trimmed.search.sentences))
     parts.append(f"--full adds {adds}; -o FILE has all")
     return Report(title_with_controls(trimmed, sheet), parts, notes)
-
-
-def read_first(point: OperatingPoint, airplane: Airplane) -> Report:
-    """Return the first lines of a trim with a sheet of the few figures that the table of a list of
-    trims shows.
-
-    airplane: class and flight phase category for the levels
-    """
-    trimmed = Trimmed(point)
-    alpha = point.margins.get("alpha")
-    groups: list[_Titled] = []
-    if alpha is not None:
-        groups.append((VARIABLES, [Row("alpha", alpha.value, alpha.unit, digits=6)], ()))
-    if trimmed.airspeed is not None:
-        groups.append(("condition", [*output_rows(trimmed, ("load_factor",))], ()))
-    if point.ok and trimmed.airspeed is not None and "alpha" in trimmed.roles:
-        figures = [
-            *lift_and_drag(trimmed, trimmed.airspeed),
-            *([] if trimmed.fault else static_margin(trimmed)),
-        ]
-        groups.append(("performance", figures, ()))
-    if point.ok:
-        qualities = [row for _, rows in graded_modes(trimmed, airplane) for row in rows]
-        groups.append(("modes and levels", qualities, ()))
-    found = findings(trimmed, Sheet.of(groups), airplane, whole=False)
-    sheet = Sheet.of([*groups, ("findings", found, ())], first=VARIABLES)
-    return Report(title_with_controls(trimmed, sheet), sheet=sheet)
 
 
 def brief_list(report: Report) -> Report:
@@ -603,14 +540,14 @@ def _shortened(group: Group, chosen: Container[str]) -> Group:
     """
     rows = []
     for row in group.rows:
+        is_read_first = row.name in _READ_FIRST or row.name.endswith(_ENDS_READ_FIRST)
         if group.title == VARIABLES:
             is_read_first = row.cells().value != "0"
         elif row.name == "load factor":
             is_read_first = row.cells().value != "1"
-        else:
-            named = row.name in _READ_FIRST.get(group.title, ())
-            is_read_first = named or bool(row.tone) or row.name.endswith(_ENDS_READ_FIRST)
-        if row.name in chosen or (is_read_first and not row.rare):
+        elif row.level is not None:
+            is_read_first = row.level > 1
+        if row.name in chosen or ((is_read_first or row.tone in _JUDGED) and not row.rare):
             rows.append(row)
     return group._replace(rows=tuple(rows), lines=_meaning_of_stars(rows))
 
