@@ -157,4 +157,6 @@ def test_an_aircraft_in_random_units_equals_the_aircraft_written_in_si(seed):
         if not isinstance(row.value, str):  # a bound of rounding
             assert row.value == pytest.approx(expected_row.value, rel=1e-6, abs=1e-9), row.name
     declared = rad / 60.0  # a unit of alpha per minute
-    np.testing.assert_allclose(hfa.game(linear).E, [[0.0], [declared], [0.0], [0.0]])
+    np.testing.assert_allclose(
+        hfa.game(linear, R=np.eye(len(linear.inputs))).E, [[0.0], [declared], [0.0], [0.0]]
+    )
