@@ -107,8 +107,8 @@ class AssessRequest(Request, SeveralTrims):
         rare=True,
     )
     need: Mapping[str, float] = option(
-        "requirement: delay to tolerate (s), smallest disk margin, largest linear cost (percent "
-        "above the optimum), or share of flights that converge (default 1); repeatable",
+        "requirement: delay to tolerate (s), smallest disk margin, largest median cost (percent "
+        "above the exact gain's), or share of flights that converge (default 1); repeatable",
         "delay|margin|cost|share=X",
         _need,
         named=True,
@@ -152,9 +152,9 @@ def assess(request: AssessRequest, given: GivenTrims) -> Outcome:
     """Assess a policy as deployed: with a zero-order hold, normalizer and delay.
 
     For each trim, the report contains the equilibrium, the spectral radius of the sampled loop with
-    0, 1, 2 ... samples of delay, margins at the plant's input, and the linear cost compared with
-    the optimum for Q and R. Flights from a box of initial conditions are simulated with and without
-    a disturbance pulse. The first line compares costs of flights with the exact gain's.
+    0, 1, 2 ... samples of delay, and margins at the plant's input. Flights from a box of initial
+    conditions are simulated with and without a disturbance pulse, and decide. The first line
+    compares their costs with the exact gain's.
 
     Flights in noise and moving air are those of `hfa fly --policy FILE --samples N`.
 

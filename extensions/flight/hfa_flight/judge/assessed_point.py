@@ -8,85 +8,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.game.zero_sum import Game
 from controller.riccati.gare import solve
 from hfa_aircraft.batch_simulation import IntegrationError
 from hfa_flight.judge.flight_costs import CostRatio, has_weights, lqr_at
 from hfa_flight.judge.outcomes import Outcomes, TrimCase
 from hfa_flight.needs import ALL, is_enough
-from hfa_flight.plan.scaled import hold_of
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_flight.policies.deployment.sampled_loop import Chain, Delays, Equilibrium, Margins
+from hfa_flight.policies.deployment.sampled_loop import Delays, Equilibrium, Margins
 from hfa_flight.simulate.envelope import flight_envelope
 from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.results import Result, without_empty
 from trim.point.operating_point import OperatingPoint
-
-#: A state whose eigenvalue of the optimal cost is smaller, relative to the largest, has no cost.
-_COSTS_NOTHING = 1e-12
-
-
-@dataclass(frozen=True)
-class CostAboveOptimum(Result):
-    """Cost of the sampled loop above the optimum for deviations from the equilibrium, percent.
-
-    The cost of the loop with its delay is relative to the optimum with inputs that are held for a
-    sample, without delay. Both are integrals over time. They are inf if the loop is unstable.
-
-    worst: worst case.
-    mean: mean over all initial conditions.
-    """
-
-    worst: float
-    mean: float
-
-
-def cost_above_optimum(deployed: Deployed, at: Equilibrium, loop: Chain) -> CostAboveOptimum | str:
-    """Return the cost above the optimum, or a sentence with the reason why no optimum exists.
-
-    at: equilibrium of the sampled loop
-    loop: sampled loop at the equilibrium, in nominal values
-
-    Raises BadInputError for the weight of an output that depends on the inputs.
-    """
-    game = lqr_at(deployed, at)
-    try:
-        _, optimum = hold_of(game.A, game.B, game.Q, game.R, loop.dt).infinite_horizon()
-    except NoSolutionError as error:
-        return f"the cost has no optimum here: {error}"
-    return _above(game, optimum, loop)
-
-
-def _above(game: Game, optimum: np.ndarray, loop: Chain) -> CostAboveOptimum:
-    """Return the cost of a sampled loop above the optimum, 0 if no deviation has a cost."""
-    if loop.radius >= 1.0:
-        return CostAboveOptimum(math.inf, math.inf)
-    values, vectors = np.linalg.eigh(optimum)
-    has_cost = values > _COSTS_NOTHING * max(float(values[-1]), 0.0)
-    if not has_cost.any():
-        return CostAboveOptimum(0.0, 0.0)
-    # Eigenvalues of P^(-1/2) (X - P) P^(-1/2), in the directions in which P is not 0: the largest
-    # is that of x'(X - P)x / x'Px over all x, and their mean is that over all x with x'Px = 1.
-    root = vectors[:, has_cost] / np.sqrt(values[has_cost])
-    above = np.linalg.eigvalsh(root.T @ (_cost_of(loop, game) - optimum) @ root)
-    worst, mean = (100.0 * max(float(cost), 0.0) for cost in (above[-1], above.mean()))
-    return CostAboveOptimum(worst, mean)
-
-
-def _cost_of(loop: Chain, game: Game) -> np.ndarray:
-    """Return X of the cost x'Xx of a stable sampled loop from deviations x, (k, k)."""
-    # At the first sample, delayed commands have their equilibrium values, and earlier
-    # observations equal the present ones: s = loop.start x. The cost of a sample is s' weights s.
-    from scipy.linalg import solve_discrete_lyapunov
-
-    of_states = np.eye(loop.states, len(loop.F))  # from s at the sample to x now
-    weights = np.zeros_like(loop.F)
-    for seconds, of_inputs in loop.acting:
-        hold = hold_of(game.A, game.B, game.Q, game.R, seconds)
-        of_both = np.vstack([of_states, of_inputs])
-        weights += of_both.T @ hold.W @ of_both
-        of_states = hold.A @ of_states + hold.B @ of_inputs
-    return loop.start.T @ solve_discrete_lyapunov(loop.closed.T, weights) @ loop.start
 
 
 class ActionEffect(NamedTuple):
@@ -137,7 +69,6 @@ class AssessedPoint(Result):
     delays: spectral radii with other delays, or None without an equilibrium.
     margins: margins of the loop, or None without an equilibrium, if the loop is unstable, or if the
         computation fails.
-    cost: cost above the optimum, or None without an equilibrium, weights or an optimum.
     flights: outcomes from seeded initial conditions, or None without flights.
     disturbed: outcomes from the same initial conditions with a disturbance pulse, or None without
         flights.
@@ -155,7 +86,6 @@ class AssessedPoint(Result):
     case: TrimCase
     delays: Delays | None = None
     margins: Margins | None = None
-    cost: CostAboveOptimum | None = None
     flights: Outcomes | None = None
     disturbed: Outcomes | None = None
     box: float = 1.0
@@ -231,7 +161,6 @@ class AssessedPoint(Result):
                 "delay_limit": None if delays is None else delays.limit,
                 "delay_searched": None if delays is None else delays.searched,
                 "disk_margin": None if margins is None else margins.disk.disk,
-                "cost_above_optimum": self.cost,
                 "flights": self.flights,
                 "disturbed": self.disturbed,
                 "box": self.box,

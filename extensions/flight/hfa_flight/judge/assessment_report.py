@@ -15,10 +15,8 @@ from hfa_flight.judge.outcomes import BALL, Outcomes
 from hfa_flight.plan.problem import cost_text
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_support.reporting.rows import Group, Row, Sheet, matrix_of
-from hfa_support.reporting.text import Table, beside_unit, percent, short_number, shown_unit
+from hfa_support.reporting.text import Table, beside_unit, short_number, shown_unit
 
-#: Costs that differ by less, in percent of the optimum, are equal.
-_SAME_COST = 1e-6
 #: An equilibrium closer to the trim, relative to the initial-condition box, counts as the trim.
 _AT_TRIM = 0.01
 #: Largest number of trims that are listed.
@@ -218,18 +216,6 @@ def _steady_state_error(point: AssessedPoint) -> _AtTrim | None:
     return _AtTrim(Severity.WARNING, text, size=float(shares[index]))
 
 
-def _linear_cost(point: AssessedPoint) -> _AtTrim | None:
-    """Return the note on the sampled loop's cost above the optimum, if the policy stabilizes it."""
-    if point.cost is None or not point.holds:
-        return None
-    worst = point.cost.worst
-    if worst < _SAME_COST:
-        text = "linear cost of the optimum"
-    else:
-        text = f"linear cost up to {percent(worst, up=True)} above the optimum"
-    return _AtTrim(Severity.NOTE, text, size=worst)
-
-
 def _clipped_observations(point: AssessedPoint) -> _AtTrim | None:
     """Return the warning that the normalizer clips observations at the equilibrium."""
     if point.equilibrium is None or not point.equilibrium.clipped_observations:
@@ -253,7 +239,7 @@ _KINDS: tuple[Callable[[AssessedPoint], _AtTrim | None], ...] = (
     *(_instability, _convergence, _smaller_box),
     lambda point: _leaving_flights(point, point.disturbed, "with a disturbance pulse: "),
     _clipped_observations,
-    *(_delay, _steady_state_error, _linear_cost),
+    *(_delay, _steady_state_error),
     _integration,
 )
 
@@ -299,11 +285,6 @@ def loop_rows(point: AssessedPoint) -> list[Row]:
         Row("unstable at", limit, "s", "smallest unstable delay", digits=4),
         Row("margin", margin, note="disk margin, all inputs at once", digits=3),
     ]
-    if point.cost is not None:
-        rows += [
-            Row("cost", point.cost.worst, "%", "worst of the sampled loop above the optimum"),
-            Row("mean", point.cost.mean, "%", "the same on average"),
-        ]
     return [row for row in rows if _exists(row.value)]
 
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from hfa_aircraft.batch_simulation import Figures, IntegrationError, ReportedFigure, resolved
 from hfa_flight.air.held_step import parts_of_a_sample
-from hfa_flight.judge.assessed_point import AssessedPoint, action_effects, cost_above_optimum
-from hfa_flight.judge.flight_costs import has_weights, refuse_wrong_weights
+from hfa_flight.judge.assessed_point import AssessedPoint, action_effects
+from hfa_flight.judge.flight_costs import refuse_wrong_weights
 from hfa_flight.judge.outcomes import (
     BALL,
     ExactFlights,
@@ -223,19 +223,14 @@ class Assessor:
         actions = tuple(action_effects(self.deployed, linearized))
         if case.equilibrium is None or case.loop is None:
             return AssessedPoint(self.deployed, case, actions=actions, share=self.share)
-        # A text in place of the margins or the cost is the reason why these are missing.
-        margins = _margins(case.loop)
-        cost = None
-        if has_weights(self.deployed):
-            cost = cost_above_optimum(self.deployed, case.equilibrium, case.loop)
+        margins = _margins(case.loop)  # or the reason why they are missing
         return AssessedPoint(
             self.deployed,
             case,
             delays=delays,
             margins=None if isinstance(margins, str) else margins,
-            cost=None if isinstance(cost, str) else cost,
             actions=actions,
-            remarks=tuple(reason for reason in (margins, cost) if isinstance(reason, str)),
+            remarks=(margins,) if isinstance(margins, str) else (),
             share=self.share,
         )
 
