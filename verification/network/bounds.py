@@ -17,9 +17,8 @@ NeurIPS 2018 (DeepZ).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,15 +34,13 @@ class _Smooth(NamedTuple):
     """A smooth function f of each entry.
 
     derivatives: x -> f and its first three derivatives
-    fourth: (low, high) -> bound of the fourth derivative in between
-    points: s -> all x with f'(x) = s, or None if there are many
-    peaks: points of the largest f', between which f' is monotone
+    fourth: the highest argument -> bound of the fourth derivative
+    points: s -> all x with f'(x) = s
     """
 
     derivatives: Callable[[np.ndarray], tuple[np.ndarray, ...]]
-    fourth: Callable[[np.ndarray, np.ndarray], np.ndarray | float]
-    points: Callable[[np.ndarray], Sequence[np.ndarray]] | None
-    peaks: tuple[float, ...] = ()
+    fourth: Callable[[np.ndarray], np.ndarray | float]
+    points: Callable[[np.ndarray], Sequence[np.ndarray]]
 
 
 def _tanh(x: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -52,11 +49,9 @@ def _tanh(x: np.ndarray) -> tuple[np.ndarray, ...]:
     return t, d, -2.0 * t * d, d * (6.0 * t * t - 2.0)
 
 
-def _erf(x: np.ndarray) -> tuple[np.ndarray, ...]:
-    from scipy.special import erf
-
-    d = 2.0 / math.sqrt(math.pi) * np.exp(-x * x)
-    return erf(x), d, -2.0 * x * d, (4.0 * x * x - 2.0) * d
+def _tanh_points(slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    x = np.arctanh(np.sqrt(np.clip(1.0 - slope, 0.0, 1.0 - 1e-15)))
+    return x, -x
 
 
 def _expm1(x: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -64,53 +59,11 @@ def _expm1(x: np.ndarray) -> tuple[np.ndarray, ...]:
     return np.expm1(x), d, d, d
 
 
-def _sin(x: np.ndarray) -> tuple[np.ndarray, ...]:
-    s, c = np.sin(x), np.cos(x)
-    return s, c, -s, -c
-
-
-def _inv(x: np.ndarray) -> tuple[np.ndarray, ...]:
-    y = 1.0 / x
-    return y, -(y**2), 2.0 * y**3, -6.0 * y**4
-
-
-def _plus_minus(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    return x, -x
-
-
 _SMOOTH = {
-    "tanh": _Smooth(
-        _tanh,
-        lambda low, high: 4.1,
-        lambda s: _plus_minus(np.arctanh(np.sqrt(np.clip(1.0 - s, 0.0, 1.0 - 1e-15)))),
-        (0.0,),
-    ),
-    "erf": _Smooth(
-        _erf,
-        lambda low, high: 4.41,
-        lambda s: _plus_minus(
-            np.sqrt(np.maximum(-np.log(np.maximum(s, 1e-300) * math.sqrt(math.pi) / 2.0), 0.0))
-        ),
-        (0.0,),
-    ),
-    "expm1": _Smooth(
-        _expm1, lambda low, high: np.exp(high), lambda s: (np.log(np.maximum(s, 1e-300)),)
-    ),
-    "exp": _Smooth(
-        lambda x: (np.exp(x), *_expm1(x)[1:]),
-        lambda low, high: np.exp(high),
-        lambda s: (np.log(np.maximum(s, 1e-300)),),
-    ),
-    "sin": _Smooth(_sin, lambda low, high: 1.0, None),
-    "cos": _Smooth(lambda x: _sin(x + math.pi / 2.0), lambda low, high: 1.0, None),
-    "inv": _Smooth(
-        _inv,
-        lambda low, high: np.where(
-            low * high > 0.0, 24.0 / np.minimum(np.abs(low), np.abs(high)) ** 5, np.inf
-        ),
-        lambda s: _plus_minus(1.0 / np.sqrt(np.maximum(-s, 1e-300))),
-    ),
+    "tanh": _Smooth(_tanh, lambda _: 4.1, _tanh_points),
+    "expm1": _Smooth(_expm1, np.exp, lambda s: (np.log(np.maximum(s, 1e-300)),)),
 }
+_POLYNOMIAL = ("input", "constant", "product", "add", "times")
 
 
 #: Lowest and highest values, (k, N) each, of the sources of each operation.
@@ -167,11 +120,11 @@ class BoundedFunction:
 
     def __init__(self, operations: Sequence[Operation]) -> None:
         """Raise NotListedError for an operation that has no bounds."""
-        known = {*_SMOOTH, "relu", "input", "constant", "product", "scale", "shift", "add"}
         for operation in operations:
-            if operation.kind not in known | {"times", "select", "join"}:
+            if operation.kind not in (*_SMOOTH, "relu", *_POLYNOMIAL):
                 raise NotListedError(operation.kind)
         self.operations = operations
+        self.inputs = next(o.data.shape[1] for o in operations if o.sources == (0,))
 
     @property
     def is_piecewise_linear(self) -> bool:
@@ -236,21 +189,10 @@ class BoundedFunction:
             if kind == "product":
                 back = weight.reshape(m * N, -1) @ data
                 send(sources[0], back.reshape(m, N, -1), score @ np.abs(data))
-            elif kind == "select":
-                all_of = np.eye(len(steps[sources[0]].own))[data]  # (k, all entries)
-                send(sources[0], weight @ all_of, score @ all_of)
-            elif kind == "join":
-                first = 0
-                for source in sources:
-                    last = first + len(steps[source].own)
-                    send(source, weight[:, :, first:last], score[:, first:last])
-                    first = last
             else:
-                factors = step.slopes or (
-                    np.reshape(data, (-1, 1)) if kind == "scale" else 1.0,
-                ) * len(sources)
+                factors: Sequence[Any] = step.slopes or (1.0,) * len(sources)
                 for source, factor in zip(sources, factors, strict=True):
-                    send(source, weight * np.transpose(factor), score)
+                    send(source, weight * np.asarray(factor).T, score)
         of_states = scores[0]
         if not isinstance(of_states, np.ndarray):
             of_states = np.zeros((N, len(steps[0].own)))
@@ -262,8 +204,10 @@ class BoundedFunction:
         ranges: of `over`
         chosen: numbers of the boxes, (N',)
         """
-        values: list[tuple[np.ndarray, np.ndarray]] = []
-        for place, operation in enumerate(self.operations):
+        n = self.inputs
+        eye = np.repeat(np.eye(n)[:, None], len(chosen), axis=1)
+        values = [(eye, np.zeros(eye.shape))]  # of the input
+        for place, operation in enumerate(self.operations[1:], start=1):
             parts = [values[i] for i in operation.sources]
             between = [(low[:, chosen], high[:, chosen]) for low, high in ranges[place]]
             with np.errstate(all="ignore"):
@@ -283,27 +227,14 @@ def _slope(
     between: lowest and highest values of its sources, (k, N) each
     """
     kind, _, data = operation
-    if kind in ("input", "constant"):
-        n = len(data)
-        M = np.repeat(np.eye(n)[:, None], N, axis=1) if kind == "input" else np.zeros((n, N, 1))
-        return M, np.zeros(M.shape)
-    (M, R) = parts[0]
-    if kind == "select":
-        return M[data], R[data]
-    if kind == "join":
-        n = max(part[0].shape[2] for part in parts)
-        full = [[np.broadcast_to(each, (*each.shape[:2], n)) for each in part] for part in parts]
-        return np.concatenate([m for m, _ in full]), np.concatenate([r for _, r in full])
+    if kind == "constant":
+        return np.zeros((len(data), N, 1)), np.zeros((len(data), N, 1))
+    M, R = parts[0]
     if kind == "product":
-        shape = (len(data), N, -1)
         flat, wide = M.reshape(len(M), -1), R.reshape(len(M), -1)
         rounded = (data.shape[1] + 8) * _ROUNDING * (np.abs(data) @ np.abs(flat))
+        shape = (len(data), N, -1)
         return (data @ flat).reshape(shape), (np.abs(data) @ wide + rounded).reshape(shape)
-    if kind == "scale":
-        d = np.reshape(data, (-1, 1, 1))
-        return M * d, R * np.abs(d) + 8 * _ROUNDING * np.abs(M * d)
-    if kind == "shift":
-        return M, R
     if kind == "add":
         sum_of_both = M + parts[1][0]
         sizes = np.abs(M) + np.abs(parts[1][0])
@@ -332,16 +263,9 @@ def _slopes_between(kind: str, low: np.ndarray, high: np.ndarray) -> tuple[np.nd
         return np.where(low > 0.0, 1.0, 0.0), np.where(high < 0.0, 0.0, 1.0)
     smooth = _SMOOTH[kind]
     of_low, of_high = smooth.derivatives(low)[1], smooth.derivatives(high)[1]
-    if smooth.points is None:  # of sin, whose slope changes by at most the distance
-        return np.maximum(of_low - (high - low), -1.0), np.minimum(of_low + (high - low), 1.0)
     least, largest = np.minimum(of_low, of_high), np.maximum(of_low, of_high)
-    for peak in smooth.peaks:
-        there = smooth.derivatives(np.array(peak))[1]
-        largest = np.where((low < peak) & (high > peak), there, largest)
-    if kind == "inv":
-        is_defined = low * high > 0.0
-        least = np.where(is_defined, least, -np.inf)
-        largest = np.where(is_defined, largest, np.inf)
+    if kind == "tanh":  # whose slope is largest, 1, at 0
+        largest = np.where((low < 0.0) & (high > 0.0), 1.0, largest)
     return least, largest
 
 
@@ -353,20 +277,6 @@ def _polynomial(operation: Operation, sources: list[Form], N: int, n: int) -> _S
         zero = np.zeros(x.shape)
         return _Step(Form(x, np.zeros((*x.shape, n)), None, zero), zero)
     a = sources[0]
-    if kind == "select":
-        Q = None if a.Q is None else a.Q[data]
-        form = Form(a.x[data], a.C[data], Q, a.r[data])
-        return _Step(form, np.zeros(form.r.shape))
-    if kind == "join":
-        has_curves = any(each.Q is not None for each in sources)
-        pairs = n * (n + 1) // 2
-        Q = None
-        if has_curves:
-            Q = np.concatenate(
-                [np.zeros((*each.x.shape, pairs)) if each.Q is None else each.Q for each in sources]
-            )
-        x, C, r = (np.concatenate([each[i] for each in sources]) for i in (0, 1, 3))
-        return _Step(Form(x, C, Q, r), np.zeros(x.shape))
     if kind == "product":
         size = np.abs(data)
         k, K = data.shape
@@ -377,14 +287,6 @@ def _polynomial(operation: Operation, sources: list[Form], N: int, n: int) -> _S
         own = (K + 8) * _ROUNDING * (size @ (np.abs(a.x) + a.linear + a.curved))
         Q = None if a.Q is None else times(a.Q)
         return _Step(Form(data @ a.x, times(a.C), Q, size @ a.r), own)
-    if kind == "scale":
-        d = np.reshape(data, (-1, 1))
-        Q = None if a.Q is None else a.Q * d[:, :, None]
-        form = Form(a.x * d, a.C * d[:, :, None], Q, a.r * np.abs(d))
-        return _Step(form, 8 * _ROUNDING * (np.abs(form.x) + form.linear + form.curved))
-    if kind == "shift":
-        form = a._replace(x=a.x + np.reshape(data, (-1, 1)))
-        return _Step(form, 8 * _ROUNDING * (np.abs(a.x) + np.abs(form.x)))
     b = sources[1]
     if kind == "add":
         Q = a.Q if b.Q is None else b.Q if a.Q is None else a.Q + b.Q
@@ -435,7 +337,7 @@ def _of_entries(kind: str, a: Form) -> _Step:
     if kind != "relu":
         smooth = _SMOOTH[kind]
         f0, f1, f2, f3 = smooth.derivatives(a.x)
-        fourth = smooth.fourth(a.x - reach, a.x + reach)
+        fourth = smooth.fourth(a.x + reach)
         # ½ f'' acts on the square of the linear part alone.
         of_cubic = (
             (np.abs(f3) * reach**3 + fourth * reach**4) / 24.0
@@ -469,8 +371,6 @@ def _chord(
         gaps = [of_low - slope * low, of_high - slope * high, kink]
     else:
         smooth = _SMOOTH[kind]
-        if smooth.points is None:  # between -1 and 1
-            return np.zeros(low.shape), np.zeros(low.shape), np.ones(low.shape)
         of_low, of_high = smooth.derivatives(low)[0], smooth.derivatives(high)[0]
         in_middle = smooth.derivatives((low + high) / 2.0)[1]
         slope = np.where(is_wide, (of_high - of_low) / width, in_middle)
@@ -480,7 +380,4 @@ def _chord(
             gaps.append(smooth.derivatives(inside)[0] - slope * inside)
     least, largest = np.minimum.reduce(gaps), np.maximum.reduce(gaps)
     sizes = np.abs(of_low) + np.abs(of_high) + np.abs(slope) * (np.abs(low) + np.abs(high))
-    radius = 0.5 * (largest - least) + 16 * _ROUNDING * sizes
-    if kind == "inv":
-        radius = np.where(low * high > 0.0, radius, np.inf)
-    return slope, 0.5 * (least + largest), radius
+    return slope, 0.5 * (least + largest), 0.5 * (largest - least) + 16 * _ROUNDING * sizes

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import reduce
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -14,7 +15,7 @@ RowNetwork = Callable[[np.ndarray], np.ndarray]
 #: Functions of each entry, by CasADi's number, and NumPy's functions of the same names.
 _NAMES = {
     number: name
-    for name in ("tanh", "exp", "expm1", "log", "log1p", "sin", "cos", "sqrt", "erf", "inv")
+    for name in ("tanh", "exp", "expm1", "log", "log1p", "sin", "cos", "sqrt")
     for number in (getattr(ca, f"OP_{name.upper()}"),)
 }
 _NUMBERS = {number: name for name, number in vars(ca).items() if name.startswith("OP_")}
@@ -27,9 +28,8 @@ class NotListedError(Exception):
 class Operation(NamedTuple):
     """One operation, whose result is a vector.
 
-    kind: "input", with the places of its entries as data; "constant" data; "product" data @ x;
-        "scale" data x and "shift" data + x of each entry; "add" x + y; "times" x y of each entry;
-        "select" entries data; "join" all sources; "relu"; or a function of each entry, as "tanh"
+    kind: "input"; "constant" data; "product" data @ x; "add" x + y; "times" x y of each entry;
+        "relu"; or a function of each entry, such as "tanh"
     sources: places of x, y, ... in the list
     data: numbers of the operation, or None
     """
@@ -58,16 +58,11 @@ def operations_of(function: ca.Function) -> list[Operation]:
     """
     reader = _Reader()
     n = function.numel_in(0)
-    state = _Vector(reader.add("input", data=np.arange(n)), (n, 1))
+    state = _Vector(reader.add("input"), (n, 1))
     (result,) = reader.read(function, [state])
-    return (
-        reader.operations
-        if reader.placed(result) == len(reader.operations) - 1
-        else [
-            *reader.operations,
-            Operation("scale", (reader.placed(result),), 1.0),
-        ]
-    )
+    last = reader.placed(result)
+    reader.operations.append(Operation("product", (last,), np.eye(function.numel_out(0))))
+    return reader.operations
 
 
 def row_function(function: ca.Function) -> RowNetwork | None:
@@ -101,25 +96,12 @@ def _on_rows(operation: Operation, sources: list[np.ndarray]) -> np.ndarray:
             return np.asarray(data)[None]
         case "product":
             return sources[0] @ data.T
-        case "scale":
-            return sources[0] * data
-        case "shift" | "add":
-            return sources[0] + (data if kind == "shift" else sources[1])
+        case "add":
+            return sources[0] + sources[1]
         case "times":
             return sources[0] * sources[1]
-        case "select":
-            return sources[0][:, data]
-        case "join":
-            rows = max(map(len, sources))
-            return np.hstack([np.broadcast_to(x, (rows, x.shape[1])) for x in sources])
         case "relu":
             return np.maximum(sources[0], 0.0)
-        case "inv":
-            return 1.0 / sources[0]
-        case "erf":
-            from scipy.special import erf
-
-            return np.asarray(erf(sources[0]))
     function: Callable[[np.ndarray], np.ndarray] = getattr(np, kind)
     return function(sources[0])
 
@@ -249,7 +231,8 @@ class _Reader:
             return value.ravel(order="F")[list(places)].reshape(shape, order="F")
         if list(places) == list(range(max(value.shape))):
             return value._replace(shape=shape)
-        return _Vector(self.add("select", value.place, data=np.array(places)), shape)
+        chosen = np.eye(max(value.shape))[list(places)]
+        return _Vector(self.add("product", value.place, data=chosen), shape)
 
     def _joined(self, parts: Sequence[Any], shape: tuple[int, int]) -> _Value:
         """Return vectors joined to one."""
@@ -260,7 +243,13 @@ class _Reader:
             raise NotListedError("join of matrices")
         if len(parts) == 1:
             return parts[0]
-        return _Vector(self.add("join", *map(self.placed, parts)), shape)
+        ends = np.cumsum([0, *(part.shape[0] * part.shape[1] for part in parts)])
+        whole = np.eye(ends[-1])
+        spread: list[_Value] = [
+            _Vector(self.add("product", self.placed(part), data=whole[:, a:b].copy()), shape)
+            for part, (a, b) in zip(parts, pairwise(ends.tolist()), strict=True)
+        ]
+        return reduce(self._sum, spread)
 
     def _product(self, a: _Value, b: _Value) -> _Value:
         """Return the product of two matrices, at most one of which is not constant."""
@@ -306,22 +295,23 @@ class _Reader:
         if isinstance(x, np.ndarray) and kind in (ca.OP_ADD, ca.OP_MUL, ca.OP_FMIN, ca.OP_FMAX):
             x, y = y, x  # a constant comes last
 
-        def entries(value: np.ndarray) -> Any:
-            return value.ravel(order="F") if value.size > 1 else value.item()
+        def plus(a: Any, b: Any) -> Any:
+            if isinstance(b, np.ndarray) and not b.any():
+                return a
+            return of("add", spread(a), spread(b))
 
-        def plus(a: Any, b: Any) -> _Vector:
-            if isinstance(a, np.ndarray):
-                a, b = b, a
-            if isinstance(b, np.ndarray):
-                return of("shift", a, data=entries(b)) if b.any() else a
-            return of("add", a, b)
+        def spread(value: Any) -> Any:
+            if isinstance(value, np.ndarray) and value.size == 1:
+                return np.full(shape, value.item())
+            return value
 
         def times(a: Any, b: Any) -> _Vector:
-            is_constant = isinstance(b, np.ndarray)
-            return of("scale", a, data=entries(b)) if is_constant else of("times", a, b)
+            if isinstance(b, np.ndarray):
+                return of("product", a, data=np.diag(spread(b).ravel(order="F")))
+            return of("times", a, b)
 
         def negative(a: Any) -> Any:
-            return -a if isinstance(a, np.ndarray) else of("scale", a, data=-1.0)
+            return -a if isinstance(a, np.ndarray) else times(a, np.full((1, 1), -1.0))
 
         if kind == ca.OP_ADD:
             return plus(x, y)
@@ -330,16 +320,13 @@ class _Reader:
         if kind == ca.OP_NEG:
             return negative(x)
         if kind == ca.OP_TWICE:
-            return of("scale", x, data=2.0)
+            return plus(x, x)
         if kind == ca.OP_MUL:
             return times(x, y)
         if kind == ca.OP_SQ:
             return of("times", x, x)
-        if kind == ca.OP_DIV:
-            if isinstance(y, np.ndarray):
-                return times(x, 1.0 / y)
-            inverse = of("inv", y)
-            return times(inverse, x)
+        if kind == ca.OP_DIV and isinstance(y, np.ndarray):
+            return times(x, 1.0 / y)
         if kind in (ca.OP_FMAX, ca.OP_FMIN) and isinstance(y, np.ndarray) and np.isinf(y).any():
             if not (y == (-np.inf if kind == ca.OP_FMAX else np.inf)).all():
                 raise NotListedError("limit of some entries")
@@ -349,7 +336,7 @@ class _Reader:
         if kind == ca.OP_FMIN:  # x - relu(x - y)
             return plus(x, negative(of("relu", plus(x, negative(y)))))
         if kind == ca.OP_FABS:  # 2 relu(x) - x
-            return plus(of("scale", of("relu", x), data=2.0), negative(x))
+            return plus(plus(of("relu", x), of("relu", x)), negative(x))
         if kind in (ca.OP_CONSTPOW, ca.OP_POW) and isinstance(y, np.ndarray) and y.size == 1:
             power = y.item()
             if power in (1, 2, 3, 4):
