@@ -24,7 +24,7 @@ from controller.game.basis import TO_DEGREE, Basis, basis as named_basis
 from controller.game.zero_sum import Game
 from controller.riccati.balls import ball_matrix, precision
 from controller.riccati.gare import Solution
-from hfa_support.errors import BadInputError, NoSolutionError, shown
+from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors, shown
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
 from trim.linear.linear_model import LinearModel
@@ -36,9 +36,6 @@ if TYPE_CHECKING:
     from controller import Radius
 
 
-#: Largest difference between A or B of the game and of the aircraft, relative to the largest entry
-#: of its row and column.
-TOLERANCE = 1e-8
 #: Largest rate at a trim, relative to the scale of the rate: the accuracy of saved points.
 STEADY = 1e-6
 
@@ -52,9 +49,8 @@ def deviation_rates(linear: LinearModel, game: Game) -> ca.Function:
     linear: linear model at the trim
     game: game on this linear model
 
-    Raises BadInputError if the equations contain tables, have a switch at the trim, have other
-    derivatives than A and B of the game, if a rate is not 0 at the operating point, or if the game
-    is in discrete time.
+    Raises BadInputError if the equations contain tables, have a switch at the trim, if a rate is
+    not 0 at the operating point, or if the game is in discrete time.
     """
     game.refuse_steps("the nonlinear game")
     model = linear.model
@@ -69,7 +65,6 @@ def deviation_rates(linear: LinearModel, game: Game) -> ca.Function:
             )
     z, u = rates.sx_in()
     from_trim = ca.Function("rates", [z, u], [ca.densify(rates(z, u) - at_trim)])
-    _refuse_other_plant(from_trim, game, model.title)
     return from_trim
 
 
@@ -112,33 +107,6 @@ def refuse_nonsmooth(linear: LinearModel) -> None:
             f"{model.title}: |.|, min, max or a comparison of {', '.join(signals)} switches at the "
             "trim, where the value has no power series; choose another trim, or leave out the order"
         )
-
-
-def _refuse_other_plant(rates: ca.Function, game: Game, title: str) -> None:
-    """Raise BadInputError unless A and B of the game are the derivatives of F at the trim."""
-    z, u = rates.sx_in()
-    f = rates(z, u)
-    jacobians = ca.Function("AB", [z, u], [ca.jacobian(f, z), ca.jacobian(f, u)])(0, 0)
-    for name, of_game, jacobian in zip("AB", (game.A, game.B), jacobians, strict=True):
-        exact = np.array(ca.densify(jacobian))
-        if not np.isfinite(exact).all():
-            raise BadInputError(f"{title}: {name} is not finite at the trim")
-        if of_game.shape != exact.shape or not _are_same(of_game, exact):
-            raise BadInputError(
-                f"{title}: {name} of the game is not the linear model at this trim; give the "
-                "linear model of which the game was made"
-            )
-
-
-def _are_same(given: np.ndarray, exact: np.ndarray) -> bool:
-    """Return whether two matrices agree up to `TOLERANCE`, whatever the units of states and inputs.
-
-    The difference of an entry is relative to the largest entry of its row, or of its column if this
-    is smaller. Units scale rows and columns.
-    """
-    sizes = np.abs(exact)
-    scales = np.minimum(sizes.max(axis=1)[:, None], sizes.max(axis=0)[None, :])
-    return bool(np.all(np.abs(given - exact) <= TOLERANCE * scales))
 
 
 #: Permitted degrees of a value.
@@ -306,7 +274,8 @@ def expand(linear: LinearModel, solution: Solution, order: int) -> Expansion:
     _check_order(len(solution.P), order)
     rates = deviation_rates(linear, solution.game)
     root = root_of(solution.P)
-    value, policy = series_of_game(solution, rates, order)
+    with prefix_errors(linear.model.title):
+        value, policy = series_of_game(solution, rates, order)
     with precision(BITS_OF_SERIES):
         z_of_y = ball_matrix(root.T).inv()
         value_in_y = [in_coordinates(term[None], d, z_of_y) for d, term in enumerate(value, LOWEST)]

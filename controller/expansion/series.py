@@ -15,9 +15,9 @@ from flint import arb, arb_mat
 
 from controller.expansion.taylor import PowerSeries, Terms
 from controller.game.basis import Basis, monomials
-from controller.riccati.balls import above, ball_matrix, precision
+from controller.riccati.balls import above, ball_matrix, midpoints, precision
 from controller.riccati.gare import Solution
-from hfa_support.errors import NoSolutionError
+from hfa_support.errors import BadInputError, NoSolutionError
 
 
 @lru_cache(maxsize=64)
@@ -116,6 +116,17 @@ def series_of_game(solution: Solution, rates: ca.Function, order: int) -> Series
     return found
 
 
+def _other_plant(name: str) -> BadInputError:
+    """Return the error of a game with another A or B than the derivatives of the rates."""
+    return BadInputError(
+        f"{name} of the game is not the linear model at this trim; give the linear model of which "
+        "the game was made"
+    )
+
+
+#: Largest difference between A or B of the game and of the aircraft, relative to the largest entry
+#: of its row and column.
+TOLERANCE = 1e-8
 #: Least number of bits of the balls.
 BITS_OF_SERIES = 256
 
@@ -132,6 +143,8 @@ class _Game:
         if not math.isfinite(game.delta):
             self.w = arb(0)
         self.loop = self.A - self.B * self.K + self.E * self.E.transpose() * self.P * self.w
+        if game.B.shape != (self.n, self.m):
+            raise _other_plant("B")
         z, u = rates.sx_in()
         gradient = ca.SX.sym("gradient", self.n)
         f = rates(z, u)
@@ -140,9 +153,15 @@ class _Game:
         self.slope = ca.Function("slope", [z, u, gradient], [slope])
         # A and B of the game are the derivatives of the rates, rounded.
         ring = PowerSeries(self.n + self.m, 1)
-        exact = [ring.of_degree(row, 1) for row in ring.values(self.rates, ring.variables())]
-        self.A_change = self.A - ball_matrix([row[: self.n] for row in exact])
-        self.B_change = self.B - ball_matrix([row[self.n :] for row in exact])
+        rows = [ring.of_degree(row, 1) for row in ring.values(self.rates, ring.variables())]
+        exact = [ball_matrix([row[part] for row in rows]) for part in np.s_[: self.n, self.n :]]
+        self.A_change, self.B_change = self.A - exact[0], self.B - exact[1]
+        for name, change, matrix in zip("AB", (self.A_change, self.B_change), exact, strict=True):
+            sizes = np.abs(midpoints(matrix))
+            # in any units, which scale rows and columns
+            least = np.minimum(sizes.max(axis=1)[:, None], sizes.max(axis=0))
+            if not (np.abs(midpoints(change)) <= TOLERANCE * least).all():
+                raise _other_plant(name)
 
     def terms(self, found: SeriesOfGame, degree: int) -> tuple[np.ndarray, np.ndarray]:
         """Return V_d, (M,), and u_{d-1}, (m, M), from the terms of lower degrees."""
