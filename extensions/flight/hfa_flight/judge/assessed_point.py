@@ -4,60 +4,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from controller.riccati.gare import solve
 from hfa_aircraft.batch_simulation import IntegrationError
-from hfa_flight.judge.flight_costs import CostRatio, has_weights, lqr_at
+from hfa_flight.judge.flight_costs import CostRatio
 from hfa_flight.judge.outcomes import Outcomes, TrimCase
 from hfa_flight.needs import ALL, is_enough
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.sampled_loop import Delays, Equilibrium, Margins
 from hfa_flight.simulate.envelope import flight_envelope
-from hfa_support.errors import NoSolutionError
 from hfa_support.reporting.results import Result, without_empty
 from trim.point.operating_point import OperatingPoint
-
-
-class ActionEffect(NamedTuple):
-    """Effect of an action in the linear loop, beside that of the exact gain.
-
-    The effect K_i b_i is the amount by which the action lowers the sum of the eigenvalues of the
-    loop, 1/s, with K_i the action's row of the gain and b_i its column of B. For the exact gain
-    K = R⁻¹ B'P it is b_i'P b_i / R_ii for a diagonal R, and thus never negative.
-
-    action: name of the input.
-    effect: of the policy, negative for a reversed action.
-    exact_effect: of the exact gain.
-    """
-
-    action: str
-    effect: float
-    exact_effect: float
-
-
-def action_effects(deployed: Deployed, linearized: Equilibrium) -> list[ActionEffect]:
-    """Return the effect of each action in the linearization at an equilibrium or at a trim.
-
-    The policy's gain is that of inputs that have followed a constant state (`settled_gain`), for a
-    policy that observes its inputs. The exact gain is that of the linear problem with the weights
-    of `weights_at`. The result is [] without weights, or if this problem has no solution.
-    """
-    if not has_weights(deployed):
-        return []
-    try:
-        exact = solve(lqr_at(deployed, linearized)).K
-    except NoSolutionError:
-        return []
-    loop = linearized.nominal
-    # The diagonal of K B is K_i b_i of each action. Their sum is the trace of A minus that of
-    # A - B K, and a trace is the sum of the eigenvalues.
-    effects = np.diag(loop.settled_gain @ loop.B).tolist()
-    exact_effects = np.diag(exact @ loop.B).tolist()
-    columns = (deployed.commanded, effects, exact_effects)
-    return [ActionEffect(*row) for row in zip(*columns, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +34,6 @@ class AssessedPoint(Result):
     box: fraction of the initial-condition box of the flights, below 1 if the exact gain leaves the
         envelope from the whole one.
     late: outcomes with the delay of a requirement, or None without one.
-    actions: effect of each action beside the exact gain's, or () if there is no exact gain.
     costs: cost of the flights beside the exact gain's, or None if no costs were compared.
     remarks: reasons why parts of the assessment are missing, one sentence each.
     integration: integration error of some of the flights, or None without flights.
@@ -90,7 +48,6 @@ class AssessedPoint(Result):
     disturbed: Outcomes | None = None
     box: float = 1.0
     late: Outcomes | None = None
-    actions: tuple[ActionEffect, ...] = ()
     costs: CostRatio | None = None
     remarks: tuple[str, ...] = ()
     integration: IntegrationError | None = None
@@ -164,7 +121,6 @@ class AssessedPoint(Result):
                 "flights": self.flights,
                 "disturbed": self.disturbed,
                 "box": self.box,
-                "actions": self.actions,
                 "remarks": self.remarks,
                 "spectral_radius": self.radius,
                 "holds": self.holds,

@@ -1,4 +1,4 @@
-"""Tables of an assessment: sampled loop and flights at each trim, actions."""
+"""Tables of an assessment: sampled loop and flights at each trim."""
 
 from __future__ import annotations
 
@@ -265,7 +265,6 @@ def report_parts(deployed: Deployed, points: Sequence[AssessedPoint]) -> list[An
     error = points[0].integration
     if error is not None and error.is_resolved:
         parts.append(error.text())
-    parts += _actions(points)
     return parts
 
 
@@ -338,26 +337,6 @@ def _table(sheets: Sequence[Sequence[Row]]) -> Table:
     cells = [{row.name: row.cells().value for row in sheet} for sheet in sheets]
     header = tuple(f"{name} {unit}".rstrip() for name, unit in columns.items())
     return Table(header, [tuple(row.get(name, "-") for name in columns) for row in cells])
-
-
-def _actions(points: Sequence[AssessedPoint]) -> list[Group]:
-    """Return the effects of the actions at the trim at which one is most reversed."""
-    with_actions = [point for point in points if point.actions]
-    if not with_actions:
-        return []
-    worst = min(with_actions, key=_least_relative_effect)
-    rows = tuple(
-        Row(action.action, action.effect, "1/s", f"exact gain {action.exact_effect:+.3g}", digits=3)
-        for action in worst.actions
-    )
-    effect = "Effect of an action: by how much it lowers the sum of the loop's eigenvalues."
-    return [Group(f"actions {where_text([worst], points)}", rows, (effect,))]
-
-
-def _least_relative_effect(point: AssessedPoint) -> float:
-    """Return the least effect of an action relative to the exact gain's, 0 if the latter is 0."""
-    effects = [(action.effect, action.exact_effect) for action in point.actions]
-    return min(effect / exact if exact else 0.0 for effect, exact in effects)
 
 
 def records_table(points: Sequence[AssessedPoint]) -> Table:

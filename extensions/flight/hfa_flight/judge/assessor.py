@@ -10,7 +10,7 @@ import numpy as np
 
 from hfa_aircraft.batch_simulation import Figures, IntegrationError, ReportedFigure, resolved
 from hfa_flight.air.held_step import parts_of_a_sample
-from hfa_flight.judge.assessed_point import AssessedPoint, action_effects
+from hfa_flight.judge.assessed_point import AssessedPoint
 from hfa_flight.judge.flight_costs import refuse_wrong_weights
 from hfa_flight.judge.outcomes import (
     BALL,
@@ -216,20 +216,14 @@ class Assessor:
             return AssessedPoint(
                 self.deployed, replace(case, loop=None), remarks=(steps,), share=self.share
             )
-        # Saturated actions have no effect at the equilibrium: their effects are those at the trim.
-        linearized = case.equilibrium
-        if linearized is None or linearized.clips:
-            linearized = EquilibriumSearch(self.deployed, case.point).at_trim()
-        actions = tuple(action_effects(self.deployed, linearized))
         if case.equilibrium is None or case.loop is None:
-            return AssessedPoint(self.deployed, case, actions=actions, share=self.share)
+            return AssessedPoint(self.deployed, case, share=self.share)
         margins = _margins(case.loop)  # or the reason why they are missing
         return AssessedPoint(
             self.deployed,
             case,
             delays=delays,
             margins=None if isinstance(margins, str) else margins,
-            actions=actions,
             remarks=(margins,) if isinstance(margins, str) else (),
             share=self.share,
         )
