@@ -139,7 +139,7 @@ def late_loop(kalman: KalmanFilter, gain: np.ndarray, known: float, further: flo
         *of_filter[:own_count],
     ]
     F, G = np.split(np.vstack(after), [size], axis=1)
-    return Chain(F, G, own[:, :size], n, dt, np.eye(size, n))
+    return Chain(F, G, own[:, :size], n, dt)
 
 
 def _unknown_delay(kalman: KalmanFilter, gain: np.ndarray, known: float) -> float | None:

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import casadi as ca
 import numpy as np
-import pytest
 
 import hfa
 
@@ -65,8 +64,7 @@ def equilibrium(*act, **settings):
 def test_the_equilibrium_balances_the_offset_of_the_policy():
     """With u = c - K x, c = OFFSET, the equilibrium is x = -(A - B K)^-1 B c. `nominal` has A, B and K of
     deviations that are divided by the nominal values X and U. The policy does not feed back the inputs
-    of the last sample, so that their gain `K_inputs` is 0, and the gain `settled_gain` of the states,
-    once the inputs are constant, is K itself.
+    of the last sample, so that their gain `K_inputs` is 0.
     """
     found = equilibrium(lambda o: ca.DM(OFFSET) - ca.DM(K) @ o)
     x = -np.linalg.solve(A - B @ K, B @ OFFSET)
@@ -76,23 +74,8 @@ def test_the_equilibrium_balances_the_offset_of_the_policy():
     loop = found.nominal
     for name, value in (("A", A * X / X[:, None]), ("B", B * U / X[:, None]), ("K", NOMINAL_K)):
         np.testing.assert_allclose(getattr(loop, name), value, atol=1e-9, err_msg=name)
-    np.testing.assert_allclose(loop.settled_gain, NOMINAL_K, atol=1e-9)
     assert not loop.K_inputs.any()
     assert (found.clips, found.clipped_observations) == ((), ())
-
-
-@pytest.mark.slow
-def test_the_settled_gain_is_that_of_inputs_that_have_followed_a_constant_state():
-    """The elevator e = -K x + 0.5 (e of the last sample) settles at -2 K x. With the factor 1 it is an
-    integrator, which does not settle: K is reported.
-    """
-    names = ("alpha", "speed", "elevator")
-    for share, factor in ((0.5, 2.0), (1.0, 1.0)):
-        follows = lambda o, s=share: -ca.DM(K) @ o[:2] + ca.DM([s, 0.0]) * o[2]  # noqa: E731
-        loop = equilibrium(follows, names).nominal
-        np.testing.assert_allclose(loop.K_inputs, [[share, 0.0], [0.0, 0.0]], atol=1e-9)
-        gain = NOMINAL_K * [[factor], [1.0]]
-        np.testing.assert_allclose(loop.settled_gain, gain, atol=1e-9)
 
 
 def test_at_a_nonsmooth_point_the_loop_is_that_of_linearize():

@@ -7,9 +7,7 @@ import casadi as ca
 import control
 import numpy as np
 import pytest
-from held_inputs import over_hold
 from policy_cases import GTM, Q, R, gtm_deployment, model_of
-from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 from scipy.signal import cont2discrete
 from small_plants import oscillator
 
@@ -81,36 +79,6 @@ def test_margins_equal_python_control(gtm_lqr):
     disk = control.disk_margins(both, np.geomspace(0.1, math.pi / DT, 300))[0]
     assert found.disk.disk <= disk * (1.0 + 1e-9)
     assert found.disk.disk == pytest.approx(disk, rel=1e-3)
-
-
-def test_the_cost_of_a_policy_that_observes_an_input_is_that_of_scipy(gtm_lqr):
-    """The policy u = -K x + S u_before, S = diag(0.4, 0), observes the elevator of the last sample.
-    Its cost above the optimum, in %, is that of SciPy: by the Lyapunov equation of the loop with the
-    state (x, u_before), and by the Riccati equation of the optimum.
-    """
-    _, linear, K = gtm_lqr
-    o = ca.SX.sym("o", 5)
-    act = -ca.DM(K) @ o[:4] + ca.DM([[0.4], [0.0]]) @ o[4]
-    deployment = gtm_deployment(
-        {"file": ca.Function("policy", [o], [act])},
-        observation={name: {} for name in (*linear.states, "elevator")},
-        cost={"Q": Q, "R": R},
-        timing={"dt": DT},
-    )
-    (loop,) = hfa.assess(model_of(GTM), deployment, [linear.point], samples=0).points
-    game = hfa.game(linear, Q=Q, R=R)
-    Phi, Gamma, Q_DT, N_DT, R_DT = over_hold(game.A, game.B, game.Q, game.R, DT)
-    # With s = (x, u_before): u = command s, s⁺ = closed s, and (x, u) = both s.
-    command = np.hstack([-K, np.diag([0.4, 0.0])])
-    closed = np.vstack([np.hstack([Phi, np.zeros((4, 2))]) + Gamma @ command, command])
-    both = np.vstack([np.eye(4, 6), command])
-    weight = both.T @ np.block([[Q_DT, N_DT], [N_DT.T, R_DT]]) @ both
-    P = solve_discrete_lyapunov(closed.T, weight)[:4, :4]  # the costs are x'Px, with u_before = 0
-    P_optimal = solve_discrete_are(Phi, Gamma, Q_DT, R_DT, s=N_DT)
-    above = np.linalg.eigvals(np.linalg.solve(P_optimal, P)).real - 1.0  # relative to the optimum
-    assert above.max() > 0.05
-    assert loop.cost.worst == pytest.approx(100.0 * above.max(), rel=1e-6)
-    assert loop.cost.mean == pytest.approx(100.0 * above.mean(), rel=1e-6)
 
 
 def test_the_delay_limit_is_the_first_delay_of_whole_samples_that_is_unstable(gtm_lqr):

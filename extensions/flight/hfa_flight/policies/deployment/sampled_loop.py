@@ -55,16 +55,6 @@ class NominalLoop(NamedTuple):
     K: np.ndarray
     K_inputs: np.ndarray
 
-    @property
-    def settled_gain(self) -> np.ndarray:
-        """Gain (I - K_inputs)⁻¹ K of u = -gain x once the inputs follow a constant state, (m', k).
-
-        The gain is K for a policy whose inputs do not settle, such as an integrator.
-        """
-        if not spectral_radius(self.K_inputs) < 1.0:
-            return self.K
-        return np.linalg.solve(np.eye(len(self.K_inputs)) - self.K_inputs, self.K)
-
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
@@ -271,9 +261,6 @@ class Chain:
     C: (m, N).
     states: number of aircraft states, the first entries of s.
     dt: sample time, s.
-    start: (N, states), matrix from the deviations of the states to s at the first sample.
-    acting: durations of the parts of a sample, s, with the matrices (m, N) from s to the inputs
-        that act in them in the closed loop.
     """
 
     F: np.ndarray
@@ -281,8 +268,6 @@ class Chain:
     C: np.ndarray
     states: int
     dt: float
-    start: np.ndarray
-    acting: tuple[tuple[float, np.ndarray], ...] = ()
 
     @property
     def closed(self) -> np.ndarray:
@@ -356,15 +341,9 @@ def chain_of(nominal: NominalLoop, dt: float, delay: float) -> Chain:
     if whole:
         before_oldest = slice(size - 2 * m, size - m)
         F[:n, before_oldest] = plant.late
-        late_input = np.eye(size)[before_oldest]
     else:
         G[:n] = plant.late
-        late_input = C
-
-    # Inputs that act in the two parts of a sample, for the cost between samples.
-    acting = [(rest, np.eye(size)[oldest]), (dt - rest, late_input)]
-    parts = tuple(part for part in acting if part[0] > 0.0)
-    return Chain(F, G, C, n, dt, np.eye(size, n), parts)
+    return Chain(F, G, C, n, dt)
 
 
 class Delays(NamedTuple):
