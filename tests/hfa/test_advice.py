@@ -132,8 +132,8 @@ def test_no_advice_leads_to_a_falling_aircraft(case, tmp_path):
     """Advice never frees pitch_dot or another attitude rate, because the aircraft would fall.
 
     If the user frees pitch_dot, the first line of the trim says "accelerated" and the load factor; a
-    climb of 45 deg has no such trim. Only the error of the heavy aircraft says to check the unit of
-    the mass.
+    climb of 45 deg has no such trim. Only the error of the heavy aircraft compares lift and
+    weight of its table.
     """
     words = {
         "heavy": ["--aircraft", heavy(tmp_path)],
@@ -142,7 +142,7 @@ def test_no_advice_leads_to_a_falling_aircraft(case, tmp_path):
     }[case]
     refused = command("trim", *words)
     assert (refused.code, "_dot" in refused.err) == (1, False)
-    assert ("check the unit of the mass" in refused.err) == (case == "heavy")
+    assert ("lift = weight at the condition" in refused.err) == (case == "heavy")
     freed = command("trim", *words, "--free", "pitch_dot")
     assert freed.code == (case == "climb")
     if case != "climb":

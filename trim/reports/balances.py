@@ -206,6 +206,9 @@ def _known_of(trimmed: Trimmed) -> dict[str, _Known]:
         elif name in parameters:
             add(name, name, parameters[name].unit, unit, parameters[name].start, none)
     known.setdefault("gravity", _Known("", "", STANDARD_GRAVITY, none))
+    if model.about.equations == "JSBSim":  # further forces of a file are in no output
+        for name in ("drag", "pitching_moment"):
+            known.pop(name, None)
     if trimmed.in_wind:  # these may be relative to the ground
         for name in ("gamma", "climb_rate", "altitude_dot"):
             known.pop(name, None)

@@ -10,13 +10,10 @@ from typing import Any
 from hfa_aircraft.control_systems import is_linear_plant
 from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.aircraft import inertia_warning
-from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.matrices import ROUNDING
 from hfa_support.reporting.rows import Lacking, Row
 from hfa_support.reporting.text import digits, shown_value, without_rounding
 from hfa_support.units import conversion_factor
-from trim.point.condition import release
-from trim.point.solve import trim
 from trim.reports.balances import balances_of
 from trim.reports.trimmed import (
     ENTRIES,
@@ -159,7 +156,7 @@ def _warnings_at(trimmed: Trimmed) -> Iterator[str]:
 
 def _steep(trimmed: Trimmed) -> str:
     """Return a sentence on an alpha beyond `_LARGEST_ALPHA` with its probable cause: no air, data
-    in degrees, or a condition that is no flight, then with the options of a flight.
+    in degrees, or a condition that is no flight.
     """
     point, model = trimmed.point, trimmed.point.model
     without_air = [
@@ -172,32 +169,7 @@ def _steep(trimmed: Trimmed) -> str:
     warning = f"{', '.join(words)}: {'no' if without_air else 'hardly a'} flight"
     if model.about.equations == "derivatives":
         return f"{warning}; the data may have degrees without a unit"
-    options = _flight_options(trimmed) if point.ok else ""
-    return f"{warning}; a flight: {options}" if options else warning
-
-
-def _flight_options(trimmed: Trimmed) -> str:
-    """Return the options that hold the start values of speed and altitude and free the inputs, or
-    "" if they lead to no trim, or to one that is as steep.
-    """
-    model, condition = trimmed.point.model, trimmed.point.trim_problem.condition
-    alpha, speed = trimmed.roles["alpha"], trimmed.roles.get("speed", "")
-    imposed = {*condition.imposed}
-    if not imposed.isdisjoint(model.airspeeds):  # one of them is held in place of the speed
-        imposed.add(speed)
-    motion = [name for name in (speed, "altitude") if name in model.states and name not in imposed]
-    hold = {name: model.states[name].start for name in motion}
-    # Inputs that the default condition holds; those that the user holds remain held.
-    defaults = {name for name, value in model.trim.items() if condition.imposed.get(name) == value}
-    free = [name for name in model.inputs if name in defaults]
-    try:
-        flown = trim(model, release(condition, hold=hold, free=free))
-    except (BadInputError, NoSolutionError):
-        return ""
-    if not hold or abs(math.degrees(flown.in_coherent_units[alpha])) > _LARGEST_ALPHA:
-        return ""
-    held = [f"--hold {name}={shown_value(hold[name], model.unit(name))}" for name in hold]
-    return " ".join([*held, *(f"--free {name}" for name in free)])
+    return f"{warning}; hold a speed"
 
 
 def _is_unstable_in_yaw(trimmed: Trimmed) -> bool:

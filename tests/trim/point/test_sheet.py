@@ -553,11 +553,8 @@ def test_a_trim_far_below_the_flight_speed_has_a_warning(speed, output, is_repor
     assert ("no flight" in hfa.trim(model).report().title) == is_reported
 
 
-def test_a_trim_without_air_has_a_warning_with_the_options_of_a_flight():
-    """With the held controls, a search finds a trim at 40 km, where the density is 0. The report warns of
-    it, and a trim with the options --hold and --free that it advises is a flight at the start values,
-    50 m/s and 1 km.
-    """
+def test_a_trim_without_air_has_a_warning():
+    """With the held controls, a search finds a trim at 40 km, where the density is 0."""
 
     def equations(x, u, p, w):
         density = 1.0 - x.altitude / 40e3
@@ -577,10 +574,6 @@ def test_a_trim_without_air_has_a_warning_with_the_options_of_a_flight():
     title = " ".join(point.report().title.split())
     assert "Check: alpha -90 deg, density 0 kg/m^3: no flight" in title
     assert "degrees without a unit" not in title  # which alpha is not taken for
-    held = {name: float(value) for name, value in re.findall(r"--hold (\w+)=([-.\d]+)", title)}
-    flown = hfa.trim(model, hold=held, free=re.findall(r"--free (\w+)", title))
-    assert dict(flown.states) == pytest.approx({"speed": 50.0, "alpha": 0.1, "altitude": 1e3})
-    assert "Check" not in flown.report().title
 
 
 def test_an_output_is_shown_on_the_short_sheet(tmp_path):
