@@ -375,8 +375,14 @@ def _balances_at(trimmed: Trimmed) -> Balances:
     if trimmed.fault or is_linear_plant(trimmed.model):
         return Balances(0, 0, [], {})
     evaluation = _Evaluation(trimmed)
+    has = {*trimmed.known, *trimmed.roles}
+
+    def comparable(name: str) -> str:
+        """Return what is missing: a quantity, or one without further parts, wind or odd unit."""
+        return f"comparable {name}" if name.removesuffix("_dot") in has else name
+
     lacking = {
-        BALANCES[number].name: [name for name in names if name not in _OF_AIR]
+        BALANCES[number].name: [comparable(name) for name in names if name not in _OF_AIR]
         or [_OF_AIR[name] for name in names]
         for number, names in evaluation.lacking.items()
         if names
