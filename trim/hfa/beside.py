@@ -72,6 +72,13 @@ def mode_differences(modes: Sequence[Mode], others: Sequence[Mode]) -> tuple[Mod
     return tuple(differences)
 
 
+#: Which of the two dynamics to use.
+_WHICH = (
+    "newton dynamics are exact mechanics, published ones those of the printed matrices: where they "
+    "are apart, trust newton (--dynamics newton)"
+)
+
+
 def differences_group(other: str, differences: Sequence[ModeDifference]) -> Group:
     """Return the eigenvalues of the other dynamics, and how far they are from the reported ones.
 
@@ -81,7 +88,7 @@ def differences_group(other: str, differences: Sequence[ModeDifference]) -> Grou
         Row(difference.mode, difference.other, "1/s", f"{difference.percent:.3g} % apart")
         for difference in differences
     ]
-    return Group(f"modes of {other} dynamics", tuple(rows))
+    return Group(f"modes of {other} dynamics", tuple(rows), (_WHICH,))
 
 
 def beside(model: LinearModel) -> Beside:

@@ -204,8 +204,8 @@ def _unusual(trimmed: Trimmed) -> Iterator[str]:
         force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
         by_states, _ = trimmed.slopes.outputs["lift"]
         slope = float(by_states[trimmed.slopes.states.index(roles["alpha"])]) / force
-        # A stall reduces any CL_alpha to about 0.
-        if trimmed["lift"] / force < _STALLING_CL or slope > 1.0:
+        # A stall reduces any CL_alpha to about 0 or less, which the first lines state.
+        if slope > 1.0 or (slope > 0.0 and trimmed["lift"] / force < _STALLING_CL):
             figures["CL_alpha"] = (slope, 0.8, 15.0)
     for name, (value, least, most) in figures.items():
         if value < least or value > most:  # nan, of an unknown figure, is neither
