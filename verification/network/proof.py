@@ -202,6 +202,7 @@ class _Search:
         self.i, self.j = np.triu_indices(n)
         # |y - y'| of the exact equilibrium y' and the computed one, in the norms of W and of U
         self.off = self.off_value = 0.0
+        self.off_each = np.zeros((n, 1))  # of each state
         self.central = self._central()
         # The exact equilibrium is the fixed point of y = -F⁻¹ B e(y), a contraction where e has a
         # slope below ρ (small gain): it is as near as the residual says.
@@ -210,6 +211,7 @@ class _Search:
                 raise NotProvedError("the policy is not smooth at its equilibrium")
             self.off = self._distance_of_equilibrium()
             self.off_value = float(np.linalg.norm(setting.SU @ self.inverse, 2)) * self.off
+            self.off_each = self.off * np.linalg.norm(self.inverse, axis=1)[:, None]
 
     def _distance_of_equilibrium(self) -> float:
         """Return a bound of |y - y'|_W between the computed equilibrium and the exact one."""
@@ -254,13 +256,15 @@ class _Search:
         y = 0.5 * (low + high) * claim.tube[:, None]
         h = 0.5 * (high - low) * claim.tube[:, None]
         b = prover.b[:, None]
-        bounds = prover.error.over(prover.center[:, None] + y * b, h * b)
+        # With the exact equilibrium in each box that has the computed one.
+        bounds = prover.error.over(prover.center[:, None] + y * b, (h + self.off_each) * b)
         x, C, Q, r = bounds.form
         r = (
             r
             + prover.radius_at_rest
             + prover.error_of_K @ (np.abs(prover.center)[:, None] + (np.abs(y) + h) * b)
         )
+        r = r + 4 * 2.0**-52 * (np.abs(x) + np.abs(prover.at_rest))
         x = x - prover.at_rest
         scores = bounds.scores + np.abs(C).sum(0)
         norm = np.linalg.norm

@@ -402,4 +402,5 @@ def _peaks(setting: Setting, F: arb_mat, widths: np.ndarray) -> np.ndarray:
         raise NotProvedError("the exact loop has both fast and slow modes")
     if not lost < 0.01:
         raise NotProvedError("rounding of the exact loop is not small")
-    return np.asarray((top / (1.0 - lost) + bent * (1.0 + _STRICT)) * (1.0 + 1e-9))
+    bent = bent * (1.0 + _STRICT) + lost * (bend @ (np.abs(squared) @ top))
+    return np.asarray((top / (1.0 - lost) + bent) * (1.0 + 1e-9))

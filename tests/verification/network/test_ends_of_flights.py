@@ -3,13 +3,10 @@
 import math
 
 import casadi as ca
-import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from hfa import Game, from_network, solve, verify
-from hfa_aircraft.batch_simulation import FlightOutcome
-from verification.network.loops import Loop, Rates
 
 #: Unstable plants with one state and one input, in continuous time and in steps of 0.1 s.
 FLOW = Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0])
@@ -87,21 +84,3 @@ def test_a_flight_to_another_equilibrium_is_a_counter_example(game):
     data = verdict.to_dict()
     assert data["counterexample"][0] >= 0.5
     assert (data["proved"], "stays " in verdict.headline) == (False, True)
-
-
-def test_a_flight_that_runs_out_of_steps_ends_with_its_last_whole_tick():
-    """An oscillation takes the same number of steps in each tick. With 2.5 times this number, the
-    flight ends undecided after two whole ticks.
-    """
-
-    def turning(z):
-        return np.column_stack([50.0 * z[:, 1], -50.0 * z[:, 0], 0.0 * z[:, 0]])
-
-    # No flight diverges (inf), and the sizes of states and cost are 1; at most 20 000 steps.
-    start, tick = np.array([[1.0, 0.0]]), 2.0
-    simulator = Rates(turning, math.inf, np.eye(2), np.ones(3), tick, 20_000)
-    _, steps = simulator.after(np.array([[1.0, 0.0, 0.0]]), 0.0, 20_000)
-    simulator.most_steps = int(2.5 * steps)
-    end = Loop(simulator, np.eye(2), np.zeros(2), math.inf).simulate(start)
-    assert end.outcome is FlightOutcome.UNDECIDED
-    assert end.times == [2.0 * tick]
