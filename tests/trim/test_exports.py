@@ -94,21 +94,6 @@ def test_rows_of_a_sheet_are_those_of_its_data_and_csv_files(file, variable, val
     assert (data, records, cells) == ({}, {}, {})
 
 
-def test_a_report_in_latex_has_the_cells_of_its_tables(point, tmp_path):
-    """A .tex file has booktabs tables with each part of the eigenvalues, and escapes _ in names."""
-    pytest.importorskip("pandas")
-    file = tmp_path / "sheet.tex"
-    point.report().save(file)
-    text = file.read_text("utf-8")
-    tables = text.count(r"\begin{tabular}")
-    assert text.count(r"\toprule") == text.count(r"\bottomrule") == tables > 0
-    assert r"pitch\_rate" in text
-    assert "pitch_rate" not in text
-    for mode in point.modes:
-        assert f"{mode.eigenvalue.real:.4f}" in text
-        assert mode.eigenvalue.imag == 0.0 or f"± {abs(mode.eigenvalue.imag):.4f}i" in text
-
-
 def test_a_sweep_in_netcdf_is_read_back(point, tmp_path):
     """A .nc file contains each array of numbers of the sweep, complex ones as two parts, with the
     attributes of A and the names of the states.

@@ -49,17 +49,6 @@ def test_a_turn_at_a_load_factor_is_to_the_right():
     assert point["roll"] > 1.0
 
 
-def test_rates_that_are_unbalanced_by_rounding_are_not_named():
-    """The error on a failed trim names no rate whose residual is a rounding.
-
-    The F-16 has no trim at 110 ft/s, as its speed is not balanced; residuals of roll are roundings.
-    """
-    with pytest.raises(TrimError) as refusal:
-        trimmed(F16, {"speed": 110.0})
-    assert "speed by" in str(refusal.value)
-    assert "roll" not in str(refusal.value)
-
-
 def test_modes_of_the_f16_equal_the_books():
     """Modes of the F-16 equal those printed by Stevens and Lewis."""
     model = F16.with_parameters(xcg=0.3)

@@ -6,8 +6,6 @@ import pytest
 
 from hfa import Model, Signal, linearize, sweep, trim
 from hfa.extend import Domain
-from hfa_support.matrices import LinearTable
-from trim import release, usual_condition
 
 
 def first_lines(report):
@@ -79,14 +77,6 @@ def test_the_end_of_a_range_is_inside_in_the_sheet_and_in_the_notes():
         point = trim(model, speed=float(speed))
         assert ("OUTSIDE" not in str(point.report())) == inside
         assert (not any("beyond the tests" in note for note in point.warnings)) == inside
-
-
-def test_the_last_breakpoint_of_a_table_may_be_converted():
-    """60,000 ft in meters is one rounding above 18,288 m, the last breakpoint, and permitted."""
-    end = 18288.0
-    table = LinearTable([0.0, end], [5.0, 10.0])
-    at = {"speed": table, "height": float(np.nextafter(end, 2.0 * end))}
-    assert trim(cart(), release(usual_condition(cart()), hold=at))["speed"] == 10.0
 
 
 def test_another_trim_is_named_however_near_it_is():

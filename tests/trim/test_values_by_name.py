@@ -3,7 +3,6 @@
 import copy
 import json
 import pickle
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -60,24 +59,6 @@ def test_a_sweep_is_a_sequence_of_linear_models():
         sweep(MODEL, {"dihedral": [0.2], "speed": [68.0, 5.0]})[1]
 
 
-def test_results_become_tables_of_pandas():
-    """Trims, games, solutions and verdicts are converted to pandas tables. A verdict can be plotted."""
-    linear = _linear()
-    frame = linear.point.to_pandas()
-    assert frame.loc[0, "alpha [deg]"] == pytest.approx(
-        np.degrees(linear.point["alpha"]), rel=1e-12
-    )
-    game = hfa.paper.published_game(linear)
-    solution = hfa.solve(game)
-    verdict = hfa.verify(game, hfa.from_value(game, solution.P))
-    entries = 6 * 6 + 5 * 6  # of P and K
-    table = game.to_pandas().set_index(["matrix", "row", "column"])["value"]
-    assert table["A", "alpha", "pitch_rate"] == game.A[1, 3]  # states 1 and 3
-    assert len(solution.to_pandas()) == len(verdict.to_pandas()) == entries
-    assert {"P learned", "P exact"} <= {axes.get_title() for axes in verdict.plot()}
-    pyplot.close("all")
-
-
 def test_a_sweep_is_a_table_and_draws_curves():
     """Columns of the table and curves are the values of the points, angles drawn in degrees."""
     swept = sweep(MODEL, {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0, 70.0]})
@@ -95,17 +76,4 @@ def test_a_sweep_is_a_table_and_draws_curves():
     assert below.lines[1].get_ydata() == pytest.approx(frame["phugoid damping"][3:])
     assert (above.get_ylabel(), below.get_ylabel()) == ("elevator_outer, deg", "phugoid damping")
     assert below.get_xlabel() == "speed, ft/s"
-    pyplot.close("all")
-
-
-def test_a_plot_of_point_shows_its_limits():
-    """`point.plot` draws each variable, labeled with its name, at its share of its range in %, also
-    of a point that was loaded from a file (without `found_by`).
-    """
-    axes = replace(trim(MODEL), found_by=None).plot()
-    labels = [label.get_text() for label in axes.get_yticklabels()]
-    row = next(row for row, label in enumerate(labels) if label.startswith("elevator_outer"))
-    margin = trim(MODEL).margins["elevator_outer"]
-    share = 100.0 * (margin.value - margin.lowest) / (margin.highest - margin.lowest)
-    assert axes.collections[-1].get_offsets()[row].tolist() == pytest.approx([share, row])
     pyplot.close("all")

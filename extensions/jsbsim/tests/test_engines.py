@@ -68,27 +68,6 @@ def test_a_spool_is_at_its_throttle_in_trim(path):
     assert linear.A[row, row] == pytest.approx(-120.0)
 
 
-def test_a_spool_function_of_the_file_limits_rate(path):
-    """At full throttle from the spool speed of the trim, the acceleration is the file's 7 %/s."""
-    model, point = trim_of(f"{path}?engines=states")
-    inputs = point.inputs._asdict() | {"throttle": 1.0}
-    rates = model.rates_at(list(point.states), list(inputs.values()))
-    assert rates["spool0"] == pytest.approx(7.0)
-
-
-def test_a_throttle_without_lags_is_noted(path):
-    """The linear model, and not the trim, warns that its throttle has no engine lag.
-
-    With the option `engines=states`, no warning is given.
-    """
-    model, point = trim_of(path)
-    warning = model.inputs["throttle"].omitted_dynamics
-    assert "makes their lags states (spool0)" in warning
-    assert warning in linearize(model, point).warnings
-    assert warning not in point.warnings
-    assert load_model(f"{path}?engines=states").inputs["throttle"].omitted_dynamics == ""
-
-
 def test_a_fast_fan_is_trimmed(tmp_path):
     """An electric fan with a diameter of 0.9 ft and no <maxrpm> is trimmed at about 42,000 rpm.
 

@@ -10,7 +10,6 @@ from small_aircraft import (
     CONTROL,
     LIFT,
     METRICS,
-    PITCH,
     REST,
     force,
     glider,
@@ -230,15 +229,6 @@ def test_a_fault_is_reported_with_file_and_line(tmp_path, text, fault):
     assert "\n" not in message
 
 
-def test_xml_entities_are_replaced_by_text(tmp_path):
-    """An entity &area; for the wing area gives the initial speed of the area as a number."""
-    text = glider().replace("<fdm_config", '<!DOCTYPE a [<!ENTITY area "150">]>\n<fdm_config', 1)
-    model = model_of(tmp_path, text.replace("> 150 <", "> &area; <"))
-    assert model.states["speed"].start == pytest.approx(
-        load_model(written(tmp_path, glider())).states["speed"].start
-    )
-
-
 #: A system that sets a property, the slot, to sim/in, which nothing sets.
 SETS = (
     '<system name="s"> <channel name="c"> <pure_gain name="s/c"> <input>sim/in</input>'
@@ -309,17 +299,6 @@ def test_a_constant_that_no_control_reads_is_no_input(tmp_path):
     assert "gust" in model_of(tmp_path, text).parameters
 
 
-def test_the_velocity_over_the_ground_is_an_output(tmp_path):
-    """A glider at 120 ft/s that descends at 0.1 rad with the heading 0.3 rad has the ground speed
-    120 cos(0.1) and the track 0.3 rad.
-    """
-    model = model_of(tmp_path, glider())
-    found = model.outputs_at([120.0, 0.1, *[0.0] * 6, 0.3, 1000.0], CENTERED)
-    expected = {"ground_speed": (120.0 * np.cos(0.1), "ft/s"), "track": (0.3, "rad")}
-    for name, (value, unit) in expected.items():
-        assert (found[name], model.outputs[name].unit) == (pytest.approx(value), unit)
-
-
 def test_a_constant_that_would_close_a_loop_is_no_parameter(tmp_path):
     """A switch s gives its own output fcs/s, a loop, if sim/on is 1, and else the stick.
 
@@ -341,15 +320,6 @@ def summed(loop):
     """Return the text of the glider whose elevator is the stick plus fcs/x, which a loop sets."""
     stick = '<summer name="e"> <input>fcs/elevator-cmd-norm</input> <input>fcs/x</input>'
     return with_elevator(f"{loop} {stick} <output>fcs/elevator-pos-rad</output> </summer>")
-
-
-def test_a_latch_keeps_its_value_in_the_file(tmp_path):
-    """A latch whose test is false has the value 0.2 of its <property>."""
-    latch = '<switch name="fcs/x"> <default value="fcs/x"/> <test value=".3">'
-    latch += "aero/alpha-rad gt 0.2 </test> </switch>"
-    text = summed(latch).replace("<channel", '<property value="0.2">fcs/x</property> <channel', 1)
-    outputs = model_of(tmp_path, text).outputs_at(STATES, CENTERED)
-    assert outputs["elevator_position"] == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize("gain", ["1", "1.5"])
@@ -392,20 +362,6 @@ def test_what_moves_no_force_is_no_reason_to_refuse(tmp_path):
     assert re.search(
         r":\d+: the operation <random>.* by aero/noise.*\); .*<urandom>.*alpha", str(caught.value)
     )
-
-
-def test_a_number_ends_where_the_next_begins(tmp_path):
-    """In a row of a table, 0.87.5 is read as the numbers 0.87 and .5, as by JSBSim.
-
-    At alpha 0.435, half of 0.87, the lift coefficient is therefore 0.3, the mean of .1 and .5.
-    """
-    of_lift = force("LIFT", TABLE.format("\n0 .1\n0.87.5\n"))
-    x, u = [120.0, 0.435, *[0.0] * 7, 1000.0], CENTERED
-    ratios = [
-        model_of(tmp_path, glider(each + REST)).outputs_at(x, u)["lift_to_weight"]
-        for each in (of_lift, force("LIFT", "<v>0.3</v>"))
-    ]
-    assert ratios[0] == pytest.approx(ratios[1], rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -502,36 +458,3 @@ def test_the_sign_of_the_inertia_product_is_read(tmp_path):
     inertia[0, 1] = inertia[1, 0] = -100.0
     expected = np.linalg.solve(inertia, moments)
     assert [rates[1]["roll_rate"], rates[1]["yaw_rate"]] == pytest.approx(expected.tolist())
-
-
-def test_a_command_that_moves_no_force_is_no_input(tmp_path):
-    """Of two declared commands that nothing sets, fcs/live-cmd pitches the glider, and fcs/dead-cmd acts
-    through a gain of 0. Only the first is an input. Only it is named in the note on commands that
-    --free frees, and it may be given by ?inputs=.
-    """
-    damper = (
-        '<channel name="damper"> <pure_gain name="idle"> <input>fcs/dead-cmd</input>'
-        " <gain>0</gain> <output>fcs/idle</output> </pure_gain> <summer name='live'>"
-        " <input>fcs/idle</input> <input>fcs/live-cmd</input> <output>fcs/live</output> </summer>"
-        " </channel>"
-    )
-    declared = "<property>fcs/dead-cmd</property><property>fcs/live-cmd</property>"
-    control = CONTROL.replace("<channel", f"{declared}{damper}<channel", 1)
-    pitch = force(
-        "PITCH", slope(-1.0, "fcs/live"), slope(-1.0, "aero/alpha-rad"), length="cbarw-ft"
-    )
-    path = written(tmp_path, glider(LIFT + REST.replace(PITCH, pitch), control=control))
-    model = load_model(path)
-    assert "live_cmd" in model.inputs
-    assert "dead_cmd" not in {**model.inputs, **model.parameters}
-    (note,) = notes_on(model, "--free")
-    assert "fcs/live-cmd" in note
-    assert "fcs/dead-cmd" not in note
-    assert "live_cmd" in load_model(f"{path}?inputs=fcs/live-cmd").inputs
-
-
-def test_a_link_to_itself_is_refused(tmp_path):
-    """`hfa trim` of a file that is a symbolic link to itself has exit code 2."""
-    path = tmp_path / "glider.xml"
-    path.symlink_to(path)
-    assert_refused(run("trim", "--aircraft", str(path)), 2, "cannot be read")

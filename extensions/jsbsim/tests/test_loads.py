@@ -120,17 +120,6 @@ def test_warm_air_is_that_of_jsbsim(name):
 FLIGHT = [120.0, 0.1, *[0.0] * 7, 1000.0], [0.0] * 3
 
 
-def test_downward_wind_changes_climb_rate_not_pitch_acceleration(tmp_path):
-    """A steady downward wind of 5 ft/s reduces the climb rate by 5 ft/s. The motion through the air, and
-    with it the pitch acceleration, does not change.
-    """
-    model = load_model(written(tmp_path, glider()))
-    still = model.rates_at(*FLIGHT)
-    sinking = model.with_parameters(wind_down=5.0).rates_at(*FLIGHT)
-    assert sinking["altitude"] == pytest.approx(still["altitude"] - 5.0)
-    assert sinking["pitch_rate"] == pytest.approx(still["pitch_rate"], rel=1e-12)
-
-
 def test_gusts_act_on_moments_by_the_flow_that_they_cause(tmp_path):
     """An updraft changes alpha by cos(0.1) / 120 rad and the airspeed by sin(0.1) ft/s for each ft/s, and
     acts on the pitch acceleration by both. A gust to the east changes beta by -1 / 120 rad, and acts on
@@ -149,25 +138,6 @@ WASHOUT = (
     '<washout_filter name="yaw damper"> <input>velocities/r-rad_sec</input> <c1>0.5</c1>'
     " <output>fcs/damper</output> </washout_filter>"
 )
-
-
-@needs_jsbsim
-def test_replaced_commands_are_zero_in_filters():
-    """The inputs of the F-22 are its surface positions, so that the filters of its stick receive 0.
-
-    From 1, the states of two filters decay, at the same rate with the surfaces at 0 and 0.1 rad.
-    """
-    model = load_model("jsbsim:f22?filters=states")
-    assert model.inputs["elevator"].unit == "rad"
-    filters = {"stick_filter": 1.0, "roll_cmd_filter": 1.0}
-    states = [filters.get(name, signal.start) for name, signal in model.states.items()]
-    inputs = [signal.start for signal in model.inputs.values()]
-    surfaces = [name in ("elevator", "aileron") for name in model.inputs]
-    moved = [0.1 if is_surface else u for u, is_surface in zip(inputs, surfaces, strict=True)]
-    rates = model.rates_at(states, inputs)
-    for name in filters:
-        assert rates[name] < 0.0
-        assert model.rates_at(states, moved)[name] == rates[name]
 
 
 def test_a_washout_becomes_a_state_with_filters_option(tmp_path):

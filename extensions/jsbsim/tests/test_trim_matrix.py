@@ -69,27 +69,3 @@ def test_each_row_balances_in_jsbsim(rows):
         thrust = sum(answer[key] for key in answer if key.startswith("thrust"))
         assert numbers["thrust"] == pytest.approx(thrust, rel=1e-5, abs=1e-3)
         assert cells["results"] == RESULTS.get(name, "trimmed")
-
-
-def test_each_row_is_the_flight_that_its_name_says(rows):
-    """The conditions impose: cruise Mach 0.7 at FL350 (35,000 ft), glide and climb no and full throttle, pull-up
-    1.5 g, sideslip 3 deg, engine out engine1 = 0, landing flap and gear down, stall alpha 15 deg, and
-    heavy 15,000 lb of fuel in tank2 instead of 4000. The turn has 1.3 g by its bank angle.
-    """
-    rows = {name: numbers_of(cells) for name, cells in rows.items()}
-    assert rows["cruise"]["mach"] == pytest.approx(0.7)
-    pressure, radius = 35000.0, 6356766.0 / 0.3048  # ft, of U.S. Standard 1976
-    geometric = radius * pressure / (radius - pressure)
-    assert rows["cruise"]["altitude"] == pytest.approx(geometric, rel=1e-9)
-    assert rows["glide"]["gamma"] < 0.0 < rows["climb full thrust"]["gamma"]
-    assert rows["turn 1.3 g"]["turn_rate"] > 0.0
-    assert math.cos(rows["turn 1.3 g"]["roll"]) == pytest.approx(1.0 / 1.3, rel=0.02)
-    assert rows["pull-up"]["load_factor"] == pytest.approx(1.5)
-    assert rows["pull-up"]["pitch_rate"] > 0.0
-    assert rows["sideslip"]["beta"] == pytest.approx(math.radians(3.0))
-    assert min(abs(rows["sideslip"][name]) for name in ("roll", "rudder")) > 0.01
-    assert rows["engine out"]["engine1"] == 0.0
-    assert abs(rows["engine out"]["rudder"]) > 0.1
-    assert rows["landing"]["flap"] == rows["landing"]["gear"] == 1.0
-    assert rows["heavy"]["weight"] == rows["cruise"]["weight"] + 11000.0
-    assert rows["stall"]["alpha"] == pytest.approx(math.radians(15.0))

@@ -2,7 +2,6 @@
 
 import re
 
-import numpy as np
 import pytest
 from cli import assert_refused, hfa as run
 from small_aircraft import glider, needs_jsbsim, written
@@ -34,18 +33,6 @@ def test_a_calibrated_airspeed_has_its_impact_pressure():
         # sound, 1116.45 and 1036.93 ft/s.
         impact = 2116.22 * ratio(found["kcas"] * 1.6878099 / 1116.45)
         assert impact == pytest.approx(973.27 * ratio(mach), rel=2e-4)
-
-
-@needs_jsbsim
-@pytest.mark.slow
-def test_yaw_in_the_test_of_a_switch_does_not_prevent_a_linear_model():
-    """The F-16 is linearized without yaw. Yaw is only in the test of an if-else of its equations, so
-    that no derivative depends on it.
-    """
-    model = load_model("jsbsim:f16")
-    linear = linearize(model, trim(model))
-    assert "yaw" not in linear.states
-    assert np.isfinite(linear.A).all()
 
 
 @needs_jsbsim
@@ -126,14 +113,6 @@ def explained_failure(aircraft, *options, **held):
 
 
 @needs_jsbsim
-@pytest.mark.slow
-def test_failed_engines_are_not_counted():
-    """The message on the missing thrust of the twin C310 with a failed engine counts one engine."""
-    message = explained_failure("jsbsim:c310", speed=250.0, altitude=5000.0, engine1=0.0)
-    assert re.search(r"full throttle gives \d+ lbf from 1 x \d+ hp: ", message)
-
-
-@needs_jsbsim
 def test_an_empty_tank_is_noted():
     """The tank of the X-15 is empty in its file: a warning says so, and the trim is a steep glide."""
     model = load_model("jsbsim:X15")
@@ -174,36 +153,6 @@ def test_aircraft_are_found_by_name_in_the_folder_of_jsbsim(monkeypatch, tmp_pat
         load_model("jsbsim:Glyder")
     model = load_model("jsbsim:glider")
     assert (model.name, model.about.aliases["vc-kts"]) == ("glider", "kcas")
-
-
-@needs_jsbsim
-def test_two_throttles_are_equal_in_the_default_trim():
-    """The default trim of the 737 with a throttle for each engine has equal throttles and no rudder. The
-    output throttle_split0, which is 0 in it, is throttle1 - throttle0, also of a model with gusts.
-    """
-    model = load_model("jsbsim:737?throttles=each")
-    point = trim(model)
-    in_gusts = model.at(point.states, point.inputs, ("throttle_split0",), disturbances=("updraft",))
-    assert list(model.inputs)[-2:] == ["throttle0", "throttle1"]
-    assert in_gusts.D[0, -2:].tolist() == [-1.0, 1.0]
-    assert point["throttle0"] == pytest.approx(point["throttle1"], abs=1e-12)
-    assert abs(point["rudder"]) < 1e-12
-
-
-@needs_jsbsim
-def test_a_stopped_engine_is_named_by_what_is_held():
-    """The rudder balances one engine out. The title of the trim names this engine by the input or the
-    parameter that is held at 0, and no other engine.
-    """
-    model = load_model("jsbsim:737?throttles=each")
-    for failed, words in (
-        (trim(model, hold={"throttle0": 0.0}), "engine 1 out (throttle0)"),
-        (trim(model.with_parameters(engine1=0.0)), "engine 2 out (engine1)"),
-    ):
-        assert abs(failed["rudder"]) > 0.05
-        title = failed.report().title.replace("\n", " ")
-        assert words in title
-        assert title.count(" out ") == 1
 
 
 @needs_jsbsim

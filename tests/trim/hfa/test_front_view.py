@@ -1,10 +1,7 @@
 """The front view of the HFA at a trim, compared with the computed loads."""
 
-import re
-
 import numpy as np
 import pytest
-from cli import hfa
 from known_models import model_at
 
 import hfa_model
@@ -43,18 +40,3 @@ def test_lift_is_normal_to_panels_and_balances_weight(published_aircraft, degree
     sense = "up" if loads.hinge_moment > 0.0 else "down"
     label = f"{abs(loads.hinge_moment):.1f} ft lbf, tips {sense}" if degrees else "0.0 ft lbf"
     assert [text.get_text() for text in axes.texts].count(label) == 2
-
-
-@pytest.mark.slow
-def test_si_text_and_pictures_contain_no_feet(tmp_path):
-    """`hfa trim --units si --picture` prints and draws no English unit.
-
-    The texts of the picture are read from the comments that matplotlib writes into an .svg file.
-    """
-    picture = tmp_path / "p.svg"
-    result = hfa("trim", "--dihedral", "12", "--units", "si", "--picture", str(picture))
-    assert result.code == 0, result.err
-    drawn = re.findall(r"<!-- (.*) -->", picture.read_text("utf-8"))
-    assert any(re.search(r"\bm(/s)?\b", text) for text in drawn)
-    texts = [*drawn, *result.out.split("\nhfa 0.")[0].split("\n")]
-    assert not [text for text in texts if re.search(r"\b(ft|slug|lbf)\b", text)]

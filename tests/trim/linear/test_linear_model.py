@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from cli import hfa as run
-from known_models import model_at, released_simulation
+from known_models import released_simulation
 
 import hfa
 from hfa import Model, linearize, trim
@@ -216,17 +215,3 @@ def test_an_entry_is_compared_in_half_units_and_percent(
     assert entry.half_units == pytest.approx(half_units, rel=1e-4, abs=0.0)
     assert entry.percent == pytest.approx(percent, nan_ok=True)
     assert (entry.is_zero, entry.name) == (is_zero, "A(alpha, speed)")
-
-
-def test_the_report_names_the_largest_difference_to_newton():
-    """`hfa linearize` names the entry of A or B that differs most between the two dynamics."""
-    published, newton = (model_at(10.0, dynamics) for dynamics in ("published", "newton"))
-    largest = {}
-    for name, columns in (("A", published.states), ("B", published.inputs)):
-        off = np.abs(getattr(published, name) - getattr(newton, name))
-        row, column = np.unravel_index(off.argmax(), off.shape)
-        largest[off.max()] = f"{name}({published.states[row]}, {columns[column]})"
-    text = " ".join(run("linearize", "--dihedral", "10").out.split())
-    _, _, after = text.partition("Largest difference of an entry to newton dynamics: ")
-    size = max(largest)
-    assert after.startswith(f"{size:.2g} in {largest[size]}")

@@ -87,13 +87,6 @@ def test_each_point_of_a_sweep_has_its_own_slope():
     assert note.endswith("(9 of 11 points, the first at 0)")
 
 
-def test_nonsmooth_points_do_not_depend_on_the_chunks_of_a_sweep(monkeypatch):
-    """A sweep in chunks of 4 points has the results and notes of one in a single chunk."""
-    whole = swept()
-    monkeypatch.setattr("trim.sweeps.sweep.CHUNK", 4)
-    assert swept() == whole
-
-
 def test_several_switches_at_one_point_have_their_own_slopes():
     """v' = table(x) + max(v - 1/2, 5 (v - 1/2)) + min(u, 2 u) has three nonsmooth terms at x = 0, v = 1/2,
     u = 0. A and B have the mean slope of each, and a note names each.

@@ -63,33 +63,6 @@ def test_the_static_margin_is_that_of_the_table():
         assert figures["neutral point behind c.g."] == pytest.approx(0.18994 * margin, abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    "name", [UAV, pytest.param(f"{ROOT}/examples/gtm.py:GTM", marks=pytest.mark.slow), BOEING]
-)
-def test_control_per_g_is_that_of_nonlinear_pull_ups(name):
-    """Elevator per g is the slope of trims of the nonlinear model in pull-ups of n ± 0.002 g.
-
-    In a pull-up, the rates of alpha and pitch rate are 0, and all states but these two are held.
-    """
-    pytest.importorskip("hfa_jsbsim")
-    point, data = trimmed(name)
-    model = point.model
-    holding = {**point.states._asdict(), **point.inputs._asdict()}
-    free = ("alpha", "pitch_rate", "elevator")
-    held = {key: value for key, value in holding.items() if key not in free}
-    if "gamma" in model.variables:  # in place of the pitch, and free, as alpha moves
-        held.pop("pitch")
-    found = []
-    n = point["load_factor"]
-    for load in (n - 0.002, n + 0.002):
-        rates = {"alpha": 0.0, "pitch_rate": 0.0}
-        condition = hfa.TrimCondition(model, {**held, "load_factor": load}, rates)
-        found.append(hfa.trim(model, condition, point)["elevator"])
-    assert data["sheet"]["elevator per g"]["value"] == pytest.approx(
-        (found[1] - found[0]) / 0.004, rel=2e-2
-    )
-
-
 @pytest.mark.parametrize("name", [UAV, f"{ROOT}/examples/gtm.py:GTM"])
 def test_control_per_knot_is_the_slope_of_trims(name):
     """Elevator per knot is the slope between trims 2 kt slower and 2 kt faster."""

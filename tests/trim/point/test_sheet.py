@@ -45,35 +45,6 @@ def test_the_first_line_names_a_climb_or_a_descent():
         assert words in point.report().title.splitlines()[0]
 
 
-def test_the_second_line_names_the_unstable_modes():
-    """The second line of a trim of the GTM has the unstable modes with their times to double, ln 2 / λ;
-    the third line of its linear model has frequency and damping of each mode.
-    """
-    point, _ = sheet(GTM)
-    linear = point.linearize()
-    unstable = [mode for mode in linear.modes if mode.eigenvalue.real > 0.0]
-    second = point.report().title.splitlines()[1]
-    assert second.count("(2x in") == len(unstable)
-    for mode in unstable:
-        doubling = math.log(2.0) / mode.eigenvalue.real
-        assert f"{mode.name} (2x in {doubling:.3g} s)" in second
-    third = linear.report().title.splitlines()[2]
-    for mode in linear.modes:
-        assert f"{mode.name} {mode.frequency:.3g} rad/s, damping {mode.damping:.3g}" in third
-
-
-def test_the_third_line_has_alpha_and_the_controls():
-    """The numbers in the third line of a trim of the GTM are alpha, the elevator and its limits, in deg,
-    and the throttle of at most 100 %.
-    """
-    point, _ = sheet(GTM)
-    numbers = re.findall(r"-?\d+\.?\d*", point.report().title.splitlines()[2])
-    expected = np.degrees([point["alpha"], point["elevator"], *point.model.limits["elevator"]])
-    np.testing.assert_allclose(
-        [float(number) for number in numbers], [*expected, point["throttle"], 100.0], rtol=5e-3
-    )
-
-
 def test_the_first_line_names_imposed_values_and_none_that_follow_from_them():
     """The first line names an imposed sideslip, but not the load factor that it causes; an imposed load
     factor is named.
@@ -265,27 +236,6 @@ def test_a_lift_coefficient_above_the_declared_largest_is_a_stall():
     lift = 13.5 * 9.80665 - point["thrust"] * math.sin(point["alpha"])
     coefficient = lift / (point["dynamic_pressure"] * 0.55)
     assert f"\nSTALLED: CL {coefficient:.4g} is above CL_max 0.3" in point.report().title
-
-
-def test_the_nearest_limit_is_named_also_if_it_is_assumed():
-    """The report names first the thrust, 1.4 N, at 14 % of its range from a declared limit, and then alpha,
-    which is nearer to a limit, at 0.2 % of its range, but to an assumed one.
-    """
-
-    def equations(x, u, p, w):
-        return {"speed": u.thrust - 0.1 * x.speed, "alpha": x.alpha - 0.996}, {}
-
-    states = {
-        "speed": Signal("m/s", 10.0, 0.0, 100.0),
-        "alpha": Signal("rad", 0.1, -1.0, 1.0, assumed=True),
-    }
-    inputs = {"thrust": Signal("N", 1.0, 0.0, 10.0)}
-    model = Model("near", states, inputs, equations, trim={"speed": 14.0})
-    report = hfa.trim(model).report()
-    assert report.data["nearest_limits"] == ["thrust", "alpha"]
-    found = values(report.data)
-    assert found["nearest declared limit"] == "thrust lowest 0 N"
-    assert found["nearest assumed limit"] == "alpha highest 57.2958 deg"
 
 
 def test_a_bank_beyond_90_deg_within_an_assumed_limit_is_far_out():
@@ -487,27 +437,6 @@ def test_a_sheet_names_parameters_that_differ_from_the_file():
     assert "as loaded:" not in as_loaded.report().head["data"]
 
 
-def test_a_changed_angle_is_in_degrees_wherever_it_is_stated(folder):
-    """A parameter tilt = 2 deg, in the file 0.5 rad = 28.6479 deg, has degrees in its row, in the
-    provenance and in the head of the document.
-    """
-    Path("own.py").write_text(
-        """from hfa import Model, Signal
-OWN = Model(
-    "own", {"speed": Signal("m/s")}, {"thrust": Signal("N")},
-    lambda x, u, p, w: ({"speed": u.thrust - p.tilt - x.speed}, {}),
-    parameters={"tilt": Signal("rad", start=0.5)}, trim={"speed": 30.0},
-)
-"""
-    )
-    words = ("trim", "--aircraft", "own.py:OWN", "--hold", "tilt=2")
-    text = " ".join(command(*words, "--full", "-o", "sheet.html").out.split())
-    assert "tilt 2 deg as loaded: 28.6479" in text
-    declared = "tilt 2 deg (as loaded: 28.6479 deg)"
-    assert declared in text
-    assert Path("sheet.html").read_text("utf-8").count(declared) == 2  # in provenance and head
-
-
 def test_the_load_factor_is_normal_to_the_path():
     """The load factor is 1 in level flight, cos γ in a climb and 1/cos φ in a turn."""
     point = hfa.trim(hfa.load_model(f"{EXAMPLES}/uav.toml"))
@@ -532,25 +461,6 @@ def test_the_anticipation_parameter_is_that_by_hand(name):
     by_alpha = point["speed"] * pitch_rate / alpha / gravity
     assert found["n/alpha"] == pytest.approx(by_alpha, rel=1e-5)
     assert found["CAP"] == pytest.approx(found["short period frequency"] ** 2 / by_alpha, rel=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("speed", "output", "is_reported"),
-    [(0.2, "lift", True), (5.0, "lift", False), (0.2, "extension", False)],
-)
-def test_a_trim_far_below_the_flight_speed_has_a_warning(speed, output, is_reported):
-    """The first lines of a trim at less than a hundredth of the nominal speed, 50 m/s, say "no flight", if
-    the model has an output of an aircraft, such as lift.
-    """
-    model = Model(
-        "car",
-        {"speed": Signal("m/s", nominal=50.0)},
-        {"thrust": Signal("N")},
-        lambda x, u, p, w: ({"speed": u.thrust}, {output: u.thrust}),
-        outputs={output: Signal("N")},
-        trim={"speed": speed},
-    )
-    assert ("no flight" in hfa.trim(model).report().title) == is_reported
 
 
 def test_a_trim_without_air_has_a_warning():

@@ -135,18 +135,6 @@ def test_too_few_unknowns_name_the_equations(published_aircraft):
     assert f" and {len(failing) - 2} more (" in str(error)
 
 
-def test_a_control_without_effect_is_named(published_aircraft):
-    """A failed trim names an aileron without effect, and no aileron with an effect."""
-    without = published_aircraft.with_parameters(aileron_lift=0.0, aileron_moment=0.0)
-    with pytest.raises(
-        TrimError, match=r"no trim: .*; no effect of aileron_outer; free another variable\)"
-    ):
-        trim(without, BASE)
-    with pytest.raises(TrimError) as refusal:
-        trim(published_aircraft, release(BASE, hold={"aileron_outer": 0.3}))
-    assert "no effect" not in str(refusal.value)
-
-
 def test_the_rounding_of_an_effect_is_no_effect():
     """A failed trim names a control whose effect is below the rounding of its equation."""
     model = Model(

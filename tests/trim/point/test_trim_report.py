@@ -11,7 +11,7 @@ from random_points import RATE_SCALES
 from sheet_values import values
 
 import hfa_model
-from hfa import Model, Signal, aircraft as published, trim
+from hfa import aircraft as published, trim
 from hfa.paper import level_flight
 from trim import release, trim_report
 
@@ -85,12 +85,6 @@ def test_performance_follows_from_the_loads(published_aircraft, condition):
     assert figures.hinge_moment_total == pytest.approx(loads.hinge_moment - elastic, abs=1e-9)
 
 
-def test_a_later_limit_replaces_an_earlier_one():
-    """The later limit of a variable replaces the earlier one; limits of others are kept."""
-    first, then = {"throttle": (0.0, 90.0), "alpha": (-0.1, 0.2)}, {"throttle": (10.0, 60.0)}
-    assert release(release(BASE, limits=first), limits=then).limits == first | then
-
-
 def test_imposed_rates_are_balanced_and_freed(published_aircraft):
     """With the imposed rate V' = 0.5 ft/s², the thrust along the path exceeds that of level flight by m V'.
 
@@ -111,34 +105,3 @@ def test_imposed_rates_are_balanced_and_freed(published_aircraft):
     again = release(condition, free=("speed_dot", "throttle"), hold={"alpha": 0.05})
     assert "speed" not in again.rates
     assert "speed_dot free" in again.in_words()
-
-
-@pytest.mark.parametrize(
-    ("degrees", "ends_at"), [(-15.001, "-15 deg"), (-15.0, ""), (15.0, ""), (16.0, "15 deg")]
-)
-def test_a_value_beyond_the_range_of_validity_is_noted(published_aircraft, degrees, ends_at):
-    """The paper's range is -15 to 15 deg; a note on a value beyond it names the exceeded end."""
-    notes = trim(published_aircraft, level_flight(math.radians(degrees))).warnings
-    assert len(notes) == bool(ends_at)
-    assert all(note.endswith(f"which ends at {ends_at}") for note in notes)
-
-
-def test_a_second_trim_is_listed_once():
-    """A thrust of 2.5 balances the drag v / 2 + 2 / v at the speeds 1 and 4. The report of the trim found
-    at one speed lists the trim at the other once.
-    """
-    states = {"speed": Signal("m/s", min=0.1, max=10.0, start=4.0)}
-    inputs = {"thrust": Signal("N", min=0.0, max=9.0)}
-    model = Model(
-        "two speeds",
-        states,
-        inputs,
-        lambda x, u, p, w: ({"speed": u.thrust - 0.5 * x.speed - 2.0 / x.speed}, {}),
-        trim={"thrust": 2.5},
-    )
-    found = {}
-    for start in (4.0, 1.0):
-        point = trim(model, start={"speed": start})
-        (other,) = point.report().data["search"]["other_trims"]
-        found[round(point["speed"], 9)] = round(other["speed"], 9)
-    assert found == {4.0: 1.0, 1.0: 4.0}

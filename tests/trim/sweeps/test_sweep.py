@@ -1,13 +1,11 @@
 """Points of sweeps equal single trims, in memory and in a store. Faulty sweeps are refused."""
 
 import csv
-import re
 
 import numpy as np
 import pytest
 import xarray
 from cli import answer, assert_refused, hfa
-from matplotlib import pyplot
 from own_models import F16
 from project import ROOT
 
@@ -165,23 +163,6 @@ def test_a_sweep_in_chunks_is_that_of_all_points(published_aircraft, monkeypatch
     assert [len(reason) > 0 for reason in whole.reasons] == [True, True, False, False, True]
 
 
-def test_finished_points_are_counted_from_the_first_of_the_sweep(published_aircraft, monkeypatch):
-    """Of 4 points in chunks of 2, solved one by one, the progress is 1 to 4 of 4: the count does not begin
-    again with each chunk.
-    """
-    # With a free alpha, each point is a separate optimization of least effort.
-    grid, one_by_one = CASES["least effort"]
-    finished = []
-
-    def progress(done, count, what):
-        finished.append((done, count))
-
-    monkeypatch.setattr("trim.sweeps.sweep.CHUNK", 2)
-    grid = grid | {"dihedral": [0.1, 0.2]}
-    sweep(published_aircraft, grid, condition=one_by_one, progress=progress)
-    assert finished == [(1, 4), (2, 4), (3, 4), (4, 4)]
-
-
 # Many points together, compared with single trims.
 
 
@@ -298,53 +279,6 @@ def test_a_store_is_resumed_with_its_own_sweep_only(more, store):
 # Printed reports.
 
 
-def test_a_long_sweep_prints_its_first_and_last_rows(published_aircraft):
-    """Of 401 points, the tables of eigenvalues and of trims have the first and last 20 rows. Of the 23
-    points without a trim (30 ft/s), 20 have their reason. The records have all points.
-    """
-    speeds = np.linspace(68.0, 75.0, 401)
-    speeds[[100, *range(200, 222)]] = 30.0
-    result = sweep(published_aircraft, {"dihedral": [0.1], "speed": speeds})
-    text = result.report().text(width=None)
-    assert "(361 more)" in text
-    # A row begins with the dihedral, 0.1 rad = 5.73 deg, and the speed.
-    shown = re.findall(r"^ *5\.7\d* {2,}(\S+)", text, re.MULTILINE)
-    ends = [f"{speed:g}" for speed in (*speeds[:20], *speeds[-20:])]
-    assert shown == 2 * ends  # in both tables
-    assert text.count("no trim: ") == 20
-    assert "3 more points have no trim" in text
-    records = result.records()
-    kept, failed = (dict(zip(records.header, records.rows[i], strict=True)) for i in (7, 100))
-    assert (kept["results"], failed["failure"]) == ("trimmed", result.reasons[100])
-    assert kept["throttle"] == result.inputs[7, 0]
-    assert kept["A(speed, pitch_rate) [(ft/s^2)/(rad/s)]"] == result.A[7, 0, 3]
-
-
-def test_the_root_locus_has_paths_and_ends(published_aircraft):
-    """The root locus draws the path of each eigenvalue over the trimmed points, with o at the first
-    and s at the last trimmed speed. The second panel has only the slow eigenvalues.
-    """
-    speeds = [30.0, *np.linspace(56.0, 100.0, 9)]  # no trim at 30 ft/s
-    swept = sweep(published_aircraft, {"speed": speeds})
-    roots = swept.eigenvalues
-    assert not swept.trimmed[0]
-    whole, near = swept.plot()
-    for panel, shown in ((whole, np.full(swept.slow.shape, True)), (near, swept.slow)):
-        drawn = {"o": [], "s": [], "None": []}
-        for line in panel.lines:
-            path = np.array(line.get_xdata()) + 1j * np.array(line.get_ydata())
-            drawn.setdefault(line.get_marker(), []).append((line.get_label(), path))
-        # Of the lines without markers, paths have one value for each of the 10 speeds.
-        paths = [path for _, path in drawn["None"] if len(path) == 10]
-        np.testing.assert_array_equal(paths, roots.T[shown])
-        for marker, row, label in (("o", 1, "speed 56 ft/s"), ("s", 9, "speed 100 ft/s")):
-            ((said, marked),) = drawn[marker]
-            assert said == label
-            np.testing.assert_array_equal(marked, roots[row, shown])
-    assert [axes.get_xlabel() for axes in (whole, near)] == ["real part, 1/s"] * 2
-    pyplot.close("all")
-
-
 def test_a_sweep_prints_trim_values_and_limits_reached():
     """Each row has alpha and the moved inputs of the single trim, and the limits it reaches, as its
     CSV file has: here full thrust in the second row.
@@ -365,27 +299,3 @@ def test_a_sweep_prints_trim_values_and_limits_reached():
         expected = np.degrees([point["alpha"], point["elevator"]])
         np.testing.assert_allclose([float(each) for each in row[2:4]], expected, rtol=1e-3)
         assert " ".join(row[4:]) == at_limit
-
-
-def test_the_legend_of_two_variables_names_the_lines_that_it_shows():
-    """Lines of the width that the legend gives to a speed are the eigenvalues at this speed; o and s
-    mark the first and the last thrust.
-    """
-    model = load_model(str(ROOT / "examples" / "uav.toml"))
-    condition = release(usual_condition(model), free=("gamma",))
-    swept = sweep(model, {"speed": [30.0, 40.0], "thrust": [30.0, 60.0]}, condition=condition)
-    figure = swept.figure()
-    (legend,) = figure.legends
-    said = {
-        text.get_text(): line
-        for text, line in zip(legend.get_texts(), legend.get_lines(), strict=True)
-    }
-    for label, rows in (("thin: speed 30 m/s", [0, 1]), ("thick: speed 40 m/s", [2, 3])):
-        paths = [
-            np.array(line.get_xdata()) + 1j * np.array(line.get_ydata())
-            for line in figure.axes[0].lines
-            if line.get_linewidth() == said[label].get_linewidth() and len(line.get_xdata()) == 2
-        ]
-        for root in swept.eigenvalues[rows].T:
-            assert any(np.array_equal(path, root) for path in paths)
-    assert [said[f"thrust {value} N"].get_marker() for value in (30, 60)] == ["o", "s"]

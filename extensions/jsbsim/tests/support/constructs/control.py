@@ -179,7 +179,8 @@ CONSTRUCTS = {
     "latch": component(
         '<switch name="fcs/c"> <default value="fcs/c"/> <test value="0.3"> aero/alpha-rad lt 0.1'
         f" </test> {_OUT} </switch>"
-    ),
+    )
+    | {"control": '<property value="0.2">fcs/c</property>'},
     "integrator without a gain": _of("integrator", ""),
     "kinematic without times": _of(
         "kinematic",
