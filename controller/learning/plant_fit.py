@@ -32,6 +32,8 @@ from hfa_support.units import conversion_factor
 _OUTSIDE = 0.05
 #: Probability that a constant is fitted to data without one.
 _CHANCE = 1e-4
+#: Misfit that rounding can cause: no constant is fitted to it.
+_ROUNDING = 1e-12
 
 
 class Bands(NamedTuple):
@@ -97,7 +99,7 @@ class PlantFit:
         rest = self.degrees_of_freedom - 1
         squares = self.degrees_of_freedom * self.noise**2 - components**2
         limits = _quantile(_CHANCE / len(squares), rest) * np.sqrt(squares.clip(0.0) / rest)
-        return self.misfit > RANK_TOLERANCE and bool(np.any(components > limits))
+        return self.misfit > _ROUNDING and bool(np.any(components > limits))
 
     @cached_property
     def game(self) -> Game:
