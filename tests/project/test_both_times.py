@@ -28,7 +28,6 @@ PACKAGES = (
 LINEAR = hfa.LinearModel.of([[0.5, 0.2], [0.0, 0.3]], [[0.0], [1.0]])
 GAME = Game(LINEAR.A, LINEAR.B, Q=np.eye(2), R=[1.0], delta=9.0, dt=0.1, discount=0.9)
 EXACT = hfa.solve(GAME)
-WEIGHTS = np.array([EXACT.P[0, 0], 2.0 * EXACT.P[0, 1], EXACT.P[1, 1]])
 Z = ca.SX.sym("z", 2)
 V = ca.Function("V", [Z], [ca.bilin(ca.DM(EXACT.P), Z, Z)])
 
@@ -126,13 +125,9 @@ CONTINUOUS = Game(LINEAR.A, LINEAR.B, Q=np.eye(2), R=[1.0], delta=9.0)
 #: Kind of critic -> a call that verifies one of GAME (discrete) on CONTINUOUS, or the reverse.
 VERIFIED_ON_THE_OTHER = {
     "gain": lambda: hfa.verify(GAME, hfa.from_gain(CONTINUOUS, EXACT.K)),
-    "value": lambda: hfa.verify(CONTINUOUS, hfa.from_value(GAME, EXACT.P)),
-    "weights": lambda: hfa.verify(CONTINUOUS, hfa.from_weights(GAME, WEIGHTS)),
     "network": lambda: hfa.verify(GAME, hfa.from_network(CONTINUOUS, V)),
-    "solution": lambda: hfa.verify(CONTINUOUS, EXACT),
     "run": lambda: hfa.verify(GAME, hfa.learn(CONTINUOUS)),
     "file": lambda: hfa.verify(CONTINUOUS, str(hfa.learn(GAME).save("steps.npz") or "steps.npz")),
-    "other file": lambda: hfa.verify(GAME, str(hfa.learn(CONTINUOUS).save("c.json") or "c.json")),
 }
 
 

@@ -33,10 +33,6 @@ _ROWS = """return [...document.querySelectorAll('article section.point:not([hidd
     .filter((table) => table.querySelector('th')?.textContent === arguments[0])
     .flatMap((table) => [...table.querySelectorAll('tbody tr')])
     .map((row) => [...row.children].map((cell) => cell.textContent))"""
-#: Script that returns the shown titles "At speed 35 m/s".
-_TITLES = """return [...document.querySelectorAll('article section.point h3')]
-    .filter((title) => title.offsetParent).map((title) => title.textContent)
-    .filter((title) => title.startsWith('At '))"""
 #: Script that returns the path of the first line of the drawn aircraft.
 _DRAWN = (
     "return document.querySelector('#plot-trim-1 .scatterlayer path.js-line').getAttribute('d')"
@@ -175,33 +171,6 @@ def test_the_page_shows_numbers_in_a_browser(folder, subtests):
             assert len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(pdf))) > 4
         with subtests.test("the browser logs no error"):
             assert driver.get_log("browser") == []
-
-
-@pytest.mark.slow
-def test_the_page_of_another_aircraft_has_a_slider_of_speed(folder):
-    """The page of uav.toml, without a dihedral angle, has operating points at several speeds. Arrow
-    left moves the slider from 35 m/s, the speed of its trim, to the next lower one, at which the
-    page shows the thrust of `hfa trim`. No table is cut, and the browser logs no error.
-    """
-    uav = ("--aircraft", str(ROOT / "examples" / "uav.toml"))
-    with browser() as driver:
-        assert hfa("report", "-o", "uav.html", *uav).code == DONE
-        driver.get((folder / "uav.html").as_uri())
-        assert settles(driver, "document.body.classList.contains('scripted')")
-        set_page_width(driver, 1300)
-        driver.find_element("id", "slider-speed").send_keys("\ue012")  # arrow left
-        (title,) = driver.execute_script(_TITLES)
-        speed = re.fullmatch(r"At speed (\d\d\.?\d*) m/s", title)[1]
-        assert 30.0 < float(speed) < 35.0
-        trim = json.loads(hfa("trim", *uav, "--hold", f"speed={speed}", "--json").out)
-        shown = {row[0]: row[1] for row in driver.execute_script(_ROWS, "trim")}
-        thrust = trim["operating_point"]["inputs"]["thrust"]
-        assert float(shown["thrust"]) == pytest.approx(thrust, rel=1e-5)
-        tables = "[...document.querySelectorAll('.table')]"
-        assert driver.execute_script(
-            f"return {tables}.every((t) => t.scrollWidth <= t.clientWidth + 1)"
-        )
-        assert driver.get_log("browser") == []
 
 
 def compare_with_the_command(driver):

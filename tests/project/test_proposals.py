@@ -6,12 +6,10 @@ import ast
 import importlib
 import inspect
 import re
-import shlex
 from functools import cache
 from typing import NamedTuple
 
 import pytest
-from cli import BAD_INPUT, unchecked_hfa
 from project import FOLDERS, ROOT
 
 from hfa.entry_points import commands
@@ -148,45 +146,3 @@ def test_a_missing_command_option_argument_or_function_is_found(text, complaint)
     """
     (found,) = [*unknown_options("here", text), *unknown_names("here", text)]
     assert complaint in found
-
-
-#: Aircraft with different variables and parameters: each option of a page is for one of them.
-AIRCRAFT = (
-    "--dihedral 10",
-    "--dihedral 10 --dynamics unsteady",
-    "--aircraft examples/uav.toml",
-    "--aircraft examples/f16.py:F16",
-    "--aircraft examples/gtm.py:GTM",
-    "--aircraft examples/glider.toml",
-    "--aircraft jsbsim:c310",
-    "--aircraft jsbsim:737?throttles=each",
-    "--aircraft jsbsim:c310?throttles=each",
-)
-#: Options of a trim in the text of pages, like "--hold alpha=2", without words in capitals, which
-#: the reader replaces. Cn_0 is a parameter of an aircraft that is not in `AIRCRAFT`.
-TRIM_OPTIONS = sorted(
-    {
-        text
-        for _, text in on_pages()
-        if re.match(r"--(hold|free|isa|mass)\b.*=", text)
-        and not re.search("[A-Z]{4}|--given", text)
-    }
-    - {"--hold Cn_0=0.0025"}
-)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("options", TRIM_OPTIONS)
-def test_trim_options_on_pages_are_accepted(options, monkeypatch):
-    """`hfa trim` accepts the options for at least one of `AIRCRAFT`, whether a trim is found or
-    not; bad input, as a variable that the aircraft does not have, has its own exit code.
-    """
-    pytest.importorskip("jsbsim")
-    monkeypatch.chdir(ROOT)
-    refusals = []
-    for aircraft in AIRCRAFT:
-        result = unchecked_hfa(*shlex.split(f"trim {aircraft} {options}"))
-        if result.code != BAD_INPUT:
-            return
-        refusals.append(result.err)
-    pytest.fail("".join(refusals))

@@ -86,17 +86,6 @@ def test_results_can_be_pickled():
         assert name not in EQUAL_BY_VALUE or restored == result, name
 
 
-@pytest.mark.slow
-def test_names_in_brackets_complete():
-    """Each name that IPython offers after value[ is a valid index, for results, arrays and modes."""
-    named = [results()[name] for name in ("OperatingPoint", "LinearModel", "Sweep")]
-    for value in (*named, named[0].states, named[1].A, named[1].modes):
-        keys = list(value._ipython_key_completions_())
-        assert keys
-        for key in keys:
-            value[key]
-
-
 def test_linear_models_are_equal_by_their_values():
     """Linear models are equal if their entries are, where nan equals nan; a change of 1e-12 or of
     the order of the names makes them different. They cannot be hashed.

@@ -14,7 +14,7 @@ from itertools import chain
 import casadi as ca
 import numpy as np
 import pytest
-from twins import KINDS, SI, STATES, in_units, named, scaled
+from twins import SI, STATES, named, scaled
 
 import controller
 import hfa
@@ -589,16 +589,6 @@ def test_an_answer_does_not_depend_on_units(name, twin):
     """
     in_other_units = TWINS[twin](seconds=name in TIMES_IN_SECONDS)
     assert differences(ANSWERS[name](in_other_units), answers_in_si(name)) == []
-
-
-@pytest.mark.parametrize("power", [-18, pytest.param(20, marks=pytest.mark.slow)])
-def test_a_trim_does_not_depend_on_the_unit_of_time(power):
-    """An aircraft whose rates are per 2^-18 s or per 2^20 s has the trims of the same aircraft with
-    rates per second. Its signals have the unit "1", from which no unit of time is known.
-    """
-    names, sizes = dict.fromkeys(KINDS, "1"), dict.fromkeys(KINDS, 1.0)
-    other_time = in_units(sizes, names, second=2.0**power)
-    assert differences(of_trim(other_time), of_trim(SI)) == []
 
 
 class Floored:
