@@ -6,6 +6,7 @@ digits of one integer, and its degree is the first digit, so that a product adds
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable, Sequence
 from itertools import combinations_with_replacement
 from typing import TypeAlias
@@ -48,7 +49,6 @@ class PowerSeries:
 
     def variables(self) -> list[Terms]:
         """Return the variables z1, ..., zn."""
-
         return [{self.monomial([place]): arb(1)} for place in range(self.n)]
 
     def linear(self, row: Sequence[arb], parts: Sequence[Terms]) -> Terms:
@@ -63,10 +63,7 @@ class PowerSeries:
 
     def sum(self, one: Terms, other: Terms) -> Terms:
         """Return the sum of two series."""
-        total = dict(one)
-        for monomial, coefficient in other.items():
-            total[monomial] = total[monomial] + coefficient if monomial in total else coefficient
-        return total
+        return self.linear([arb(1), arb(1)], [one, other])
 
     def product(self, one: Terms, other: Terms) -> Terms:
         """Return the product of two series."""
@@ -238,10 +235,16 @@ def _by_sign(name: str, chosen: Callable[[int, Terms, Terms], Terms]) -> Operati
     return operation
 
 
+def _comparison(holds: Callable[[int, int], bool]) -> Operation:
+    return _by_sign("comparison", lambda sign, a, b: _if(holds(sign, 0)))
+
+
 def _named(name: str) -> Operation:
     return lambda ring, a: ring.composed(name, a)
 
 
+#: Functions of one variable by their names, which CasADi and FLINT share.
+_OF_FLINT = ("inv", "sqrt", "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "erf")
 _OPERATIONS: dict[int, Operation] = {
     ca.OP_ASSIGN: lambda ring, a: a,
     ca.OP_ADD: PowerSeries.sum,
@@ -257,10 +260,10 @@ _OPERATIONS: dict[int, Operation] = {
     ca.OP_SINH: lambda ring, a: _hyperbolic(ring, a, -1),
     ca.OP_COSH: lambda ring, a: _hyperbolic(ring, a, 1),
     ca.OP_TANH: lambda ring, a: _quotient(ring, _hyperbolic(ring, a, -1), _hyperbolic(ring, a, 1)),
-    ca.OP_LT: _by_sign("comparison", lambda sign, a, b: _if(sign < 0)),
-    ca.OP_LE: _by_sign("comparison", lambda sign, a, b: _if(sign <= 0)),
-    ca.OP_EQ: _by_sign("comparison", lambda sign, a, b: _if(sign == 0)),
-    ca.OP_NE: _by_sign("comparison", lambda sign, a, b: _if(sign != 0)),
+    **{
+        getattr(ca, f"OP_{name.upper()}"): _comparison(getattr(operator, name))
+        for name in ("lt", "le", "eq", "ne")
+    },
     ca.OP_NOT: lambda ring, a: _if(not a),
     ca.OP_AND: lambda ring, a, b: _if(bool(a and b)),
     ca.OP_OR: lambda ring, a, b: _if(bool(a or b)),
@@ -269,9 +272,20 @@ _OPERATIONS: dict[int, Operation] = {
     ca.OP_SIGN: _by_sign("sign", lambda sign, a, b: {0: arb(sign)} if sign else {}),
     ca.OP_FMIN: _by_sign("min", lambda sign, a, b: a if sign <= 0 else b),
     ca.OP_FMAX: _by_sign("max", lambda sign, a, b: a if sign >= 0 else b),
-    ca.OP_INV: _named("inv"),
     **{
         getattr(ca, f"OP_{name.upper()}"): _named(name)
-        for name in ("sqrt", "exp", "log", "sin", "cos", "tan", "asin", "acos", "atan", "erf")
+        for name in [
+            "inv",
+            "sqrt",
+            "exp",
+            "log",
+            "sin",
+            "cos",
+            "tan",
+            "asin",
+            "acos",
+            "atan",
+            "erf",
+        ]
     },
 }

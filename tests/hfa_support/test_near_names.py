@@ -2,7 +2,7 @@
 
 import pytest
 
-from hfa_support.errors import choice_of, nearest
+from hfa_support.errors import choice_of
 
 
 @pytest.mark.parametrize(
@@ -19,9 +19,3 @@ def test_similar_names_are_suggested(name, known, meant):
     similar ones. A known name that differs only in case is suggested alone.
     """
     assert choice_of(name, known).startswith(f"did you mean {meant}? choose from")
-
-
-def test_options_are_not_similar_by_their_dashes():
-    """--dt is near neither --at nor --delta, with which it has the dashes and one letter in common."""
-    assert nearest("--dt", ("--at", "--delta")) == []
-    assert nearest("--detla", ("--at", "--delta")) == ["--delta"]

@@ -4,9 +4,7 @@ import ast
 import re
 import subprocess
 import sys
-from functools import cache
 
-import numpy as np
 import pytest
 from project import FOLDERS, PACKAGES
 
@@ -42,47 +40,6 @@ def test_hfa_has_the_names_of_its_stub_and_no_other():
     assert set(dir(hfa)) == stub_names()
     for name in ("linspace", "find_operating_point", "load_critic", "load", "step", "sin"):
         assert not hasattr(hfa, name), name
-
-
-@cache
-def plant():
-    """Return the paper's aircraft, its trim, linear model and game, and the exact solution, by
-    name.
-    """
-    model = hfa.aircraft()
-    point = hfa.trim(model)
-    linear = hfa.linearize(model, point)
-    game = hfa.paper.published_game(linear)
-    return {
-        "model": model,
-        "point": point,
-        "linear": linear,
-        "game": game,
-        "solution": hfa.solve(game),
-    }
-
-
-def test_a_matrix_k_is_a_critic_and_a_policy():
-    """`hfa.verify` and `hfa.fly` take the matrix K of u = u0 - K z: the exact K passes, and a
-    deviation of alpha by .01 rad changes the inputs by -.01 times its column of K.
-    """
-    pytest.importorskip("hfa_flight")
-    solution, point = plant()["solution"], plant()["point"]
-    assert hfa.verify(plant()["game"], solution.K).ok
-    flight = hfa.fly(plant()["model"], point, solution.K, duration=0.1, initial={"alpha": 0.01})
-    alpha = plant()["game"].names.states.index("alpha")
-    change = flight.inputs[0] - np.array(point.inputs)
-    np.testing.assert_allclose(change, -0.01 * solution.K[:, alpha], rtol=1e-9, atol=1e-12)
-
-
-def test_a_state_space_gives_the_game_of_its_linear_model():
-    """The game on the `StateSpace` of python-control has the A and the names of the game on the
-    linear model from which it was made.
-    """
-    linear = plant()["linear"]
-    games = [hfa.game(plant, Q=np.ones(6), R=np.ones(5)) for plant in (linear, linear.to_control())]
-    np.testing.assert_array_equal(games[1].A, games[0].A)
-    assert games[1].names.states == games[0].names.states
 
 
 @pytest.mark.parametrize("name", ["trim", "controller"])

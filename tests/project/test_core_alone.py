@@ -7,9 +7,6 @@ import pytest
 from cli import results_in_turn
 from project import ROOT
 
-CORE_ALONE = str(ROOT / "tests" / "core_alone.py")
-TESTS = ("tests/trim/point/test_solve.py", "tests/verification/critic/test_verdict.py")
-
 #: Command line -> exit code, and words that the printed text contains.
 EXPECTED = {
     "--help": (0, ["  verify "]),
@@ -26,15 +23,6 @@ EXPECTED = {
 }
 #: Words of extensions, which no help of the core contains.
 EXTENSION_WORDS = ("  fly ", ".fmu", "jsbsim", ".dml")
-
-
-@pytest.mark.slow
-def test_tests_of_the_core_pass_without_extensions():
-    """Two files of the core's tests pass in an environment without extensions."""
-    words = [sys.executable, CORE_ALONE, "-n", "0", "-m", "not slow", *TESTS]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stdout[-2000:]
-    assert " passed" in done.stdout
 
 
 @pytest.mark.slow

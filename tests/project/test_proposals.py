@@ -128,21 +128,3 @@ def test_commands_and_calls_in_texts_exist(place):
     texts = on_pages() if place == "pages" else in_sources(place)
     found = [fault for each in texts for fault in (*unknown_options(*each), *unknown_names(*each))]
     assert found == []
-
-
-@pytest.mark.parametrize(
-    ("text", "complaint"),
-    [
-        ("hfa trimm --hold alpha=2", "no such command"),
-        ("type `hfa trim --design alpha=2`", "no such option --design"),
-        ("give hfa.solve(game, deltas=3)", "no such argument deltas"),
-        ("call hfa.level_model(model)", "no such function"),
-        ("a LinearModel.off(A, B)", "no such function"),
-    ],
-)
-def test_a_missing_command_option_argument_or_function_is_found(text, complaint):
-    """A text with a command, an option, an argument or a function that does not exist has one
-    complaint that names it.
-    """
-    (found,) = [*unknown_options("here", text), *unknown_names("here", text)]
-    assert complaint in found

@@ -163,24 +163,3 @@ def test_a_changed_option_is_refused_if_it_changes_the_subject(
     and --check refuses the stored certificate. Without a listed entry, the certificate is verified.
     """
     check_case(path, words, entry, usual, monkeypatch)
-
-
-@pytest.mark.parametrize(
-    ("entry", "path"),
-    [
-        ("flight.limits", "limit"),
-        pytest.param("flight.limits", "condition", marks=pytest.mark.slow),
-        pytest.param("gains.K", "R", marks=pytest.mark.slow),
-    ],
-)
-def test_an_option_that_is_not_compared_is_found(entry, path, usual, files, monkeypatch):
-    """`check_case` fails if the comparison of --check leaves out an entry that the option changes."""
-    compared = given.given_for
-
-    def forgetful(*arguments):
-        return {name: value for name, value in compared(*arguments).items() if name != entry}
-
-    monkeypatch.setattr(given, "given_for", forgetful)
-    words, changed = next(iter(CHANGED[path].items()))
-    with pytest.raises(AssertionError):
-        check_case(path, words, changed, usual, monkeypatch)

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 import pytest
-from cli import answer, assert_refused, hfa
+from cli import answer
 from flint import arb
 from proofs import CONSTANT, FLOAT, certificate, changed, decided, float_equations
 
@@ -80,38 +80,6 @@ def test_proved_rates_do_not_depend_on_units(few_samples):
         ).statement
         found.append((statement.decay_rate, statement.scheduled_rate))
     assert found[1] == pytest.approx(found[0], rel=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("stiffness_gains", "is_any_rate"),
-    [((0.5,), True), ((0.5, 0.5), True), ((0.5, 0.5, 8.0), False)],
-)
-def test_any_rate_of_a_variable_without_effect_is_proved_for_constant_gains(
-    stiffness_gains, is_any_rate, few_samples
-):
-    """The plant x'' = u - 0.2 x' - x does not depend on the scheduling variable s. The largest proved
-    rate |s'| is infinite if the gains are constant, and finite if they change with s. A rate of 0.1
-    that is asked for is the proved one.
-    """
-    model = Model(
-        "idle", {"x": Signal("m"), "v": Signal("m/s")}, {"u": Signal("N", 1.0, -9.0, 9.0)},
-        lambda x, u, p, w: ({"x": x.v, "v": u.u - 0.2 * x.v - x.x}, {}),
-        parameters={"s": Signal(start=0.0)}, schedule="s", trim={"x": 0.0, "v": 0.0},
-    )  # fmt: skip
-    K = np.array([[[stiffness, 1.0]] for stiffness in stiffness_gains])
-    gains = Gains(np.linspace(0.0, 2.0, len(K)), K)
-    largest, asked = (
-        prove_schedule(
-            Family(model), gains, 0.0, 2.0, decay_rate=0.1, scheduled_rate=rate
-        ).statement.scheduled_rate
-        for rate in ("largest", 0.1)
-    )
-    assert (largest == math.inf) == is_any_rate
-    assert largest > asked == 0.1
-    if not is_any_rate:  # the decay is proved, and the open motion is named
-        found = prove_schedule(Family(model), gains, 0.0, 2.0, decay_rate=0.1, scheduled_rate=1e9)
-        assert (found.statement.decay_rate, found.statement.scheduled_rate) == (0.1, None)
-        assert "least at s " in str(found.report()).split("Proved:")[0]
 
 
 #: K at the pulls 1 and 2.
@@ -468,17 +436,6 @@ def test_each_clause_refuses_its_forgery(changes, said, content):
         checked(changed(content, **changes))
 
 
-@pytest.mark.parametrize(("high", "is_proved"), [(1.51, True), (1.49, False)])
-def test_an_output_may_be_imposed(high, is_proved, content):
-    """With the load lift - pull / 2 imposed as 0.5 N, the lift rises from 1 N at the pull 1 to 1.5 N at 2:
-    an upper limit of 1.51 N is proved, and one of 1.49 N is refused.
-    """
-    imposed = {"imposed": {"heave": 0.0, "load": 0.5}, "first": {"depth": 1.0, "lift": 1.0}}
-    made = changed(content, statement__flight=lambda flight: flight | imposed)
-    with decided(is_proved, "lift is not proved"):
-        assert checked(changed(made, **{_LIFT: [-9.0, high]})) > 0
-
-
 @pytest.mark.parametrize(("off", "is_proved"), [(2e-9, True), (2e-7, False), (-2e-7, False)])
 def test_distances_of_trims_are_measured_in_nominal_values(off, is_proved, content):
     """For a nominal lift of 0.01 N, a lift of the certificate's first trim that is 2e-7 N off is
@@ -489,31 +446,6 @@ def test_distances_of_trims_are_measured_in_nominal_values(off, is_proved, conte
     changes = {f"{_MODEL}__nominal__2": 0.01, f"{_FLIGHT}__first__lift": lambda lift: lift + off}
     with decided(is_proved, "first trim"):
         assert checked(changed(content, **changes), model) > 0
-
-
-@pytest.mark.parametrize(
-    ("scheduled_rate", "factors", "breakpoints", "refusal"),
-    [
-        (50.0, (1.3, 1.0), [1.0, 2.0], "motion"),
-        (50.0, (1.0, 1.3), [1.0, 2.0], "motion"),
-        ("inf", (1.0, 1.3), [1.0, 2.0], "constant P"),
-        (0.05, (1.0, 1.3), [1.0, 2.0], ""),
-        (0.05, (1.0, 1.3), [1.0, 1.9], "whole interval"),
-        (0.05, (1.0, 1.3), [1.1, 2.0], "whole interval"),
-    ],
-)
-def test_v_with_a_linear_p_decreases_for_a_slow_pull_only(
-    scheduled_rate, factors, breakpoints, refusal, content
-):
-    """The scheduling variable is the float's spring stiffness, `pull`, from 1 to 2 N/m. With V = x'P x,
-    and P growing by 30 % over this interval, V is proved to decrease if the pull changes by at most
-    0.05 N/m per s, and not if by 50 N/m per s. An infinite rate requires a constant P, and P must be
-    given on the whole interval.
-    """
-    P = np.array(content["witness"]["P"][0])
-    changes = {_P: [(factor * P).tolist() for factor in factors], _P_AT: breakpoints}
-    with decided(not refusal, refusal):
-        assert checked(changed(content, statement__scheduled_rate=scheduled_rate, **changes)) > 0
 
 
 def test_balls_of_given_numbers_contain_the_decimals_of_the_file():
@@ -537,21 +469,6 @@ def game_at(degrees):
     """Return the paper's game at a dihedral angle."""
     point = package.trim(package.aircraft(), dihedral=np.radians(degrees))
     return package.paper.published_game(point.linearize())
-
-
-def test_the_command_writes_what_it_checks(folder):
-    """A gain of the paper's aircraft that is proved near 14 deg is verified; a gain of 0 is refused."""
-    game = game_at(14.0)
-    decay_rate = 0.9 * -np.linalg.eigvals(game.A - game.B @ package.solve(game).K).real.max()
-    np.savez("one.npz", K=package.solve(game).K)
-    np.savez("zero.npz", K=np.zeros((5, 6)))
-    words = ("--dihedral", "14:14.02", "--weights")
-    found = answer(
-        "prove", "schedule", *words, "one.npz", "--decay", f"{decay_rate}", "-o", "a.json"
-    )
-    assert found["decay_rate"] == decay_rate
-    assert answer("prove", "--check", "a.json", *words, "one.npz")["claim"] == found["claim"]
-    assert_refused(hfa("prove", "schedule", *words, "zero.npz"), 1, "the loop is not stable")
 
 
 @pytest.mark.slow

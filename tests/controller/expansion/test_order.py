@@ -39,20 +39,3 @@ def test_the_written_file_is_a_critic_with_the_values_of_the_expansion(written):
     z = np.linalg.solve(expansion.root.T, np.random.default_rng(1).standard_normal((6, 10)))
     assert np.array(critic.value(z)) == pytest.approx(np.array(expansion.V(z)), rel=1e-8)
     assert critic.u(z.T) == pytest.approx(np.array(expansion.policy(z)).T, rel=1e-8)
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        ((*AT_15, "--order", "6"), "--order is 6; give a whole number from 2 to 5"),
-        ((*AT_15, "--picture", "errors.png"), "shows the nonlinear game; add --order D"),
-        (("--model", "plant.json", "--order", "3"), "requires the equations of an aircraft"),
-    ],
-)
-def test_wrong_requests_are_refused(words, named, folder):
-    """Too high an order, a picture without an order, and a plant of matrices are refused."""
-    plant = {"A": [[0.0, 1.0], [0.0, 0.0]], "B": [[0.0], [1.0]]}
-    (folder / "plant.json").write_text(json.dumps(plant))
-    result = hfa("solve", *words)
-    assert result.code == 2
-    assert named in result.err

@@ -79,13 +79,6 @@ def test_flights_inside_the_radius_agree_and_some_outside_do_not():
         assert errors[0] <= radius.share < errors[1]
 
 
-def test_the_radius_grows_with_the_degree():
-    """V of degree 4 of a pendulum agrees with flights in a larger set z'Pz <= c than its quadratic part."""
-    quadratic, whole = expanded(4).radii
-    assert (quadratic.degree, whole.degree) == (2, 4)
-    assert 0.0 < quadratic.c < whole.c
-
-
 def test_extents_are_those_of_the_ellipsoid():
     """The stated largest |z_i| in z'Pz <= c are √(c (P⁻¹)_ii)."""
     radius = expanded(3).radii[-1]

@@ -71,17 +71,6 @@ def test_unsupported_functions_are_refused(expression, named, monkeypatch):
         BallFunction(ca.Function("f", [y], [expression(y)]))
 
 
-def test_a_function_that_is_solved_for_is_refused():
-    """A function that CasADi computes by iteration has no operations to enclose."""
-    y = ca.SX.sym("y")
-    z = ca.SX.sym("z")
-    root = ca.rootfinder("root", "newton", {"x": z, "p": y, "g": z**3 + z - y})
-    x = ca.MX.sym("x")
-    function = ca.Function("f", [x], [root(x0=0.0, p=x)["x"]])
-    with pytest.raises(BadInputError, match="function root"):
-        BallFunction(function)
-
-
 ABOUT_0 = arb(0, 0.1)
 
 

@@ -1,26 +1,12 @@
 """Balls contain their members, and their precision is set wherever they are imported."""
 
 import math
-import subprocess
-import sys
 
-import pytest
 from flint import arb
 from proofs import FLOAT
 
 from hfa_prove.check.trims import SteadyFlight
-from hfa_prove.enclosure.ball_function import about_zero, exact
-from hfa_prove.enclosure.precision import PRECISION
 from hfa_prove.statements.schedule import Flight
-
-
-def test_balls_contain_their_members():
-    """Symmetric balls contain both signs of a number, and a double is exact."""
-    for value in (arb(-2, 1), -3, 3.0):
-        assert about_zero(value).contains(3)
-        assert about_zero(value).contains(-3)
-        assert not about_zero(value).contains(3.001)
-    assert exact(0.1).rad() == 0
 
 
 def test_a_read_number_contains_its_decimal():
@@ -46,15 +32,3 @@ def test_a_read_number_contains_its_decimal():
         if not drag.contains(exactly):
             outside.append(text)
     assert outside == []
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "module", ["hfa_prove.enclosure.ball_function", "hfa_prove.search.schedule"]
-)
-def test_importing_balls_sets_their_precision(module):
-    """A new process that imports balls computes with the bits of proofs."""
-    program = f"import {module}, flint; print(flint.ctx.prec)"
-    words = [sys.executable, "-c", program]
-    done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60)
-    assert int(done.stdout) == PRECISION

@@ -95,11 +95,3 @@ def test_a_table_that_is_misread_is_refused(planted, monkeypatch):
     with pytest.raises(BadInputError, match="other values of the table"):
         tables_of(function)
     splines._tables_of.cache_clear()
-
-
-def test_a_table_of_high_degree_is_refused():
-    """A table of degree 5 is refused."""
-    grid = [np.arange(9.0).tolist()]
-    function = ca.interpolant("table", "bspline", grid, np.arange(9.0).tolist(), {"degree": [5]})
-    with pytest.raises(BadInputError, match="degree 5"):
-        tables_of(function)
