@@ -50,6 +50,8 @@ from hfa_jsbsim.properties import (
     contains,
     identifier,
     is_zero,
+    key_of,
+    symbols_of,
 )
 from hfa_jsbsim.surfaces import (
     PilotInput,
@@ -198,10 +200,14 @@ class Equations:
             if note is not None:
                 self.notes.append(note)
 
+    @property
+    def _values(self) -> ca.SX:
+        """Rates and outputs."""
+        return ca.vertcat(*self.rates.values(), *self.outputs.values())
+
     def used_symbols(self) -> set[int]:
-        """Return the hashes of the symbols on which rates or outputs depend."""
-        every = ca.vertcat(*self.rates.values(), *self.outputs.values())
-        return {symbol.element_hash() for symbol in ca.symvar(every)}
+        """Return the keys of the symbols on which rates or outputs depend."""
+        return symbols_of(self._values)
 
     def used_inputs(self) -> dict[str, PilotInput]:
         """Return the inputs on which rates or outputs depend, by name."""
@@ -209,7 +215,7 @@ class Equations:
         return {
             name: pilot_input
             for name, pilot_input in self.inputs.items()
-            if pilot_input.symbol.element_hash() in used
+            if key_of(pilot_input.symbol) in used
         }
 
     def _declare_symbols(self) -> None:
@@ -580,9 +586,8 @@ class Equations:
         # Newton's method. One step is exact for linear equations, and three suffice for quadratic
         # ones. The 2 x 2 system is solved by Cramer's rule.
         symbols = ca.vertcat(*self.rate_symbols)
-        values = ca.vertcat(*self.rates.values(), *self.outputs.values())
         wanted = ca.vertcat(*self._angle_rates)  # functions of the symbols
-        if not ca.depends_on(values, symbols):
+        if not ca.depends_on(self._values, symbols):
             return
         slopes = ca.jacobian(wanted, symbols) - ca.SX.eye(2)
         angle_rates = ca.SX.zeros(2)
@@ -670,10 +675,9 @@ class Equations:
         self._remove_time()
         faults = []
         for unknown in properties.unknowns:
-            values = ca.vertcat(*self.rates.values(), *self.outputs.values())
-            if not contains(values, unknown.symbol):
+            if not contains(self._values, unknown.symbol):
                 continue
-            if properties.hide(values, unknown):
+            if properties.hide(self._values, unknown):
                 self._freeze()
                 continue
             moved = [name for name, rate in self.rates.items() if contains(rate, unknown.symbol)]
@@ -740,8 +744,7 @@ class Equations:
         """Replace a symbol by a value in all time derivatives and outputs."""
         self._replacements.append((symbol, value))
         names = [*self.rates, *self.outputs]
-        values = ca.vertcat(*self.rates.values(), *self.outputs.values())
-        changed = ca.vertsplit(ca.substitute(values, symbol, value))
+        changed = ca.vertsplit(ca.substitute(self._values, symbol, value))
         solved = dict(zip(names, changed, strict=True))
         self.rates = {name: solved[name] for name in self.rates}
         self.outputs = {name: solved[name] for name in self.outputs}

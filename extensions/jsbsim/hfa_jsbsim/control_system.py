@@ -315,17 +315,7 @@ def _deadband(component: Element, properties: Properties) -> Any:
 def _actuator(component: Element, properties: Properties) -> Any:
     """Return the output of an <actuator>: its input after lag, deadband and bias."""
     # Rate limits and hysteresis are omitted with a note.
-    value = input_of(component, properties)
-    failed = {kind: _failure(component, properties, kind) for kind in ("zero", "hardover", "stuck")}
-    value = ca.if_else(failed["zero"], 0.0, value) if failed["zero"] is not None else value
-    if failed["hardover"] is not None:
-        end = (
-            0.0
-            if component.find("clipto") is None
-            else component.need("clipto").need("max").number()
-        )
-        value = ca.if_else(failed["hardover"], end * ca.sign(value), value)
-    value = _lagged(component, "lag", value, properties)
+    value = _lagged(component, "lag", input_of(component, properties), properties)
     if component.find("rate_limit") is not None:
         properties.leave_out(component, "its rate limit", is_always=True)
     width = component.value_of("deadband_width", 0.0)
@@ -338,19 +328,7 @@ def _actuator(component: Element, properties: Properties) -> Any:
             "hysteresis is omitted; in JSBSim these actuators may stop this far from their command"
         )
         properties.notes.append(Note(statement, f"{name} by {0.5 * play:g}", component.where))
-    value = value + component.value_of("bias", 0.0)
-    # A stuck actuator keeps its output, at the start of a flight 0.
-    return value if failed["stuck"] is None else ca.if_else(failed["stuck"], 0.0, value)
-
-
-def _failure(component: Element, properties: Properties, kind: str) -> ca.SX | None:
-    """Return whether an actuator has a failure, or None if nothing sets it."""
-    name = component.attributes.get("name", "")
-    full_name = f"{name if '/' in name else f'fcs/{lower_dashes(name)}'}/malfunction/fail_{kind}"
-    writer = properties.writer(full_name)
-    if writer is None or writer.component is None:  # JSBSim ignores the value of a <property>
-        return None
-    return ca.SX(properties.read(full_name, component.where)) != 0.0
+    return value + component.value_of("bias", 0.0)
 
 
 def _lagged(component: Element, name: str, value: Any, properties: Properties) -> Any:

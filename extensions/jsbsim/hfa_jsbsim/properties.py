@@ -5,6 +5,7 @@ from __future__ import annotations
 import keyword
 import math
 import re
+from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -292,6 +293,13 @@ class Properties:
                 inside = symbols_of(value)
         return value
 
+    @property
+    def _loops(self) -> dict[int, Unknown]:
+        """Values of the past and those that depend on all forces, by the keys of their symbols."""
+        return {
+            key_of(each.symbol): each for each in self.unknowns if isinstance(each.error, LoopError)
+        }
+
     def presents(self) -> Iterator[Present]:
         """Yield the values of the past that are known in a steady flight."""
         for writer in self._looping:
@@ -299,35 +307,36 @@ class Properties:
                 continue
             seen = self._seen.get(writer)
             if seen is None or seen[:2] != (id(writer.value), len(self.constants)):
-                present = self._present(writer.value, writer.past.symbol, self.initial(writer.name))
+                past, present = writer.past.symbol, None
+                steady = self._steady(writer.value, past, self.initial(writer.name))
+                if steady is not None:
+                    present = Present(past, steady, self.at_start(steady))
                 seen = self._seen[writer] = id(writer.value), len(self.constants), present
             if seen[2] is not None:
                 yield seen[2]
 
-    def _present(self, value: ca.SX, past: ca.SX, initial: Any) -> Present | None:
+    def _steady(self, value: ca.SX, past: ca.SX, initial: Any) -> ca.SX | None:
         """Return the value of the past of a property in a steady flight, None if it is unknown.
 
         value: value of the property, a function of its past
         initial: its value before the first frame
         """
-        at_start = self.at_start(value)
-        if not contains(at_start, past):  # a component does not need it: it is the present one
-            return Present(past, value, at_start)
+        if not contains(self.at_start(value), past):  # not needed: the present one
+            return value
         if _is_kept(value, past):
-            return Present(past, ca.SX(initial), self.at_start(initial))
+            return ca.SX(initial)
         # value = slope past + rest: a static loop, if the frames approach its solution
         slope = ca.jacobian(value, past)
-        loops = {key_of(each.symbol) for each in self.unknowns if isinstance(each.error, LoopError)}
-        if slope.is_constant() and abs(float(slope)) < 1.0 and len(loops & symbols_of(value)) == 1:
-            solved = ca.substitute(value, past, 0.0) / (1.0 - slope)
-            return Present(past, solved, self.at_start(solved))
+        is_alone = len(self._loops.keys() & symbols_of(value)) == 1
+        if slope.is_constant() and abs(float(slope)) < 1.0 and is_alone:
+            return ca.substitute(value, past, 0.0) / (1.0 - slope)
         return None
 
     def loop_in(self, value: Any) -> LoopError | None:
         """Return the error of a loop on which a value depends, or None."""
         inside = symbols_of(self.in_files(value))
-        errors = (unknown.error for unknown in self.unknowns if key_of(unknown.symbol) in inside)
-        return next((error for error in errors if isinstance(error, LoopError)), None)
+        errors: Iterator[Any] = (loop.error for key, loop in self._loops.items() if key in inside)
+        return next(errors, None)
 
     def hide(self, value: ca.SX, unknown: Unknown) -> bool:
         """Freeze the constants whose values in the files remove an unknown from a value.
@@ -337,18 +346,17 @@ class Properties:
         value = ca.vertcat(*(row for row in ca.vertsplit(value) if contains(row, unknown.symbol)))
         inside = symbols_of(value)
         names = [name for name, each in self.constants.items() if key_of(each.symbol) in inside]
-        if contains(self.at_start(value, names), unknown.symbol):
-            return False
         needed: list[str] = []  # the last of the fewest first names that suffice with those found
-        while contains(self.at_start(value, needed), unknown.symbol):
-            too_few, enough = 0, len(names)
-            while enough - too_few > 1:
-                middle = (too_few + enough) // 2
-                if contains(self.at_start(value, [*needed, *names[:middle]]), unknown.symbol):
-                    too_few = middle
-                else:
-                    enough = middle
-            names, needed = names[: enough - 1], [*needed, names[enough - 1]]
+
+        def is_hidden(count: int) -> bool:
+            """Return whether the first names, with those found, remove the unknown."""
+            return not contains(self.at_start(value, [*needed, *names[:count]]), unknown.symbol)
+
+        if not is_hidden(len(names)):
+            return False
+        while not is_hidden(0):
+            last = bisect_left(range(1, len(names)), True, key=is_hidden)
+            needed, names = [*needed, names[last]], names[:last]
         self.frozen |= {*needed}
         return True
 
@@ -402,7 +410,7 @@ class Properties:
     def replace(self, name: str, value: Any) -> None:
         """Set a property to a value and remove all its writers. Values in loops are forgotten."""
         self.writers[canonical(name)] = [Writer(lambda: value, "", BEFORE_ALL)]
-        loops = {key_of(each.symbol) for each in self.unknowns if isinstance(each.error, LoopError)}
+        loops = self._loops.keys()
         for writers in self.writers.values():
             for writer in writers:
                 if writer.value is None or isinstance(writer.value, float | int):
@@ -410,15 +418,10 @@ class Properties:
                 # The effect of an engine, which is no expression, is forgotten in any case.
                 if not isinstance(writer.value, ca.SX) or loops & symbols_of(writer.value):
                     writer.value = None
-                    self._forget(writer.component)
-
-    def _forget(self, component: Element | None) -> None:
-        """Forget that a component was read, until it is read again."""
-        if component is not None:
-            component.taken = False
-            self.left_out = {
-                key: left for key, left in self.left_out.items() if left.component is not component
-            }
+                    if writer.component is not None:  # it counts as read when it is read again
+                        writer.component.taken = False
+                        for is_always in (False, True):
+                            self.left_out.pop(_key(writer.component, is_always), None)
 
     def writer(self, name: str) -> Writer | None:
         """Return the last writer that was added for a property, or None if it has none."""
@@ -535,7 +538,7 @@ class Properties:
 
         commands: symbols of the commands
         """
-        zeros = [each.symbol for each in self.unknowns if isinstance(each.error, LoopError)]
+        zeros = [loop.symbol for loop in self._loops.values()]
         if not self.has_filter_states:
             zeros += [integral.symbol for integral in self.filters]
         zeroed = ca.vertcat(commands, *zeros)

@@ -79,7 +79,6 @@ CONSTRUCTS = {
     ),
     "actuator, clip exchanged": _of("actuator", _clip(0.3, -0.2)),
     "failure, zero": _failure("actuator", "fail_zero", 1.0),
-    "failure, stuck": _failure("actuator", "fail_stuck", 1.0),
     "failure by a property": {
         **_of("actuator", _clip(-0.5, 0.5)),
         "control": '<property value="1">fcs/c/malfunction/fail_zero</property>',
