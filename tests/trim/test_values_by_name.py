@@ -7,7 +7,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from matplotlib import pyplot
 
 import hfa
 from hfa import NoSolutionError, linearize, sweep, trim
@@ -57,23 +56,3 @@ def test_a_sweep_is_a_sequence_of_linear_models():
         swept[4]
     with pytest.raises(NoSolutionError, match="point 1 has no trim"):
         sweep(MODEL, {"dihedral": [0.2], "speed": [68.0, 5.0]})[1]
-
-
-def test_a_sweep_is_a_table_and_draws_curves():
-    """Columns of the table and curves are the values of the points, angles drawn in degrees."""
-    swept = sweep(MODEL, {"dihedral": [0.1, 0.2], "speed": [66.0, 68.0, 70.0]})
-    frame = swept.to_pandas()
-    assert frame["alpha"].tolist() == swept["alpha"].tolist()
-    for index, linear in enumerate(swept):
-        for name in ("damping", "frequency"):
-            expected = getattr(linear.modes["phugoid"], name)
-            assert frame[f"phugoid {name}"][index] == pytest.approx(expected)
-    above, below = swept.plot("elevator_outer", "phugoid damping")
-    degrees = np.degrees(swept["elevator_outer"]).reshape(2, 3)
-    for line, values in zip(above.lines, degrees, strict=True):
-        assert line.get_xdata().tolist() == [66.0, 68.0, 70.0]
-        assert line.get_ydata() == pytest.approx(values)
-    assert below.lines[1].get_ydata() == pytest.approx(frame["phugoid damping"][3:])
-    assert (above.get_ylabel(), below.get_ylabel()) == ("elevator_outer, deg", "phugoid damping")
-    assert below.get_xlabel() == "speed, ft/s"
-    pyplot.close("all")

@@ -206,11 +206,7 @@ class _Search:
         if not ({speed, *AIRSPEEDS} & {*self.imposed} and drag and lift):
             return
         needed = float(self.condition.imposed.get("load_factor", 1.0))  # of a pull-up
-        dropped = [
-            lift,
-            drag,
-            *(["load_factor"] if "load_factor" in self.condition.imposed else []),
-        ]
+        dropped = [lift, drag, *{"load_factor"} & {*self.condition.imposed}]
         balanced = self._greatest_lift(*dropped)
         if balanced is None or balanced[0] >= needed:
             return
@@ -285,14 +281,9 @@ class _Search:
 
     def of_held_inputs(self) -> Iterator[Reason]:
         """Yield the unbalanced rotation that only inputs change that the condition imposes."""
-        attempt = self.error.attempt
-        B = self.model.at(attempt.states, attempt.inputs).B
-        for state in (self.roles[role] for role in _MOMENTS if role in self.roles):
-            row = B[self.model.state_places([state])[0]]
-            held = [name for name, effect in zip(self.model.inputs, row, strict=True) if effect]
-            is_left = abs(attempt.scaled_residuals.get(state, 0.0)) > BALANCE
-            if held and is_left and {*held} <= {*self.imposed}:
-                yield Reason(f"no free input changes {state}", held[0])
+        for state, moved_by in self.error.attempt._unbalanced_rotations:
+            if moved_by and {*moved_by} <= {*self.imposed}:
+                yield Reason(f"no free input changes {state}", moved_by[0])
 
     def of_rest(self) -> Iterator[Reason]:
         """Yield the rate without which all others balance, if the unknowns are fewer."""

@@ -26,7 +26,7 @@ from trim.point.condition import (
 )
 from trim.point.freed import with_found_parameters, with_parameters_as_inputs
 from trim.point.operating_point import OperatingPoint
-from trim.point.problem import DEPENDENT, TrimProblem, keepable, undetermined
+from trim.point.problem import TrimProblem, keepable, undetermined
 from trim.point.status import BALANCE, Status
 
 #: Residuals, and differences of two trims, below this fraction of the largest are not named.
@@ -73,8 +73,6 @@ def _causes(problem: TrimProblem, nearest: np.ndarray) -> Iterator[str]:
         yield f"{equations} equations for {unknowns} unknowns; free more variables"
     if idle:
         yield f"no effect of {' and '.join(idle)}; free another variable"
-    elif not balances_beyond_limits and (dependent := _dependent_effects(problem, effects)):
-        yield f"{'; '.join(dependent)}; free another variable"
 
 
 def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
@@ -91,26 +89,6 @@ def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
             text = f"{row.name} by {residuals[place] * row.scale:.3g} {unit}"
             texts.append(text.removesuffix(" 1"))  # without a unit
     return texts
-
-
-def _dependent_effects(problem: TrimProblem, effects: np.ndarray) -> list[str]:
-    """Return a sentence for each free variable whose effect is a combination of those before it."""
-    # The columns of effects, (m, k) in balanced units, are not zero. If the Jacobian has full row
-    # rank, there is no sentence.
-    sentences: list[str] = []
-    independent: list[int] = []  # columns
-    for column, name in enumerate(problem.free):
-        before = effects[:, independent]
-        shares = np.linalg.lstsq(before, effects[:, column])[0]
-        remainder = np.linalg.norm(effects[:, column] - before @ shares)
-        if remainder > DEPENDENT:
-            independent.append(column)
-            continue
-        significant = np.flatnonzero(np.abs(shares) > DEPENDENT)
-        others = [problem.free[independent[i]] for i in significant]
-        sentences.append(f"{name} has no effect independent of {' and '.join(others)}")
-    has_full_row_rank = len(independent) == len(effects)
-    return [] if has_full_row_rank else sentences
 
 
 def binding_limits(problem: TrimProblem, nearest: np.ndarray) -> dict[str, str]:
@@ -368,7 +346,7 @@ def _error_of(problem: TrimProblem, nearest: np.ndarray, others: int) -> TrimErr
     if others:
         message += f"; {others} other initial points failed too"
     attempt = OperatingPoint._of(problem, problem.clip(nearest), Status.FAILED)
-    if rates := attempt._uncontrolled_rates:
+    if rates := [name for name, moved_by in attempt._unbalanced_rotations if not moved_by]:
         message += f"; no input of the model changes {' and '.join(rates)}"
     return TrimError(message, attempt, beyond_limits)
 

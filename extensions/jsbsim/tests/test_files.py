@@ -105,20 +105,6 @@ def test_a_command_after_inputs_is_free_in_a_trim(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("query", "fault"),
-    [
-        ("inputs=fcs/elevon-cmd,fcs/idle-cmd", "inputs=fcs/idle-cmd: no force depends on"),
-        ("inputs=fcs/elevn-cmd", "did you mean fcs/elevon-cmd"),
-        ("inputs=", "inputs= is not an option"),
-    ],
-)
-def test_wrong_inputs_are_refused(query, fault, tmp_path):
-    """A property without effect, a misspelled one, and no property after inputs= are refused."""
-    with pytest.raises(BadInputError, match=fault):
-        load_model(f"{written(tmp_path, DECLARED)}?{query}")
-
-
-@pytest.mark.parametrize(
     ("text", "fault"),
     [
         ("no xml", r"glider.xml:1: the file is not valid XML \(syntax error\)"),

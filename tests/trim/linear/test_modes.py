@@ -141,24 +141,3 @@ def test_a_coupled_roll_has_no_time_constant(mode):
             modes={mode: ("x", "v")},
         )
         assert values(trim(model)) == pytest.approx(expected)
-
-
-@pytest.mark.parametrize(("prefix", "named"), [("", True), ("body_", True), ("body2", False)])
-def test_modes_are_named_also_if_states_have_a_prefix(prefix, named):
-    """The short period and the phugoid are recognized if the states are body_speed, body_alpha, ... instead
-    of speed, alpha, ..., but not if they are body2speed, ...: "_" must end the prefix.
-    """
-    A = np.array([[-0.03, 6.0, -9.8, 0.0], [-0.005, -1.2, 0, 1], [0, 0, 0, 1], [0.0, -9.0, 0, -2]])
-    units = {"speed": "m/s", "alpha": "rad", "pitch": "rad", "pitch_rate": "rad/s"}
-    states = {f"{prefix}{name}": hfa.Signal(unit) for name, unit in units.items()}
-
-    def equations(x, u, *_):
-        rates = [sum(a * value for a, value in zip(row, x, strict=True)) for row in A]
-        rates[-1] += u.elevator
-        return dict(zip(states, rates, strict=True)), {}
-
-    model = hfa.Model(
-        "part", states, {"elevator": hfa.Signal("rad")}, equations, trim={"elevator": 0}
-    )
-    names = {mode.name for mode in hfa.trim(model).modes}
-    assert ({"short period", "phugoid"} <= names) == named

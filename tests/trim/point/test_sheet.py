@@ -238,19 +238,6 @@ def test_a_lift_coefficient_above_the_declared_largest_is_a_stall():
     assert f"\nSTALLED: CL {coefficient:.4g} is above CL_max 0.3" in point.report().title
 
 
-def test_a_bank_beyond_90_deg_within_an_assumed_limit_is_far_out():
-    """lift = -cos(bank) = 0.9 only beyond 90 deg: the first lines name the bank after "Far out"."""
-    model = Model(
-        "inverted",
-        {"bank": Signal("rad", min=-3.1, max=3.1, start=3.0, assumed=True)},
-        {"roll_rate": Signal("rad/s")},
-        lambda x, u, p, w: ({"bank": u.roll_rate}, {"lift": -ca.cos(x.bank)}),
-        outputs={"lift": Signal()},
-        trim={"lift": 0.9},
-    )
-    assert "Far out: bank" in hfa.trim(model).report().title
-
-
 # Configuration, air, performance.
 
 
@@ -356,19 +343,6 @@ def test_levels_of_a_sheet_are_those_of_its_modes():
     assert flexible["sheet"]["phugoid damping"]["level"] == "below 3"  # doubles in 44 s
     landing = trim_report(point, airplane=Airplane("I", "C"))
     assert "level" in landing.data["sheet"]["n/alpha"]  # it has limits in category C only
-
-
-def test_degrees_taken_as_radians_and_impossible_inertias_have_warnings(folder):
-    """A file with limits of 25 rad, meant as degrees, and with Izz above Ixx + Iyy, which no rigid body has,
-    has a warning of each.
-    """
-    text = (EXAMPLES / "uav.toml").read_text("utf-8")
-    text = text.replace('["-25 deg", "25 deg"]', "[-25, 25]").replace("Izz = 1.759", "Izz = 2.9")
-    Path("wrong.toml").write_text(text, "utf-8")
-    result = command("trim", "--aircraft", "wrong.toml")
-    said = " ".join((result.out + result.err).split())
-    for name in ("elevator is 25 rad", "rudder is 25 rad", "no rigid body"):
-        assert name in said
 
 
 def test_published_and_newton_dynamics_differ_by_mode_in_percent():

@@ -148,24 +148,6 @@ def test_the_rounding_of_an_effect_is_no_effect():
         trim(model)
 
 
-def test_controls_with_proportional_effects_are_named(published_aircraft):
-    """The message on a failed trim names two elevators with proportional effects.
-
-    Outer tails of 1e-14 times the area and 1e14 times the distance only pitch the aircraft, as the
-    center tail does. With one of them held, and an aileron free instead, a trim exists.
-    """
-    p = hfa_model.parameters_of(published_aircraft)
-    alike = published_aircraft.with_parameters(
-        tail_area=p.tail_area * 1e-14, boom_length=p.boom_length * 1e14
-    )
-    same = "elevator_outer has no effect independent of elevator_center; free another variable"
-    with pytest.raises(
-        TrimError, match=rf"^no trim: .*; {same}\); 8 other initial points failed too$"
-    ):
-        trim(alike, BASE)
-    trim(alike, release(BASE, free=("aileron_center",), hold={"elevator_outer": 0.0}))
-
-
 # Limits of the pitch angle, alpha + gamma, in single trims and in sweeps.
 
 

@@ -13,7 +13,6 @@ from hfa import (
     BadInputError,
     aircraft as aircraft_of,
     linearize,
-    load_model,
     sweep,
     trim,
 )
@@ -277,25 +276,3 @@ def test_a_store_is_resumed_with_its_own_sweep_only(more, store):
 
 
 # Printed reports.
-
-
-def test_a_sweep_prints_trim_values_and_limits_reached():
-    """Each row has alpha and the moved inputs of the single trim, and the limits it reaches, as its
-    CSV file has: here full thrust in the second row.
-    """
-    model = load_model(str(ROOT / "examples" / "uav.toml"))
-    full = model.inputs["thrust"].max
-    condition = release(usual_condition(model), free=("gamma",))
-    swept = sweep(model, {"speed": [30.0], "thrust": [0.5 * full, full]}, condition=condition)
-    text = swept.report().text(width=None).partition("alpha deg")[2]
-    rows = [line.split() for line in text.splitlines()[1:3]]
-    records = swept.records()
-    column = records.header.index("limits reached")
-    assert [row[column] for row in records.rows] == ["", "thrust highest"]
-    for row, at_limit, thrust in zip(
-        rows, ("none", "thrust highest"), (0.5 * full, full), strict=True
-    ):
-        point = trim(model, release(condition, hold={"speed": 30.0, "thrust": thrust}))
-        expected = np.degrees([point["alpha"], point["elevator"]])
-        np.testing.assert_allclose([float(each) for each in row[2:4]], expected, rtol=1e-3)
-        assert " ".join(row[4:]) == at_limit

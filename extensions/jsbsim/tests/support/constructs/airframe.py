@@ -105,10 +105,6 @@ _GEAR = (
 
 CONSTRUCTS = {
     "plain": {},
-    "file header": {"head": "<fileheader> <author>A</author> </fileheader>"},
-    "output": {"sections": '<output name="a.csv" type="NONE" rate="10"/>'},
-    "input": {"sections": '<input port="1138"/>'},
-    "unknown section": {"sections": "<propellant> <a>1</a> </propellant>"},
     "gear": {"sections": _GEAR},
     "gear position": {"sections": _GEAR, "pitch": pitching("gear/gear-pos-norm")},
     "gear above the ground": {"sections": _GEAR, "pitch": pitching("gear/unit/WOW")},
@@ -123,25 +119,12 @@ CONSTRUCTS = {
         "metrics": '<wing_incidence unit="DEG"> 3 </wing_incidence>',
         "pitch": pitching("aero/alpha-wing-rad"),
     },
-    "unknown metric": {"metrics": "<winglets> 2 </winglets>"},
     "reference point": {"reference": "<x> 4 </x> <y> 0 </y> <z> 2 </z>"},
-    "location EYEPOINT": {
-        "metrics": (
-            '<location name="EYEPOINT" unit="IN"> <x> 1 </x> <y> 0 </y> <z> 1 </z> </location>'
-        )
-    },
-    "location VRP": {
-        "metrics": '<location name="VRP" unit="IN"> <x> 1 </x> <y> 0 </y> <z> 1 </z> </location>'
-    },
     "inertia products": _mass('<ixz unit="SLUG*FT2"> 50 </ixz> <ixy unit="SLUG*FT2"> 20 </ixy>'),
     "inertia products, not negated": _mass(
         '<ixz unit="SLUG*FT2"> 50 </ixz> <iyz unit="SLUG*FT2"> 20 </iyz>',
         'negated_crossproduct_inertia="false"',
     ),
-    "inertia in kg m2": _mass('<ixz unit="KG*M2"> 50 </ixz>'),
-    "weight in kg": {"mass": '<emptywt unit="KG"> 1400 </emptywt>'},
-    "documentation in mass": _mass("<documentation> text </documentation>"),
-    "unknown child of mass": _mass("<ballast> 30 </ballast>"),
     "point mass": _point(""),
     "point mass with inertia": _point(
         '<ixx unit="SLUG*FT2"> 10 </ixx> <iyy unit="SLUG*FT2"> 5 </iyy>'
@@ -157,7 +140,6 @@ CONSTRUCTS = {
         '<pointmass name="a"> <weight unit="KG"> 100 </weight> <location unit="M"> <x> 0.4 </x>'
         " <y> 0 </y> <z> 0.1 </z> </location> </pointmass>"
     ),
-    "tank with radius": _tank('<radius unit="IN"> 12 </radius>'),
     "tank with inertia factor": _tank(
         '<radius unit="IN"> 12 </radius> <inertia_factor> 0.5 </inertia_factor>'
     ),
@@ -165,29 +147,19 @@ CONSTRUCTS = {
     "tank, priority 2": _tank("<priority> 2 </priority>"),
     "tank, standpipe": _tank('<standpipe unit="LBS"> 20 </standpipe>'),
     "tank, unusable volume": _tank("<unusable-volume> 100 </unusable-volume>"),
-    "tank, density": _tank('<density unit="LBS/GAL"> 6.2 </density>'),
-    "tank, fuel": _tank("<type> JET-A </type>"),
-    "tank, temperature": _tank("<temperature> 40 </temperature>"),
     "tank, drain": _tank(
         '<drain_location unit="IN"> <x> 4 </x> <y> 6 </y> <z> -12 </z> </drain_location>'
     ),
     "tank, overfull": {"tank": '<contents unit="LBS"> 1500 </contents>'},
-    "tank, empty": {"tank": '<contents unit="LBS"> 0 </contents>'},
     "tank of grain": _second_tank(f'<contents unit="LBS"> 400 </contents> {_GRAIN}', feed=""),
-    "second tank, empty": _second_tank('<contents unit="LBS"> 0 </contents>'),
     "second tank, oxidizer": _second_tank(
         '<contents unit="LBS"> 100 </contents>', "OXIDIZER", feed=""
     ),
     "tank without a feed": _second_tank('<contents unit="LBS"> 100 </contents>', feed=""),
     "feed of no tank": {"engine": "<feed>7</feed>"},
-    "refuel rate": {"propulsion": '<refuel-rate unit="LBS/SEC"> 10 </refuel-rate>'},
-    "dump rate": {"propulsion": '<dump-rate unit="LBS/MIN"> 10 </dump-rate>'},
     "turbine without thrust at idle": {
         "shares": '<function name="MilThrust"> <v>0.9</v> </function>'
     },
-    "turbine, bleed": _turbine("<bleed> 0.1 </bleed>"),
-    "turbine, fuel flow": _turbine("<tsfc> 0.8 </tsfc> <atsfc> 1.7 </atsfc>"),
-    "turbine, bypass": _turbine("<bypassratio> 4 </bypassratio>"),
     "turbine, spool": _turbine("<n1spinup> 8 </n1spinup> <n2spindown> 3 </n2spindown>"),
     "turbine, augmented 1": _turbine(
         '<maxthrust unit="LBS"> 3000 </maxthrust> <augmented> 1'
@@ -202,8 +174,6 @@ CONSTRUCTS = {
         " <injection-N1-inc> 2 </injection-N1-inc>"
     )
     | {"shares": f'{_SHARES} <function name="Injection"> <v>1.2</v> </function>'},
-    "turbine, windmill off": _turbine("<disable-windmill> 1 </disable-windmill>"),
-    "turbine in newtons": {"turbine": '<milthrust unit="N"> 9000 </milthrust>'},
     "turbine, spool function": {
         "shares": f'{_SHARES} <function name="N2SpoolUp"> <v>9</v> </function>'
     },
@@ -283,7 +253,6 @@ CONSTRUCTS = {
     | writing("propulsion/engine[0]/friction-hp", 3.0),
     "piston, oil pressure set by a component": driven("", _ONE, _PISTON)
     | writing("propulsion/engine[0]/oil-pressure-psi", 9.0),
-    "piston, starter": driven("", _ONE, f"{_PISTON} <starter-torque> 40 </starter-torque>"),
     "piston, bore": driven("", _ONE, f"{_PISTON} <bore> 5 </bore> <cylinders> 4 </cylinders>"),
     "piston, consumption": driven("", _ONE, f"{_PISTON} <bsfc> 0.5 </bsfc>"),
     "piston, throttles": driven(
@@ -300,9 +269,6 @@ CONSTRUCTS = {
     "turboprop, limiter of torque": driven(
         _BLADES.format(1), _TWO, f"{_POWER} <ielumaxtorque> 90 </ielumaxtorque>", "turboprop_engine"
     ),
-    "turboprop, fuel": driven(
-        _BLADES.format(1), _TWO, f"{_POWER} <psfc> 0.5 </psfc>", "turboprop_engine"
-    ),
     "turboprop without a power over speed": driven(
         _BLADES.format(1),
         _TWO,
@@ -314,8 +280,6 @@ CONSTRUCTS = {
     ),
     "electric engine": driven("", _ONE, '<power unit="WATTS"> 90000 </power>', "electric_engine"),
     "planet": {"sections": "<planet> <J2> 0 </J2> </planet>"},
-    "function in mass": _mass('<function name="inertia/f"> <v>2</v> </function>')
-    | {"pitch": pitching("inertia/f")},
     "external force": _external(
         f'<force name="push" frame="BODY"> {_FORCE_PLACE} {_DIRECTION} </force>'
     ),

@@ -178,9 +178,7 @@ CONSTRUCTS = {
     "table with nan": _table("-1 nan\n 1 0.2", _ALPHA),
     "table with one row": _table("-1 0.3", _ALPHA),
     "table unsorted": _table("1 0.3\n -1 0.2\n 2 0.1", _ALPHA),
-    "table on one line": _table("-1 0.3 1 0.2", _ALPHA),
     "table beyond its end": _table("-2 0.3\n -1 0.2", _ALPHA),
-    "table with an underscore": _table("-1 0.3\n 1 1_0.2e-2", _ALPHA),
     "axis X": _axis("X", _FORCE),
     "axis Z, body": _axis("Z", _FORCE),
     "axis AXIAL": _axis("AXIAL", _FORCE),
@@ -188,7 +186,6 @@ CONSTRUCTS = {
     "axis ROLL again": _axis("ROLL", coefficient(slope(0.2, "aero/beta-rad"), length="bw-ft")),
     "axis ROLL, stability frame": _axis("ROLL", _FORCE, 'frame="STABILITY"'),
     "axis LIFT, frame": _axis("LIFT", _FORCE, 'frame="BODY"'),
-    "axis unknown": _axis("SPIN", _FORCE),
     "force at the center of gravity": {
         "lift": f'<function apply_at_cg="true"> <product> <v>300</v> {_A} </product> </function>'
     },
@@ -230,9 +227,7 @@ CONSTRUCTS = {
     "reference point moves": {
         "air": "<aero_ref_pt_shift_x> <function> <v>0.2</v> </function> </aero_ref_pt_shift_x>"
     },
-    "unknown child of aerodynamics": {"air": "<ground_effect> <v>1</v> </ground_effect>"},
     "lift by cl-squared": {"lift": coefficient(slope(0.1, "aero/cl-squared"))},
     "moment by alphadot": {"pitch": pitching("aero/alphadot-rad_sec")},
-    "comment in a function": function(f"<!-- text --> {_A}"),
     "rounded to a multiple": _of("roundmultiple", _A, "<v>0.1</v>"),
 }
