@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
@@ -89,9 +88,3 @@ def measured(
         _, at_trim = moving.layout.expressions((point.x, point.u, model.p), outputs)
         values |= zip(outputs, ca.vertsplit(in_air - at_trim), strict=True)
     return ca.vertcat(*(values[name] for name in names))
-
-
-def measured_at_trim(point: OperatingPoint, names: tuple[str, ...]) -> np.ndarray:
-    """Return what sensors measure at a trim in still air, without errors, (p,)."""
-    _, y = in_gusts(point.model).layout.expressions((point.x, point.u, point.model.p), names)
-    return np.asarray(ca.DM(y)).ravel()

@@ -18,7 +18,6 @@ from hfa_flight.air.sensors import (
     Sensor,
     measurable,
     measured,
-    measured_at_trim,
     refuse_unmeasurable,
     sensors_of,
 )
@@ -215,7 +214,9 @@ class KalmanFilter(Result):
     @cached_property
     def at_trim(self) -> np.ndarray:
         """Measured values at the trim, (p,)."""
-        return measured_at_trim(self.point, tuple(self.sensors))
+        point, names = self.point, tuple(self.sensors)
+        _, y = in_gusts(point.model).layout.expressions((point.x, point.u, point.model.p), names)
+        return np.asarray(ca.DM(y)).ravel()
 
     @cached_property
     def P_at_begin(self) -> np.ndarray:

@@ -66,12 +66,9 @@ class Policy(Reported):
         m, k = len(point.model.inputs), len(point.model.linear)
         if self.sizes in (None, (m, k), (m, k - len(positions_of_servos(point.model)))):
             return
-        late = ""
-        if self.sizes is not None and self.sizes[1] > k and (self.sizes[1] - k) % m == 0:
-            late = "; of a game with a delay, fly the gain of the one without, behind --filter"
         raise BadInputError(
             f"the policy {self.name} has the size {shape_text(self.sizes or ())}; give {m} x {k}, "
-            f"inputs x states of the linear model{late}"
+            "inputs x states of the linear model"
         )
 
     def control(self, t: ca.SX, measurements: Measurements, held: ca.SX) -> ca.SX:
