@@ -9,12 +9,12 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from cli import answer, assert_refused, hfa as run
+from cli import assert_refused, hfa as run
 from innovations import innovations_of
 from kalman_recursion import Recursion
-from known_models import exact_gain, game_at, model_at
+from known_models import exact_gain, model_at
 from project import ROOT
-from scipy.linalg import expm, solve_discrete_lyapunov
+from scipy.linalg import expm
 from scipy.stats import binom
 
 import hfa
@@ -108,25 +108,6 @@ def test_the_covariance_is_the_end_of_the_riccati_recursion(point, linear):
         S = P[:6, :6] + R
         P = Phi @ (P - P[:, :6] @ np.linalg.solve(S, P[:6])) @ Phi.T + Q
     np.testing.assert_allclose(found.P[:6, :6], P[:6, :6], rtol=1e-5, atol=1e-12)
-
-
-def test_the_gain_of_a_filter_minimizes_the_covariance_of_the_errors(kalman):
-    """The errors with the gain L have the covariance P; with other gains they are larger. The filter
-    is stable and observes every mode.
-    """
-
-    # Stationary covariance of the prediction errors e⁺ = Φ (I - L C) e - Φ L noise + disturbances.
-    def covariance(L):
-        kept = np.eye(len(kalman.Phi)) - L @ kalman.C
-        noise = kalman.Phi @ L @ kalman.R @ L.T @ kalman.Phi.T
-        return solve_discrete_lyapunov(kalman.Phi @ kept, noise + kalman.Q)
-
-    np.testing.assert_allclose(covariance(kalman.L), kalman.P, rtol=1e-6, atol=1e-12)
-    for wrong in (0.8, 1.2):
-        assert (np.diag(covariance(wrong * kalman.L)) > 1.001 * np.diag(kalman.P)).all()
-    assert kalman.residual < 1e-12
-    assert kalman.radius < 1.0
-    assert kalman.unobservable == ()
 
 
 #: Sensors in the air, a pitot tube and a vane, all with biases.
@@ -333,23 +314,6 @@ def measured(point, kalman):
     return np.array([point[name] for name in kalman.sensors])
 
 
-def test_the_first_command_behind_a_filter_is_that_of_the_corrected_estimate(
-    point, kalman, gain, measured
-):
-    """A flight begins at known states, the trim. The first measurement is `small` off the trim: the
-    estimate is then L small, and the command is u0 - K S L small, where S (`sight`) makes speed and
-    alpha relative to the air. The gain is given values by name, the critic of this gain values in order.
-    """
-    small = 1e-4 * innovations_of(kalman)
-    expected = point.u - gain @ kalman.sight @ kalman.L @ small
-    by_name = dict(zip(kalman.sensors, measured + small, strict=True))
-    critic = hfa.from_gain(game_at(10.0), gain)
-    for law, y in ((gain, by_name), (critic, measured + small)):
-        policy = kalman.policy(law)
-        policy.begin(point.x)
-        np.testing.assert_allclose(policy(0.0, y), expected, rtol=1e-6)
-
-
 def test_copies_and_pickles_of_a_filtered_policy_have_memories_of_their_own(
     point, kalman, gain, measured
 ):
@@ -422,41 +386,6 @@ def test_a_law_that_plans_is_filtered_with_the_nonlinear_model(law):
     assert flight.loop.policy.data(model)["unused_samples"] == 0
 
 
-@pytest.mark.slow
-def test_plans_stay_inside_in_moving_air(point, kalman):
-    """In moderate turbulence with noise, flights of plans stay inside, from the trim, and from 5 ft/s
-    and 0.05 rad of alpha above it.
-    """
-    game = game_at(10.0)
-    planned = hfa.predictive(point.model, point, game.Q, game.R, budget=np.inf)
-    air = Uncertainty(noise=NOISE, turbulence=Turbulence("moderate", 40000.0))
-    start = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
-    for initial, duration in ((0.0 * start, 10.0), (start, 1.0)):
-        scenario = Scenario(duration, initial=initial, uncertainty=air)
-        policy, scenario = kalman.policy(planned).in_scenario(scenario)
-        flight = hfa.fly(point.model, point, policy, scenario=scenario.drawn(5, 0, point))
-        assert flight.departure is None
-
-
-@pytest.mark.slow
-def test_noise_hardly_raises_the_cost_of_plans(point, kalman):
-    """From 5 ft/s and 0.05 rad of alpha above the trim, where plans follow the limit of the pitch rate,
-    noise costs less than 1 %.
-    """
-    game = game_at(10.0)
-    law = hfa.predictive(point.model, point, game.Q, game.R, margin=0.03, budget=np.inf)
-    start = np.array([5.0, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
-    weights = game.Q, game.R
-    costs = []
-    for size in (1e-9, 1.0):
-        noise = {name: size * value for name, value in NOISE.items()}
-        scenario = Scenario(0.4, initial=start, uncertainty=Uncertainty(noise=noise))
-        drawn = scenario.drawn(5, 0, point)
-        flight = hfa.fly(point.model, point, kalman.policy(law), scenario=drawn, weights=weights)
-        costs.append(flight.cost)
-    assert costs[1] == pytest.approx(costs[0], rel=0.01)
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Watching(SampledPolicy):
     """Policy that keeps the trim inputs, the states that it sees, and what is known next."""
@@ -472,24 +401,6 @@ class Watching(SampledPolicy):
     def of_estimate(self, t, X, following):
         self.following.append(following)
         return self(t, X)
-
-
-def test_a_law_that_plans_is_given_speed_and_alpha_relative_to_the_air(point, linear):
-    """In a steady updraft of 5 ft/s, a law behind a filter sees speed and alpha of the trim, and the
-    estimate has the speed over the ground.
-    """
-    law = Watching("watching", point, 0.1)
-    kalman = hfa.filter(linear, NOISE, AIR, 0.1)
-    policy = kalman.policy(law)
-    V, updraft = point["speed"], 5.0
-    ground = {"speed": np.hypot(V, updraft), "alpha": point["pitch"] - np.arctan2(updraft, V)}
-    y = [ground.get(name, point[name]) for name in kalman.sensors]
-    for sample in range(100):
-        policy(0.0, np.multiply(y, 1.0 + 1e-12 * sample))  # a value that repeats is frozen
-    speed, alpha, *_ = law.seen[-1] - point.x
-    assert abs(speed) < 0.02
-    assert abs(alpha) < 0.002
-    assert policy.estimate["speed"] == pytest.approx(ground["speed"], abs=0.02)
 
 
 @pytest.mark.parametrize("headwind", [pytest.param(-3.0, marks=pytest.mark.slow), 3.0])
@@ -622,12 +533,6 @@ def test_a_loop_behind_a_filter_is_stable_up_to_its_margins_and_not_beyond(angle
     assert "No delay of all inputs up to 30 samples" in without_limit
 
 
-def test_the_text_of_a_filter_has_the_given_drift(linear):
-    """A given drift of alpha, 0.02 rad in a second, is printed beside the default of other states."""
-    text = hfa.filter(linear, NOISE, AIR, drift={"alpha": 0.02}).text()
-    assert text.endswith("drift 0.1 of the noise a second, but 0.02 rad of alpha")
-
-
 def test_a_gain_whose_loop_is_unstable_is_flown_and_reported(point, kalman, gain):
     """Behind a filter, -K leaves the envelope. The report says that the linear loop is unstable, and
     predicts no rms by it.
@@ -671,33 +576,6 @@ def test_the_confidence_limits_of_the_departures_are_those_of_the_binomial(lost)
     end = "%, 95 %" if lost else "% leave (95 %)"
     printed = float(told.title.splitlines()[0].partition(f" {end}")[0].split()[-1])
     assert 100.0 * high <= printed < 100.0 * high + 1.0
-
-
-#: Flights behind a filter, of noise of all sensors and moderate turbulence.
-IN_AIR = (*f"fly --dihedral 10 --policy exact --filter --turbulence {AIR}".split(), *TYPED)
-
-
-def test_the_command_reports_flights_in_air():
-    """The report has the counts of two flights, the 95 % confidence limits of the probability of a
-    departure, the linear prediction, and the same flights without control. No departure in two
-    flights has a probability of 5 % at the upper limit p: (1 - p)² = .05.
-    """
-    data = answer(*IN_AIR, "--samples", "2", "--duration", "0.2")
-    assert (data["within_limits"], data["uncontrolled_left"]) == (2, 0)
-    assert data["left_95"] == [0.0, pytest.approx(1.0 - 0.05**0.5)]
-    assert data["linear_rms"].keys() == data["rms"].keys() == data["uncontrolled_rms"].keys()
-    assert data["filter"]["spectral_radius"] < 1.0
-    assert set(data["at_limit"].values()) == {0.0}
-
-
-def test_a_single_flight_of_a_seed_is_the_first_of_many():
-    """The flight of --seed 3 ends as the first of many, of which one is flown here with --samples 1: all
-    quantiles of one flight are its final values.
-    """
-    alone, many = (
-        answer(*IN_AIR, *f"--duration 0.02 --seed 3 {more}".split()) for more in ("", "--samples 1")
-    )
-    assert alone["final"]["speed"] == pytest.approx(many["final"]["speed"][0], rel=1e-9)
 
 
 def test_a_pass_says_which_rms_is_far_above_its_prediction(point, linear, gain):

@@ -58,18 +58,6 @@ def test_a_table_is_linear_between_its_breakpoints_and_constant_beyond(tmp_path,
     np.testing.assert_array_equal(schedule.table.at(9.0), K[2])
 
 
-def test_the_first_axis_of_a_table_of_equal_axes_is_that_of_its_breakpoints(tmp_path):
-    """K (2, 2, 2) of 2 levels, 2 inputs and 2 states could have its levels first, or last as in MATLAB:
-    it is read with the levels first.
-    """
-    cube = np.arange(8.0).reshape(2, 2, 2)
-    two_inputs = Model("two", TANK.states, {"push": Signal("lbf"), "pull": Signal("lbf")},
-                       lambda x, u, p, w: ({"level": u.push, "rate": u.pull}, {}),
-                       trim={"level": 0.5}, schedule="level")  # fmt: skip
-    found = load_gain_schedule(gains_file(tmp_path, K=cube, level=[1.0, 2.0]), two_inputs)
-    np.testing.assert_array_equal(found.gains, cube)
-
-
 def test_gains_are_converted_from_the_units_of_their_file(tmp_path):
     """K in N per m and N per m/s, at levels in m, of a model in lbf, ft and ft/s."""
     metric = {"state_units": ["m", "m/s"], "input_units": ["N"]}
@@ -115,19 +103,6 @@ def test_wrong_gain_files_are_refused(tmp_path, content, said):
     """The tank has 1 input and 2 states, and is scheduled over its level."""
     with pytest.raises(BadInputError, match=re.escape(said)):
         load_gain_schedule(gains_file(tmp_path, **content), TANK)
-
-
-def test_breakpoints_of_an_unknown_unit_are_refused(tmp_path):
-    """The level, on which this tank is scheduled, is not a linear state, so that `state_units` of a file
-    gives the unit of the rate alone. In the model's unit, ft/s, the levels are taken to be in its units
-    too. In another one, m/s, their unit is not known, and the file is refused.
-    """
-    model = Model("tank", TANK.states, TANK.inputs, tank, linear=("rate",),
-                  trim={"level": 0.5}, schedule="level")  # fmt: skip
-    table = {"K": np.ones((2, 1, 1)), "level": [1.0, 2.0]}
-    load_gain_schedule(gains_file(tmp_path, **table, state_units=["ft/s"]), model)
-    with pytest.raises(BadInputError, match="the unit of level is not known"):
-        load_gain_schedule(gains_file(tmp_path, **table, state_units=["m/s"]), model)
 
 
 def test_a_policy_with_a_reference_follows_no_other():

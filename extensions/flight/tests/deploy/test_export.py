@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from cli import assert_refused, hfa as run
 from policy_cases import AIRCRAFT, FOLDER, GTM, stored_deployment, trims
-from scipy.special import ndtr
 
 from hfa.main import main
 from hfa_flight import Deployed
@@ -112,31 +111,6 @@ def test_exported_c_has_the_gain_and_the_delay(tmp_path):
     for deviation, expected in ((0.001, within), (100.0, highest), (-100.0, lowest)):
         u = command(np.array(point.states) + deviation, previous)
         np.testing.assert_allclose(u, expected, rtol=1e-9)
-
-
-@needs_compiler
-def test_exported_c_has_the_functions_of_networks(tmp_path):
-    """The C code computes u = U0 + W2 gelu(W1 o) of one hidden layer, with erf of C99."""
-    random = np.random.default_rng(3)
-    first, last = random.normal(size=(8, 2)), random.normal(size=(1, 8)) / 50.0
-    np.savez(tmp_path / "net.npz", **{"0.weight": first, "2.weight": last})
-    (tmp_path / "net.toml").write_text(
-        "[policy]\nfile = 'net.npz'\nactivation = 'gelu'\n"
-        "[observation]\nalpha = {}\npitch_rate = {}\n"
-        "[action]\nelevator = {box = [-99, 99]}\n[timing]\ndt = 0.02\n"
-    )
-    point = trims("ppo_gtm")[1]
-    assert exported("ppo_gtm", point, tmp_path / "c", tmp_path / "net.toml") == 0
-    command = compiled(tmp_path / "c")
-    states = list(point.model.states)
-    elevator = list(point.model.inputs).index("elevator")
-    for observed in ([0.01, -0.02], [-0.03, 0.05], [0.0, 0.0]):
-        X = np.array(point.states)
-        X[[states.index("alpha"), states.index("pitch_rate")]] += observed
-        u = command(X, np.array(point.inputs))[elevator]
-        x = first @ observed
-        hidden = x * ndtr(x)
-        assert u == pytest.approx(point["elevator"] + (last @ hidden).item(), rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -31,15 +31,3 @@ def test_a_deployment_that_contradicts_the_file_of_its_gain_is_refused(tmp_path,
     with pytest.raises(BadInputError) as caught:
         assessed(tmp_path, entries)
     assert said in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    "entries",
-    [
-        {"inputs": ["elevator", "throttle"], "dt": 0.02},
-        {"state_units": ["m/s", "rad", "rad/s", "rad"]},
-        {"input_units": ["rad", "1"]},
-    ],
-)
-def test_a_deployment_that_agrees_with_the_file_of_its_gain_is_assessed(tmp_path, entries):
-    assert assessed(tmp_path, entries).points

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa
-from policy_cases import ZIPS
 from scipy.linalg import solve_continuous_are
 from scipy.signal import cont2discrete
 from tolerances import FEW_ROUNDINGS
@@ -102,26 +101,6 @@ def test_a_gain_is_assessed_without_a_deployment_file(folder):
         told = answer("assess", *named, *words)
         radii.append(told["points"][0]["spectral_radius"])
     assert radii[0] == radii[1] == pytest.approx(radii[2], rel=1e-12)
-
-
-@pytest.mark.slow
-def test_a_network_is_assessed_without_a_deployment_file(folder):
-    """A network with a sample time is assessed as by a deployment file. One that was trained behind a
-    normalizer is refused.
-    """
-    np.savez("plant.npz", A=-np.eye(3), B=[[1.0, 0.0], [0.0, 1.0], [0.5, 0.5]])
-    observed = "x1 = {}\nx2 = {}\nx3 = {}"
-    table = DEPLOYMENT.replace("x1 = {}\nx2 = {}", observed).replace("u1 = {}", "u1 = {}\nu2 = {}")
-    Path("deployment.toml").write_text(table.replace("K.npz", str(ZIPS / "sac.zip")))
-    words = ("--aircraft", "plant.npz", "--samples", "0")
-    alone, described = (
-        answer("assess", *named, *words)
-        for named in ((str(ZIPS / "sac.zip"), *SAMPLED), ("deployment.toml",))
-    )
-    assert alone["points"] == described["points"]
-    assert alone["declared"]["action"]["squash"] == "tanh"
-    refused = hfa("assess", str(ZIPS / "ppo_normalized.zip"), *SAMPLED, *words)
-    assert_refused(refused, 2, "trained behind a VecNormalize")
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ import pickle
 import numpy as np
 import pytest
 from policy_cases import FOLDER, aircraft, stored_deployment
-from tolerances import SAME_FORMULA
 
 from hfa_flight import Deployed
 
@@ -70,13 +69,3 @@ def slopes(name, count=5):
         entries["slope"] = slope
         rows.append({key: value.tolist() for key, value in entries.items()})
     return rows
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SLOPES)
-def test_stored_slopes_equal_stable_baselines3(name):
-    """The stored actions and slopes equal those that Stable-Baselines3 computes again."""
-    pytest.importorskip("stable_baselines3")
-    for stored, again in zip(SLOPES[name], slopes(name), strict=True):
-        for key, values in stored.items():
-            np.testing.assert_allclose(values, again[key], rtol=SAME_FORMULA, atol=1e-12)

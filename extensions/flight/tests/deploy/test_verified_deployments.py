@@ -23,7 +23,6 @@ MOVED = {
     **{"throttle": 15.0, "aileron_outer": 0.15},
     **{"elevator_center": 0.15, "elevator_outer": 0.15},
 }
-AT_8 = ("verify", "--dihedral", "8")
 
 
 def test_a_deployment_file_is_read_as_a_critic_of_deviations_and_inputs_in_their_units():
@@ -59,23 +58,6 @@ def test_a_weight_of_an_option_replaces_that_of_the_deployment(folder):
     words = ("--aircraft", plant, "--hold", "angle=0", "--weights", "stated.toml", "--R", "5")
     data = answer("verify", *words, code=FAILED)
     assert (data["Q"], data["R"]) == ([[2.0, 0.0], [0.0, 0.0]], [[5.0]])
-
-
-@pytest.mark.slow
-def test_the_command_verifies_a_deployment_in_the_game_of_its_cost_and_inputs():
-    """The game of `hfa verify --weights FILE.toml` has the four inputs that the file moves, MOVED, and the
-    weights of its [cost]. The trained policy is not the solution of this game: exit code FAILED. The
-    options --R and --inputs with the same numbers give the same R.
-    """
-    words = (*AT_8, "--weights", str(PPO_FILE))
-    data = answer(*words, code=FAILED)
-    assert data["inputs"] == list(MOVED)
-    assert len(data["K_exact"]) == len(MOVED)
-    assert np.diag(data["R"]).tolist() == [0.001, 10.0, 10.0, 10.0]  # of the file
-    assert data["network"]["rest_point"] is not None
-    R = ",".join(f"{name}={value}" for name, value in zip(MOVED, (0.001, 10, 10, 10), strict=True))
-    inputs = ("--inputs", ",".join(MOVED))
-    assert answer(*words, "--R", R, *inputs, code=FAILED)["R"] == data["R"]
 
 
 @pytest.mark.parametrize(

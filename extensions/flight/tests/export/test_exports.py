@@ -18,7 +18,6 @@ from project import ROOT
 
 import hfa
 from hfa_flight import GainSchedule, Scenario, Waveform
-from hfa_flight.export.c_text import write_texts
 from hfa_model import LINEAR_STATES, STATES, Input, Parameters, State
 
 pytestmark = needs_gcc
@@ -71,13 +70,6 @@ def test_an_export_over_an_older_one_is_whole_or_refused(folder):
     before = (folder / "c" / "hfa_aircraft.c").read_bytes()
     assert_refused(command("export", "--dihedral", "15", "-o", "c"), 2, "loop_100hz.c is a folder")
     assert (folder / "c" / "hfa_aircraft.c").read_bytes() == before
-
-
-def test_a_new_folder_is_written_whole_or_not_at_all(folder):
-    """The second file cannot be written, because its folder does not exist."""
-    with pytest.raises(hfa.BadInputError, match="cannot write"):
-        write_texts(folder / "c", {"first.h": "", "none/second.c": ""})
-    assert not (folder / "c").exists()
 
 
 @pytest.fixture

@@ -251,21 +251,6 @@ def test_a_flight_departs_when_its_rate_is_not_a_number(dt):
         assert dt * math.floor(expected / dt) <= left.time - 1e-9 <= dt * math.ceil(expected / dt)
 
 
-def test_a_flight_without_limits_departs_when_it_overflows():
-    """From v(0) = v, v' = v + v^3 is infinite after ln(1 + 1 / v^2) / 2 s, with the sign of v(0)."""
-    model = scalar(lambda v, f: v + v**3 + f)
-    sides = set()
-    for seed in (0, 2):
-        (point,) = assess(
-            model, deployed(lambda v: 0.0 * v, 0.1), samples=20, seed=seed, box={"v": 1.0}
-        ).points
-        left, start = point.flights.departure, point.flights.worst_initial["v"]
-        assert left.value == math.copysign(math.inf, start)
-        assert left.time == pytest.approx(0.5 * math.log(1.0 + start**-2), abs=0.1)
-        sides.add(left.value)
-    assert sides == {-math.inf, math.inf}
-
-
 def test_unmet_requirements_are_listed():
     """`needs` are a delay, s, that the loop must tolerate, its least margin, and the largest cost above the
     optimum, %. Each that the policy does not meet at 45 or at 60 m/s is listed in `unmet`.
@@ -274,37 +259,6 @@ def test_unmet_requirements_are_listed():
     assert replace(told, needs={"delay": 0.01, "margin": 0.1}).unmet == []
     for needs in ({"delay": 0.02}, {"margin": 0.5}, {"cost": 50.0}):  # no flight has a cost
         assert len(replace(told, needs=needs).unmet) == 1
-
-
-@pytest.mark.parametrize(
-    ("sign", "where"), [(1.0, "at 1, 4, 5 m/s: "), (-1.0, "from 2 to 3 m/s: ")]
-)
-def test_a_finding_names_its_trims_or_their_range(sign, where):
-    """The finding of unstable loops lists their trims, or gives the range of neighbouring ones.
-
-    v' = sign v is unstable outside of 1.5 < s < 3.5, where it is -sign v, or inside if sign = -1.
-    s is the schedule variable, the speed of the trims.
-    """
-    model = hfa.Model(
-        "scheduled",
-        # Unit, nominal value, min and max of each signal.
-        {"s": hfa.Signal("m/s", 1.0, 0.0, 9.0), "v": hfa.Signal("m/s", 1.0, -1.0, 1.0)},
-        {"f": hfa.Signal("m/s^2", 1.0, 0.0, 9.0)},
-        lambda x, u, p, w: (
-            {"s": u.f - x.s, "v": ca.if_else(ca.fabs(x.s - 2.5) > 1.0, sign, -sign) * x.v},
-            {},
-        ),
-        trim={"s": 1.0, "v": 0.0},
-        schedule="s",
-    )
-    o = ca.SX.sym("o")
-    nothing = Deployment(
-        {"file": ca.Function("policy", [o], [0.0 * o])}, {"v": {}}, {"f": {}}, {"dt": 0.01}
-    )
-    told = assess(model, nothing, [1.0, 2.0, 3.0, 4.0, 5.0], samples=0)
-    assert [
-        finding.text for finding in told.findings if finding.text.startswith(f"{where}unstable")
-    ]
 
 
 def gain_of_gtm(**tables):

@@ -12,7 +12,7 @@ from small_plants import oscillator
 from tolerances import SAME_FORMULA
 
 import hfa
-from hfa import BadInputError, Deployment, Turbulence, environment
+from hfa import BadInputError, Turbulence, environment
 
 gymnasium = pytest.importorskip("gymnasium")
 START = np.array([2.0, 0.03, 0.1, -0.05])
@@ -38,28 +38,6 @@ def test_the_checker_of_gymnasium_passes():
 
     name = "ppo_gtm"
     check_env(environment(aircraft(name), stored_deployment(name), trims(name)[:1]))
-
-
-def test_without_a_deployment_all_states_are_observed_and_all_inputs_are_actions():
-    """The observations are deviations from the trim divided by the nominal values, the weights of the
-    inputs are 1/nominal², and an episode has 20 s. A sample without action costs at most 1.
-    """
-    model = aircraft("ppo_gtm")
-    env = environment(model)
-    assert env.model == model
-    assert env.seconds == pytest.approx(20.0)
-    assert tuple(env.deployment.observation) == model.linear
-    assert tuple(env.deployment.action) == tuple(model.inputs)
-    assert env.action_space.shape == (len(model.inputs),)
-    costs = {name: 1.0 / model.signals[name].nominal ** 2 for name in model.inputs}
-    assert env.deployment.cost["R"] == pytest.approx(costs)
-    observation, info = env.reset(seed=1)
-    rows = model.state_places(model.linear)
-    deviations = (info["X"] - hfa.trim(model).x)[rows]
-    expected = deviations / model.nominal(model.linear)
-    assert observation == pytest.approx(expected, rel=1e-5, abs=1e-5)
-    _, reward, *_ = env.step(np.zeros(len(model.inputs)))
-    assert -1.0 < reward <= 0.0
 
 
 def test_the_default_sample_resolves_the_poles_of_aircraft_and_lqr():
@@ -101,11 +79,6 @@ def test_the_flexible_aircraft_has_the_cost_of_the_papers_game(flexible):
     game = hfa.paper.published_game(flexible.point.linearize())
     assert [*cost["Q"].values()] == np.diag(game.Q).tolist()
     assert [*cost["R"].values()] == np.diag(game.R).tolist()
-
-
-def test_an_environment_that_draws_nothing_says_how_to_draw_a_flight(flexible):
-    with pytest.raises(BadInputError, match=r"hfa\.fly\(model, point, policy\)\.figure"):
-        flexible.render()
 
 
 @pytest.fixture
@@ -349,26 +322,3 @@ def test_turbulence_in_a_sample_is_the_mean_of_the_winds_at_its_ends():
     places = [env.step(still)[4]["X"][0] for _ in range(1000)]
     winds = np.diff(places)
     assert np.corrcoef(winds[1:], winds[:-1])[0, 1] == pytest.approx(0.5, abs=0.07)
-
-
-def test_cost_weights_equal_those_of_a_game():
-    """Q and R given to an environment have the same effect as the cost of a deployment.
-
-    The weights are given as matrices, diagonals or by name.
-    """
-    model = aircraft("ppo_gtm")
-    n, m = len(model.linear), len(model.inputs)
-    Q = dict(zip(model.linear, np.arange(1.0, n + 1).tolist(), strict=True))
-    R = dict(zip(model.inputs, np.arange(3.0, m + 3).tolist(), strict=True))
-    usual = Deployment.usual(model, environment(model).dt)
-    rewards = []
-    for given in (
-        {"deployment": usual.changed(cost={"Q": Q, "R": R})},
-        {"Q": dict(reversed(Q.items())), "R": dict(reversed(R.items()))},
-        {"Q": np.diag([*Q.values()]), "R": np.diag([*R.values()])},
-        {"Q": list(Q.values()), "R": np.array([*R.values()])},
-    ):
-        env = environment(model, **given)
-        env.reset(seed=1)
-        rewards.append(env.step(np.full(m, 0.1))[1])
-    assert len(set(rewards)) == 1

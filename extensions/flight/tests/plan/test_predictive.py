@@ -405,20 +405,6 @@ def test_copies_made_in_flight_continue_it_like_the_policy(law):
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_the_memory_of_a_policy_grows_by_less_than_20_bytes_a_sample(law):
-    """The pickle of a policy grows by less than 20 bytes a sample, from sample 100 to 200: room for the
-    computing time of a sample, and not for its plan.
-    """
-    policy = LAWS[law](PENDULUM, UPRIGHT, *WEIGHTS)
-    sizes = []
-    for number in range(200):
-        policy(number * policy.dt, policy.point.x)
-        if number in (99, 199):
-            sizes.append(len(pickle.dumps(policy)))
-    assert sizes[1] - sizes[0] < 20 * 100
-
-
-@pytest.mark.parametrize("law", LAWS)
 def test_a_jump_of_the_measured_state_is_acted_on_at_its_second_sample(law):
     """A jump of the position by 2 m is ignored for one sample. If it stays, the policy acts on it."""
     policy = cart_policy(law, dt=0.1)

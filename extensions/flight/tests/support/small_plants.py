@@ -36,12 +36,12 @@ def deployed(policy, dt, box=None, **others):
     return hfa.Deployment(**tables | others)
 
 
-def oscillator(high=9.0, sign=1.0):
-    """Return v' = -w^2 x - 2 v with sign * x' = v and x from -1 to `high`, of 1 Hz."""
+def oscillator(high=9.0):
+    """Return x' = v, v' = -w^2 x - 2 v with x from -1 to `high`, of 1 Hz."""
     w = 2.0 * np.pi
     return hfa.Model(
         "oscillator",
         {"x": hfa.Signal("m", min=-1.0, max=high), "v": hfa.Signal("m/s", nominal=6.0)},
         {"force": hfa.Signal("N", min=-1.0, max=1.0)},
-        lambda x, u, p, _: ({"x": sign * x.v, "v": -sign * w * w * x.x - 2.0 * x.v + u.force}, {}),
+        lambda x, u, p, _: ({"x": x.v, "v": -w * w * x.x - 2.0 * x.v + u.force}, {}),
     )
