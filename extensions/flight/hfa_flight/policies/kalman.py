@@ -553,13 +553,19 @@ def least_rms(point: OperatingPoint, turbulence: Turbulence, late: float) -> dic
 
     late: s
     """
-    linear, air = point.linearize(), _air(point, turbulence, late)
+    linear = point.linearize()
+    _, unanswered = of_step(*_in_air(linear, _air(point, turbulence, late)), late)
+    # The linear states come first.
+    return dict(zip(linear.states, np.sqrt(np.diag(unanswered)).tolist(), strict=False))
+
+
+def _in_air(linear: LinearModel, air: _Air) -> tuple[np.ndarray, np.ndarray]:
+    """Return A and G G' of the linear states above those of the air."""
     k, of_air = len(linear.states), len(air.A)
     A = np.block([[linear.A, air.E], [np.zeros((of_air, k)), air.A]])
     noise = np.zeros_like(A)
     noise[k:, k:] = air.noise
-    _, unanswered = of_step(A, noise, late)
-    return dict(zip(linear.states, np.sqrt(np.diag(unanswered)[:k]).tolist(), strict=True))
+    return A, noise
 
 
 def _plant(
@@ -573,19 +579,17 @@ def _plant(
     point = linear.point
     biases = np.array([sensor.bias for sensor in sensors.values() if sensor.bias])
     air = _with_biases(_air(point, turbulence, dt), biases)
+    A, noise = _in_air(linear, air)
     (k, m), of_air = linear.B.shape, len(air.A)
-    n = k + of_air
-    noise_of_both = np.zeros((n, n))
-    noise_of_both[k:, k:] = air.noise
-    x = ca.SX.sym("x", n)
+    x = ca.SX.sym("x", len(A))
     winds = ca.mtimes(ca.DM(air.W), x[k:])
     y = _sensed(point, tuple(linear.states), sensors, air.winds, winds, x)
     slopes = ca.Function("slopes", [x], [ca.densify(ca.jacobian(y, x))])
     return _Plant(
-        A=np.block([[linear.A, air.E], [np.zeros((of_air, k)), air.A]]),
+        A=A,
         B=np.vstack([linear.B, np.zeros((of_air, m))]),
         C=slopes(0.0).full(),
-        noise=noise_of_both,
+        noise=noise,
         drift=np.append([*drift.values()], np.zeros(of_air)),
         scale=np.append([*_sizes(point, sensors).values()], np.sqrt(np.diag(air.covariance))),
         winds=air.winds,
