@@ -17,6 +17,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import VECTORS
 from hfa_support.errors import BadInputError, shown
 from hfa_support.files import regular_file, resolved
+from hfa_support.origin import instructions
 
 #: Packages of this project. An installed version does not belong to a user's model.
 OWN_PACKAGES = {
@@ -44,17 +45,9 @@ def fingerprint(model: Model, sources: str) -> str:
     *given, w = vectors
     f, y = model.layout.expressions(given, tuple(model.outputs), w)
     function = ca.Function("f", vectors, [f, y])
-    digest = hashlib.sha256(sources.encode())
+    digest = hashlib.sha256(f"{sources} {instructions(function)}".encode())
     for kind in (*VECTORS.values(), "outputs", "trim"):
         digest.update(repr(getattr(model, kind)).encode())
-    for number in range(function.n_instructions()):
-        operation = function.instruction_id(number)
-        parts = [operation, function.instruction_input(number), function.instruction_output(number)]
-        if operation == ca.OP_CONST:
-            parts.append(function.instruction_constant(number))
-        if operation == ca.OP_CALL:  # the instructions of the called function are not accessible
-            return hashlib.sha256(digest.digest() + function.serialize().encode()).hexdigest()
-        digest.update(repr(parts).encode())
     return digest.hexdigest()
 
 
