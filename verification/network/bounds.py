@@ -124,7 +124,6 @@ class BoundedFunction:
             if operation.kind not in (*_SMOOTH, "relu", *_POLYNOMIAL):
                 raise NotListedError(operation.kind)
         self.operations = operations
-        self.inputs = next(o.data.shape[1] for o in operations if o.sources == (0,))
 
     @property
     def is_piecewise_linear(self) -> bool:
@@ -198,18 +197,17 @@ class BoundedFunction:
             of_states = np.zeros((N, len(steps[0].own)))
         return radius, of_states
 
-    def slopes(self, ranges: Ranges, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def slopes(self, bounds: Bounds, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return middle and radius of the slope by the state over some boxes, (m, N', n) each.
 
-        ranges: of `over`
+        bounds: of `over`
         chosen: numbers of the boxes, (N',)
         """
-        n = self.inputs
-        eye = np.repeat(np.eye(n)[:, None], len(chosen), axis=1)
+        eye = np.repeat(np.eye(bounds.scores.shape[1])[:, None], len(chosen), axis=1)
         values = [(eye, np.zeros(eye.shape))]  # of the input
         for place, operation in enumerate(self.operations[1:], start=1):
             parts = [values[i] for i in operation.sources]
-            between = [(low[:, chosen], high[:, chosen]) for low, high in ranges[place]]
+            between = [(low[:, chosen], high[:, chosen]) for low, high in bounds.ranges[place]]
             with np.errstate(all="ignore"):
                 values.append(_slope(operation, parts, between, len(chosen)))
         return values[-1]
@@ -253,7 +251,8 @@ def _by_interval(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return middle and radius of the product of M ± R, (k, N, n), and an interval, (k, N)."""
     middle, radius = 0.5 * (low + high)[:, :, None], 0.5 * (high - low)[:, :, None]
-    radius = radius + 8 * _ROUNDING * (np.abs(middle) + radius)
+    # 1 - tanh² is rounded relative to 1.
+    radius = radius + 8 * _ROUNDING * (1.0 + np.abs(middle) + radius)
     return middle * M, np.abs(middle) * R + radius * (np.abs(M) + R)
 
 

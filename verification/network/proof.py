@@ -16,7 +16,6 @@ import numpy as np
 from controller.critic.network.operations import (
     NotListedError,
     Operation,
-    RowNetwork,
     operations_of,
     row_function,
 )
@@ -139,15 +138,13 @@ class _Prover:
         self, exact: Solution, policy: ca.Function, equilibrium: np.ndarray, b: np.ndarray
     ) -> None:
         self.setting: Setting = setting_of(exact, b)
+        steps = operations_of(policy)
         rows = row_function(policy)
-        if rows is None:
-            operations_of(policy)  # raises for the operation
-            raise NotProvedError("an operation is not known")
-        self.rows: RowNetwork = rows
+        assert rows is not None
+        self.rows = rows
         self.b, self.center = b, equilibrium
         K = midpoints(self.setting.K) / b  # by the state
         T = self.setting.T
-        steps = operations_of(policy)
         last = len(steps) - 1
         steps += [
             Operation("product", (0,), K),
@@ -290,7 +287,7 @@ class _Search:
         ratio = np.where(np.isnan(ratio), np.inf, ratio)
         has_rest = np.flatnonzero((np.abs(y) <= h).all(0))
         if has_rest.size:
-            M, R = prover.error.slopes(bounds.ranges, has_rest)
+            M, R = prover.error.slopes(bounds, has_rest)
             M, R = (
                 M * b[:, 0] @ self.inverse,
                 (R + prover.error_of_K[:, None]) * b[:, 0] @ np.abs(self.inverse),
