@@ -48,17 +48,6 @@ def test_a_zip_gives_the_actions_of_stable_baselines(name):
     assert ("ars" in name) == (critic.declared.notes == ())
 
 
-def test_a_report_says_what_a_zip_states():
-    """The text of a report of a SAC zip names its unused tensors; its data have algorithm and box."""
-    critic = read(ZIPS / "sac.zip")
-    told = hfa.verify(GAME, critic, flights=0).report()
-    note = "not used: actor.log_std, critic.qf0, critic.qf1, critic_target.qf0, critic_target.qf1"
-    assert note in " ".join(told.text().split())
-    declared = told.data["declared"]
-    assert (declared["algorithm"], declared["notes"]) == ("SAC", [note])
-    assert declared["action"]["high"] == pytest.approx([2.0, 0.25])
-
-
 def test_a_value_beside_a_policy_is_not_limited_to_the_box_of_actions():
     """Of a PPO zip with a policy and V, the policy is limited to its box, and V is not."""
     both = read(ZIPS / "ppo.zip", network="V=value_net,policy=policy_net+action_net")
@@ -473,13 +462,3 @@ def test_a_policy_of_other_observations_is_no_q_function():
     game = hfa.Game(-np.eye(2), np.ones((2, 1)), Q=np.ones(2), R=np.ones(1))
     with pytest.raises(BadInputError, match="has 3 inputs, but 2 observations are given"):
         hfa.read_critic(ZIPS / "sac.zip", game)
-
-
-def test_an_actor_beside_the_weights_of_a_basis_is_noted_as_unused():
-    """A file has a layer `value` of 6 entries, which is W of the quadratic basis of 3 states, and an
-    actor. With network="V=value", a note says that the actor is not used.
-    """
-    stored = chain("value", widths=(6, 1)) | chain(*ACTOR)
-    critic = read(torch_file("both.pt", stored), network="V=value")
-    assert critic.weights is not None
-    assert critic.declared.notes == ("not used: actor",)

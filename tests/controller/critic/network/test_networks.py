@@ -10,7 +10,6 @@ from planted_critics import gain, value, weights_of
 
 from controller import critic_in
 from hfa import BadInputError, Game, from_network, solve, verify
-from hfa.main import BAD_INPUT, DONE
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -95,25 +94,6 @@ def test_networks_with_unsuitable_output_numbers_are_refused(game):
     one = Game(-np.eye(3), np.ones((3, 1)), Q=np.ones(3), R=[1.0])
     path = torch_file("policy.pt", {"weight": -np.ones((1, 3))})
     assert np.array_equal(from_network(one, path).K, from_network(one, path, network="policy=").K)
-
-
-def test_a_state_dict_needs_its_activation():
-    """`hfa verify` accepts a state dict with its activation.
-
-    Without the activation, the command is refused, and the error ends with the complete command.
-    """
-    plant = Game(
-        [[0.0, 1.0], [-1.0, -0.4]], [[0.0], [1.0]], E=np.eye(2), Q=[1, 1], R=[1], delta=np.inf
-    )
-    K = solve(plant).K
-    np.savez("plant.npz", A=plant.A, B=plant.B, Q=plant.Q, R=plant.R)
-    # Small arguments of tanh: the policy is nearly -K z.
-    torch_file("policy.pt", {"0.weight": 1e-4 * np.eye(2), "2.weight": -1e4 * K})
-    line = "hfa verify --model plant.npz --weights policy.pt --set activation=tanh"
-    assert hfa(*line.split()[1:]).code == DONE
-    asked = hfa(*line.partition(" --set")[0].split()[1:])
-    assert asked.code == BAD_INPUT
-    assert asked.err.rstrip().endswith(f"; type {line}")
 
 
 def test_one_layer_on_one_state_is_a_policy_unless_v_is_asked_for():

@@ -284,21 +284,6 @@ def test_each_operator_equals_onnxruntime(name):
     assert_as_onnx_runtime(path, rel=1e-5, abs=1e-6)
 
 
-def test_metadata_of_a_file_are_named_as_not_applied():
-    """A scale of actions in the metadata of a graph of V = z'Pz, P = diag(1, ..., 6), is noted as unused:
-    V(1, ..., 1) remains 1 + ... + 6.
-    """
-    onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
-    constants = {"P": np.diag(np.arange(1.0, 7.0)), "ones": ONES}
-    model = onnx.load(onnx_file("plain.onnx", QUADRATIC, constants))
-    entry = model.metadata_props.add()
-    entry.key, entry.value = "action_scale", "0.25"
-    onnx.save(model, "scaled.onnx")
-    critic = read("scaled.onnx")
-    assert critic.declared.notes == ("not used: metadata action_scale",)
-    assert float(critic.value(np.ones(6))) == 21.0
-
-
 def test_a_normalizer_without_data_is_noted():
     """A graph that begins with (x - 0) / 1 is noted as normalized without data; (x - 1) / 1 is not.
 
@@ -357,13 +342,3 @@ def test_outputs_are_told_by_their_names_or_named_in_the_refusal():
     path = several_outputs(("left", "middle", "right"))
     assert 'network="policy=left"' in refusal(path, inputs=2)
     assert read(path, inputs=2, network="policy=left").u(np.ones(6)).tolist() == [3.0, 3.0]
-
-
-def test_a_graph_in_half_precision_is_evaluated_in_double():
-    """u = W'x with weights in float16, as they are stored, without rounding the products."""
-    weights = RNG.normal(size=(6, 5)).astype("float16")
-    nodes = [("MatMul", "x W", "m"), ("Cast", "m", "y", {"to": 10})]
-    critic = read(onnx_file("half.onnx", nodes, {"W": weights}, outputs=5), network="policy=")
-    x = np.linspace(-1.0, 1.0, 6)
-    assert critic.u(x) == pytest.approx(x @ weights.astype(float), rel=1e-12)
-    assert critic.precision == "float16"
