@@ -12,7 +12,7 @@ import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -76,29 +76,6 @@ class End(NamedTuple):
     failed: int = 0
 
 
-class Simulator(Protocol):
-    """How rows [z, cost] of flights change in a tick.
-
-    tick: duration, s or steps
-    longest: duration of the longest flight, s or steps
-    most_steps: largest number of steps of a simulation
-    """
-
-    tick: float
-    longest: float
-    most_steps: int
-
-    def after(self, rows: np.ndarray, time: float, most: int) -> tuple[np.ndarray, int]:
-        """Return the rows after a tick, nan where a flight diverges, and the number of its steps.
-
-        If the tick fails or takes more than `most` steps, the rows are unchanged and the number is
-        0.
-
-        rows: (N, n + 1)
-        time: when the tick begins
-        """
-
-
 #: Function of states z (N, n) -> rows (N, n + 1) of z' or z⁺ and of the cost.
 Dynamics = Callable[[np.ndarray], np.ndarray]
 
@@ -132,7 +109,9 @@ class Rates:
         self._sizes = sizes
 
     def after(self, rows: np.ndarray, time: float, most: int) -> tuple[np.ndarray, int]:
-        """Return the rows after a tick, and the number of LSODA's steps."""
+        """Return the rows [z, cost], (N, n + 1), after a tick, nan where a flight diverges, and the
+        number of LSODA's steps: 0 if the tick fails or takes more than `most`.
+        """
         from scipy.integrate import odeint
 
         # The distance of each flight, in boxes: tolerances decrease with a flight that converges.
@@ -209,7 +188,7 @@ class Loop:
         converges if V* is at most `OF_EXACT` times that of the exact loop at the end of the clock
     """
 
-    simulator: Simulator
+    simulator: Rates | Steps
     P: np.ndarray
     equilibrium: np.ndarray | None
     largest: float
@@ -340,7 +319,7 @@ def _flow_loop(
     b: np.ndarray,
     most_steps: int,
 ) -> Loop:
-    """Return a closed loop in continuous time; tick, most_steps: as for a `Simulator`."""
+    """Return a closed loop in continuous time; tick, most_steps: as for `Rates`."""
     far = _diverging_value(exact, b)
     sizes = np.append(b, far / FAR_OF_VALUE)  # the cost is as large as V* in the box
     simulator = Rates(dynamics, far, exact.P, sizes, tick, most_steps)

@@ -299,19 +299,13 @@ def search(
     errors_at = RowFunction(ca.Function("errors_at", [z], [ca.densify(errors)], {"cse": True}))
     states = np.vstack([starts_in(box, SEARCHED, seed=0), np.zeros((1, len(box)))])
     (found,) = errors_at(states)
-    sizes = _magnitudes(found)
+    sizes = np.where(np.isfinite(found), np.abs(found), math.inf)
     largest: dict[str, LargestError] = {}
     for name, of_error in zip(kinds, sizes[:-1].T, strict=True):
         worst = int(np.argmax(of_error))
         if name not in largest or of_error[worst] > largest[name].error:
             largest[name] = LargestError(name, float(of_error[worst]), states[worst])
     return float(sizes[-1].max()), tuple(largest.values())
-
-
-def _magnitudes(errors: ca.DM | np.ndarray) -> np.ndarray:
-    """Return the magnitudes of errors, inf of those that are not finite."""
-    sizes = np.abs(np.array(errors))
-    return np.where(np.isfinite(sizes), sizes, math.inf)
 
 
 def nonlinear_section(
