@@ -75,21 +75,50 @@ class PlantFit:
         self._fit(begins, ends)
         if count > columns + 1 and self._has_constant():
             self.is_centered = True
-            begins = begins - begins.mean(axis=0)
-            self._fit(begins, ends - ends.mean(axis=0))
-        self.excitation = _checked_excitation(game, begins, transitions.rounding)
+            self._fit(begins - begins.mean(axis=0), ends - ends.mean(axis=0))
+        self.excitation = self._checked_excitation()
 
     def _fit(self, begins: np.ndarray, ends: np.ndarray) -> None:
         """Fit ends (N, n) to begins (N, s)."""
         self.ends, self.scales = ends, root_mean_square(begins)
-        self.scaled_begins = begins / np.where(self.scales > 0.0, self.scales, 1.0)
+        sizes = np.where(self.scales > 0.0, self.scales, 1.0)
+        self.scaled_begins = begins / sizes
         fit, *_ = np.linalg.lstsq(self.scaled_begins, ends, rcond=None)
-        self.matrix = fit.T / np.where(self.scales > 0.0, self.scales, 1.0)
+        self.matrix = fit.T / sizes
         self.residuals = ends - self.scaled_begins @ fit
         self.degrees_of_freedom = len(begins) - begins.shape[1] - self.is_centered
         self.covariance = self.residuals.T @ self.residuals / self.degrees_of_freedom
         self.noise = np.sqrt(np.diag(self.covariance))
         self.misfit = _misfit(self.residuals, ends)
+
+    def _checked_excitation(self) -> Excitation:
+        """Return the excitation of [x u d]. Raises BadInputError if it is poor."""
+        n, m = self.user_game.B.shape
+        scales, scaled, signals = self.scales, self.scaled_begins, self.user_game.names
+        names = (*signals.states, *signals.inputs, *numbered("d", len(scales) - n - m))
+        for place in np.flatnonzero(scales == 0.0):
+            raise BadInputError(f"{names[place]} is 0 in every row of the data; excite it")
+        rounding = self.transitions.rounding / scales
+        gains = np.linalg.lstsq(scaled[:, :n], scaled[:, n:], rcond=None)[0]  # (u, d) from x
+        beyond_policy = np.abs(scaled[:, n:] - scaled[:, :n] @ gains).max(axis=0)
+        # Rounding changes u and x by up to 0.5 of their last digits, and their fit by half of that.
+        rounding_errors = (0.5 + 0.25) * (rounding[n:] + rounding[:n] @ np.abs(gains))
+        is_policy = beyond_policy <= np.maximum(rounding_errors, RANK_TOLERANCE)
+        if is_policy.any():
+            moved = ", ".join(names[n + place] for place in np.flatnonzero(is_policy))
+            raise BadInputError(
+                f"in every row, {moved} is a policy u = -K x of the states, up to rounding, so "
+                "that its effect cannot be told from theirs; add independent excitation to it "
+                "while recording"
+            )
+        found = excitation(scaled)
+        if found.rank < found.size:
+            raise BadInputError(
+                f"the rank of states, inputs and disturbances is {found.rank} of {found.size}: "
+                "some are combinations of others in every row; record other motions too, and move "
+                "each input independently"
+            )
+        return found
 
     def _has_constant(self) -> bool:
         """Return whether the ends have a part that M cannot fit, and a constant can."""
@@ -122,6 +151,8 @@ class PlantFit:
     def summary(self) -> DataSummary:
         """Return what the data can tell."""
         follows = self.transitions.follows
+        sentence = "the data have a constant part, which is fitted: K is of deviations from a trim"
+        constant = [sentence] if self.is_centered else []
         return DataSummary(
             rows=len(follows),
             # A transition that follows no other is the first of an episode.
@@ -130,14 +161,8 @@ class PlantFit:
             misfit=self.misfit,
             noise=self.noise,
             hold=self.transitions.hold,
-            notes=(*self.transitions.notes, *self._warnings()),
+            notes=(*self.transitions.notes, *constant, *self._doubts()),
         )
-
-    def _warnings(self) -> Iterator[str]:
-        """Yield sentences on what contradicts a linear plant with independent noise."""
-        if self.is_centered:
-            yield "the data have a constant part, which is fitted: K is of deviations from a trim"
-        yield from self._doubts()
 
     @property
     def shows_noise(self) -> bool:
@@ -308,36 +333,6 @@ class PlantFit:
         return np.column_stack(
             [expm_frechet(exponent, change, compute_expm=False)[:n].ravel() for change in changes]
         )
-
-
-def _checked_excitation(game: Game, begins: np.ndarray, rounding: np.ndarray) -> Excitation:
-    """Return the excitation of [x u d]. Raises BadInputError, with the reason, if it is poor."""
-    n, m = game.B.shape
-    scales = root_mean_square(begins)
-    names = (*game.names.states, *game.names.inputs, *numbered("d", len(scales) - n - m))
-    for place in np.flatnonzero(scales == 0.0):
-        raise BadInputError(f"{names[place]} is 0 in every row of the data; excite it")
-    scaled, rounding = begins / scales, rounding / scales
-    gains = np.linalg.lstsq(scaled[:, :n], scaled[:, n:], rcond=None)[0]  # (u, d) from x
-    beyond_policy = np.abs(scaled[:, n:] - scaled[:, :n] @ gains).max(axis=0)
-    # Rounding changes u and x by up to 0.5 of their last digits, and their fit by half of that.
-    rounding_errors = (0.5 + 0.25) * (rounding[n:] + rounding[:n] @ np.abs(gains))
-    is_policy = beyond_policy <= np.maximum(rounding_errors, RANK_TOLERANCE)
-    if is_policy.any():
-        moved = ", ".join(names[n + place] for place in np.flatnonzero(is_policy))
-        raise BadInputError(
-            f"in every row, {moved} is a policy u = -K x of the states, up to rounding, so that "
-            "its effect cannot be told from theirs; add independent excitation to it while "
-            "recording"
-        )
-    found = excitation(scaled)
-    if found.rank < found.size:
-        raise BadInputError(
-            f"the rank of states, inputs and disturbances is {found.rank} of {found.size}: some "
-            "are combinations of others in every row; record other motions too, and move each "
-            "input independently"
-        )
-    return found
 
 
 def _quantile(outside: float, degrees_of_freedom: int) -> float:

@@ -113,17 +113,6 @@ def test_gaps_and_several_records():
     assert chi_square(result, TRUE) < 24.3
 
 
-def test_a_table_of_pandas_is_a_record():
-    """An angle in degrees, by the head of its column, gives the estimate of the record in radians."""
-    pandas = pytest.importorskip("pandas")
-    units = {name: f"{name} [{LONGITUDINAL.unit(name)}]" for name in record() if name != "time"}
-    table = pandas.DataFrame(record()).rename(columns=units | {"alpha": "alpha [deg]"})
-    table["alpha [deg]"] = np.degrees(table["alpha [deg]"])
-    assert identify(begun(1.5), table, FREE)["Cm_q"].value == pytest.approx(
-        identified()["Cm_q"].value
-    )
-
-
 def test_a_flight_is_a_record():
     """A flight of `hfa.fly` with steps of the elevator and without noise gives its own Cm_q, in a search
     from 1.5 times this value.

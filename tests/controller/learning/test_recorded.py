@@ -202,7 +202,6 @@ TIMES = {"x": X, "u": U, "time": 0.1 * np.arange(61)}
 REFUSED = {
     "x is 80 x 2; give a row for each sample, with 3": recorded(STEPS) | {"x": np.ones((80, 2))},
     "row 17: u1 of u has no number": spoiled("u", np.nan),
-    "the columns differ in length": {"a": np.ones(3), "b": np.ones(4)},
     "have 1 transitions; record at least 6": recorded(STEPS, 1),
     "row 1 is an episode of one row": {"x": np.ones((1, 3)), "u": np.ones((1, 2))},
     "not equally spaced: 0 s at row 4": TIMES | {"time": 0.1 * np.r_[:3, 2:60]},
@@ -218,17 +217,6 @@ REFUSED = {
     "state 1 is in furlong in the file but in rad": (
         NAMED,
         recorded(STEPS) | {"state_units": ["furlong", "rad/s", "m"]},
-    ),
-    "the states are h, alpha, q in the file": (
-        NAMED,
-        recorded(STEPS) | {"states": ["h", "alpha", "q"]},
-    ),
-    "q_next is in deg; give it in rad/s": (
-        NAMED,
-        {
-            name.replace("q_next [deg/s]", "q_next [deg]"): each
-            for name, each in in_columns().items()
-        },
     ),
     "show no effect of u1 in 95 % bands: ": recorded(STEPS, noise=100.0),
     "u1, u2 is a policy u = -K x of the states, up to rounding": {
