@@ -294,9 +294,8 @@ def policy_of_options(
 def turbulence_option(about: str = "") -> Any:
     """Return an option of turbulence as a dataclass field, by default `--turbulence`."""
     about = about or (
-        f"turbulence of MIL-F-8785C at ALTITUDE: {', '.join(LEVELS)}; a wing SPAN adds p, q, r; "
-        f"karman-LEVEL has spectra of von Karman; {FORM_OF_OWN} has intensity and scale; units of "
-        "the model; random by --seed"
+        f"of MIL-F-8785C at ALTITUDE: {', '.join(LEVELS)}, or karman-LEVEL; or {FORM_OF_OWN}; "
+        "a wing SPAN adds p, q, r; by --seed"
     )
     return option(about, FORM, typed_turbulence, rare=True)
 
@@ -324,8 +323,8 @@ class SensorOptions:
         rare=True,
     )
     noise: Mapping[str, str] = option(
-        "standard deviation of the noise of a sensor, of a state or an output (airspeed, "
-        "angle_of_attack, ...), degrees for angles, white from sample to sample; repeatable",
+        "standard deviation of a sensor, a state or an output (airspeed, ...), degrees for angles; "
+        "repeatable",
         "NAME=VALUE",
         named=True,
         rare=True,
@@ -462,8 +461,8 @@ class ScenarioOptions(SensorOptions, TimingOptions):
         rare=True,
     )
     gust: tuple[float, ...] | SmallestGust | None = option(
-        "1-cosine updraft: length, peak speed (units of the model), begin (s, default 0); or "
-        f"{SMALLEST}[:LENGTH,...]: the smallest peaks with which a flight leaves its limits",
+        f"1-cosine updraft, units of the model; {SMALLEST}[:LENGTH,...]: least peaks that break "
+        "limits",
         _GUST,
         _gust,
         rare=True,

@@ -171,15 +171,14 @@ class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
     )
     reference: Mapping[str, str] = REFERENCE
     filter: bool = option(
-        "Kalman filter before the policy, for the --noise of the sensors (a state without noise "
-        "has no sensor) and the --turbulence",
+        "Kalman filter before the policy, for sensors with --noise and for --turbulence",
         rare=True,
     )
     filter_turbulence: Turbulence | None = turbulence_option(
         "turbulence that --filter assumes; default that of --turbulence"
     )
     samples: int | None = option(
-        "simulate N flights, each with its own random errors, noise and turbulence",
+        "simulate N flights with own random errors and air",
         "N",
         whole(1, _MOST_MEMBERS),
         rare=True,
@@ -205,10 +204,8 @@ def fly(request: FlyRequest, given: GivenTrim) -> Outcome:
     """Simulate a policy on the nonlinear aircraft, and compare the flight with the linear model.
 
     `--policy none --command elevator=1:2,2:-2,3:0` simulates a doublet without a policy.
-    --reference adds the exact feedforward, and a flight without it. --samples N simulates N
-    flights, with --error and --noise as standard deviations; --draws N simulates N aircraft with
-    random parameters. --Q and --R add the cost of the flight. --gust smallest prints for each
-    length the smallest gust with which a flight leaves its limits.
+    --reference adds the exact feedforward. --draws N simulates N aircraft with random parameters.
+    --Q and --R add the cost of the flight.
 
     Exit code 1 if a state leaves its envelope, an input exceeds its control limits, or an
     oscillation does not decay. Of several flights, every one must pass, or the share of --need.
