@@ -93,12 +93,6 @@ def test_modes_of_given_matrices_are_printed(folder):
     assert mode["damping"] == pytest.approx(0.15 / 2.0**0.5)
 
 
-@pytest.mark.parametrize("command", ["linearize", "assess K.npz"])
-def test_the_former_option_model_is_refused_with_its_replacement(command, folder):
-    """`--model FILE`, as earlier versions accepted it, is refused with advice: --aircraft."""
-    cli.assert_refused(cli.hfa(*command.split(), "--model", "p.json"), 2, "; type --aircraft")
-
-
 OSCILLATOR = '{"A": [[0, 1], [-2, -0.3]], "B": [[0], [1]], '
 
 
@@ -110,12 +104,6 @@ def test_E_beside_C_and_D_is_refused(folder):
     cli.assert_refused(cli.hfa("linearize", "--aircraft", "plant.json"), 2, "MATLAB's descriptor")
     Path("plant.json").write_text(OSCILLATOR + '"C": [[1, 0]], "D": [[0]]}')
     assert cli.hfa("linearize", "--aircraft", "plant.json").code == 0
-
-
-def test_an_unused_disturbance_matrix_is_noted(folder):
-    """An aircraft does not use the matrix E of a game, and its report says so."""
-    Path("game.json").write_text(OSCILLATOR + '"E": [[2, 0], [0, 1]]}')
-    assert "E of the file is not used" in cli.hfa("linearize", "--aircraft", "game.json").out
 
 
 def test_a_linear_model_read_as_an_aircraft_has_no_warning_of_its_speed(folder):

@@ -131,26 +131,6 @@ def test_moving_the_center_of_gravity_gives_avls_file_about_the_new_center(folde
     assert x == pytest.approx([0.375, 0.375])
 
 
-def test_the_center_does_not_depend_on_units():
-    """A table in ft, slug and lbf has the same eigenvalues at the same cg."""
-    metric = from_derivatives(TABLE | {"tail_arm": 0.9})
-    in_feet = {
-        "units": "english",
-        "wing_area": "0.55 m^2", "span": "2.8956 m", "chord": "0.18994 m", "mass": "13.5 kg",
-        "speed": "35 m/s", "altitude": "100 m", "thrust_height": "0.05 m", "tail_arm": "0.9 m",
-        "thrust": ["0 N", "60 N"],
-        **{name: f"{UAV['mass'][name]} kg m^2" for name in ("Ixx", "Iyy", "Izz", "Ixz")},
-    }  # fmt: skip
-    inner = ("geometry", "mass", "condition")
-    rest = {name: each for name, each in TABLE.items() if name not in (*inner, *in_feet)}
-    english = from_derivatives(rest | in_feet)
-    eigenvalues = []
-    for model in (metric, english):
-        there = model.with_parameters(cg=0.33)
-        eigenvalues.append(np.sort_complex(np.linalg.eigvals(linearize(there, trim(there)).A)))
-    assert eigenvalues[0] == pytest.approx(eigenvalues[1], rel=1e-6, abs=1e-9)
-
-
 def test_the_sheet_repeats_configuration_words(folder):
     """The sheet has the c.g. of --hold cg=0.28, and the texts of the entries flap and gear of the table."""
     text = (ROOT / "examples/uav.toml").read_text()
