@@ -387,11 +387,10 @@ def recognized(states: Mapping[str, Signal]) -> dict[str, str]:
         of_parts = [name for name in with_unit if name.lower().endswith(ends)]
         if named or len(of_parts) == 1:
             found[role] = (named or of_parts)[0]
-    in_body_axes = "w" in found
-    if in_body_axes and found.get("speed") == found.get("v"):
-        found.pop("speed", None)
-    elif not in_body_axes:
+    if "w" not in found:
         found.pop("v", None)
+    elif found.get("speed") == found.get("v"):
+        found.pop("speed", None)
     if not {"speed", "alpha"} <= {*found}:
         found.pop("altitude", None)
     return found

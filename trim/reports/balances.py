@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from functools import cache
+from itertools import chain
 from types import SimpleNamespace
 from typing import NamedTuple
 
@@ -255,14 +256,16 @@ class _Evaluation:
         self.trimmed = trimmed
         self.known = _known_of(trimmed)
         self.in_body_axes = "speed" not in trimmed.roles and "w" in trimmed.roles
-        function, self.reads = _equations(self.in_body_axes)
-        self.function = function
-        count = len(trimmed.model.states) + len(trimmed.model.inputs)
-        blank = _Known("", "", 1.0, np.zeros(count))
-        self.quantities = [self.known.get(name, blank) for name in _NAMES]
-        lacking = ([name for name in names if name not in self.known] for names in self.reads)
-        self.lacking = dict(zip(range(len(BALANCES)), lacking, strict=True))
+        self.function, self.reads = _equations(self.in_body_axes)
         self.columns = (*trimmed.model.states, *trimmed.model.inputs)
+        blank = _Known("", "", 1.0, np.zeros(len(self.columns)))
+        self.quantities = [self.known.get(name, blank) for name in _NAMES]
+        self.lacking = [[n for n in names if n not in self.known] for names in self.reads]
+        self.evaluated = [
+            number
+            for number, each in enumerate(BALANCES)
+            if not self.lacking[number] and (trimmed.point.ok or not each.is_steady)
+        ]
 
     def failures(
         self, changed: str = "", factor: float = 1.0, share: float = 1.0
@@ -277,9 +280,8 @@ class _Evaluation:
         by_columns = np.array([each.slopes for each in self.quantities]) * factors[:, None]
         rows, slopes = (part.full() for part in self.function(values))
         derivatives = (slopes @ by_columns).reshape(2, len(BALANCES), -1)
-        for number, balance in enumerate(BALANCES):
-            if self.lacking[number] or (balance.is_steady and not self.trimmed.point.ok):
-                continue
+        for number in self.evaluated:
+            balance = BALANCES[number]
             left, right, size = rows[number]
             is_signs = math.isinf(size)
             tolerance = balance.tolerance if is_signs else share * balance.tolerance
@@ -287,8 +289,7 @@ class _Evaluation:
                 yield _Failure(number, (left, right), "")
                 continue
             for column, change in self._by(balance):
-                place = self.columns.index(column)
-                a, b = derivatives[:, number, place]
+                a, b = derivatives[:, number, self.columns.index(column)]
                 least = 0.0 if is_signs else abs(size) / change
                 if abs(a - b) > tolerance * max(abs(a), abs(b), least):
                     yield _Failure(number, (a, b), column)
@@ -321,8 +322,8 @@ class _Evaluation:
                 factors = {f"{name} in {other}": conversion_factor(other, unit) for other in others}
                 factors[f"the sign of {name}"] = -1.0
                 if name == "weight":
-                    of_mass = STANDARD_GRAVITY / (0.3048 if unit == "lbf" else 1.0)
-                    factors["a mass as weight"] = of_mass
+                    gravity = STANDARD_GRAVITY / (0.3048 if unit == "lbf" else 1.0)
+                    factors["a mass as weight"] = gravity
                 if only_factors:
                     factors = {f"{name} twice": 0.5, f"{name} half": 2.0}
                 for words, factor in factors.items():
@@ -382,9 +383,9 @@ def _balances_at(trimmed: Trimmed) -> Balances:
         return f"comparable {name}" if name.removesuffix("_dot") in has else name
 
     lacking = {
-        BALANCES[number].name: [comparable(name) for name in names if name not in _OF_AIR]
+        balance.name: [comparable(name) for name in names if name not in _OF_AIR]
         or [_OF_AIR[name] for name in names]
-        for number, names in evaluation.lacking.items()
+        for balance, names in zip(BALANCES, evaluation.lacking, strict=True)
         if names
     }
     failures = [*evaluation.failures()]
@@ -392,23 +393,15 @@ def _balances_at(trimmed: Trimmed) -> Balances:
     if failures:
         states = {*trimmed.model.states, ""}
         read = [
-            {evaluation.known[name].name: None for name in evaluation.reads[failure.number]}
+            [evaluation.known[name].name for name in evaluation.reads[failure.number]]
             for failure in failures
         ]
-        names = [
-            name for name in dict.fromkeys(n for each in read for n in each) if name not in states
-        ]
+        names = [name for name in dict.fromkeys(chain(*read)) if name not in states]
         shared = [name for name in names if all(name in each for each in read)]
         cures = evaluation.cures(names)
         advice = f"{' or '.join(cures)}?" if cures else f"check {', '.join(shared or names)}"
         sentences = [f"{evaluation.sentence(failure)}; {advice}" for failure in failures]
-    left_out = (
-        0
-        if trimmed.point.ok
-        else sum(each.is_steady and each.name not in lacking for each in BALANCES)
-    )
-    evaluated = len(BALANCES) - len(lacking) - left_out
-    return Balances(evaluated, len(failures), sentences, lacking)
+    return Balances(len(evaluation.evaluated), len(failures), sentences, lacking)
 
 
 def balances_rows(trimmed: Trimmed) -> Iterator[Row]:

@@ -198,22 +198,28 @@ def _matrix(block: Block) -> Table:
     return matrix_table(block.name, block.rows, block.columns, block.values)
 
 
-def _blocks(model: LinearModel, *, whole: bool) -> list[Block]:
-    """Return the reported matrices: A and B, and C and D if the outputs are not the states; with
-    `whole` also E, and F beside D.
+def reported_matrices(signals: Any) -> str:
+    """Return the names of the matrices that are neither empty nor the identity and 0.
+
+    signals: object with names of the `states`, `outputs` and `disturbances` of linear models
     """
-    aircraft = model.model
-    of_states = (model.states, model.state_units)  # names and units of a side of a matrix
-    of_inputs = (model.inputs, model.input_units)
-    rates = (model.states, tuple(aircraft.rate_unit(name) for name in model.states))
-    blocks = [Block("A", *rates, *of_states, model.A), Block("B", *rates, *of_inputs, model.B)]
-    if model.outputs != model.states:
-        outputs = (model.outputs, aircraft.units(model.outputs))
-        blocks.append(Block("C", *outputs, *of_states, model.C))
-        blocks.append(Block("D", *outputs, *of_inputs, model.D))
-    if whole and model.disturbances:
-        of_winds = (model.disturbances, aircraft.units(model.disturbances))
-        blocks.append(Block("E", *rates, *of_winds, model.E))
-        if model.outputs != model.states:
-            blocks.append(Block("F", *outputs, *of_winds, model.F))
-    return blocks
+    of_outputs = signals.outputs != signals.states
+    winds = ("EF" if of_outputs else "E") if signals.disturbances else ""
+    return f"AB{'CD' if of_outputs else ''}{winds}"
+
+
+def _blocks(model: LinearModel, *, whole: bool) -> list[Block]:
+    """Return the `reported_matrices`, E and F only with `whole`."""
+    units = model.model.units
+    rates = (model.states, tuple(model.model.rate_unit(name) for name in model.states))
+    states, inputs, outputs, winds = (
+        (names, units(names))
+        for names in (model.states, model.inputs, model.outputs, model.disturbances)
+    )
+    sides = {"A": (rates, states), "B": (rates, inputs), "C": (outputs, states)}
+    sides |= {"D": (outputs, inputs), "E": (rates, winds), "F": (outputs, winds)}
+    return [
+        Block(name, *sides[name][0], *sides[name][1], getattr(model, name))
+        for name in reported_matrices(model)
+        if whole or name not in "EF"
+    ]

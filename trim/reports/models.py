@@ -31,7 +31,7 @@ from trim.point.margins import stalled
 from trim.point.operating_point import OperatingPoint
 from trim.point.status import CATEGORY, CLASS, NAME, RESULTS, STALLED, TRIMMED, UNTRIMMED
 from trim.reports.levels import DEFAULT_AIRPLANE, Airplane, graded_modes
-from trim.reports.linear_report import report_of_linear
+from trim.reports.linear_report import report_of_linear, reported_matrices
 from trim.reports.trimmed import Trimmed
 from trim.tables import dataset, eigenvalue_headings, entry_headings
 
@@ -304,14 +304,6 @@ class Conditions(StatesAndInputs, Result, Reported):
         rows = [tuple(cells.get(heading, "") for heading in header) for cells in whole]
         return Table(tuple(header), rows)
 
-    @property
-    def _told(self) -> str:
-        """Names of the matrices that are neither empty nor the identity and 0."""
-        signals = self.signals
-        of_outputs = signals.outputs != signals.states
-        winds = ("EF" if of_outputs else "E") if signals.disturbances else ""
-        return f"AB{'CD' if of_outputs else ''}{winds}"
-
     def _found_cells(self, row: int) -> dict[str, Any]:
         """Return heading -> cell of what was found at a condition: its trim and linear model."""
         model, point = self.model, self.points[row]
@@ -325,7 +317,7 @@ class Conditions(StatesAndInputs, Result, Reported):
             cells |= zip(eigenvalue_headings(mode.name, model.time_unit), parts, strict=True)
             level = self.levels[row].get(mode.name)
             cells[f"{mode.name} level"] = "" if level is None else stated_level(level)
-        for matrix in self._told:
+        for matrix in reported_matrices(self.signals):
             stack = getattr(self, matrix)
             headings = entry_headings(model, matrix, *stack.names[1:])
             cells |= zip(headings, stack[row].ravel().tolist(), strict=True)
@@ -411,13 +403,12 @@ class Conditions(StatesAndInputs, Result, Reported):
             arrays |= {name: arrays[name].astype(str) for name in words}
             head = {"schema": self.schema, "names": [*self.names]} | self._named_signals()
             save_data(path, storable(head) | arrays | origin, records=Table((), ()))
-        elif suffix in _DATA:
+        else:
             # Records serve .csv files alone, and take time: other files are of the report without.
             report = self.report() if suffix == ".csv" else self._summary
+            if suffix not in _DATA:
+                report = replace(report, parts=(*report.parts, *self._pages()))
             report.with_data(origin).save(path)
-        else:
-            parts = (*self._summary.parts, *self._pages())
-            replace(self._summary, parts=parts).with_data(origin).save(path)
 
     def _pages(self) -> Iterator[Report]:
         """Yield the report of each linear model, with all matrices."""
