@@ -22,6 +22,7 @@ PAGES += sorted((ROOT / "docs").glob("*.md"))
 ABSENT = ("hfa level thrust", "hfa prove region", "hfa command --help")
 #: Package or class of public names -> what a call in a text names.
 PUBLIC = {package: importlib.import_module(package) for package in FOLDERS}
+importlib.import_module("hfa.extend")  # which a page names
 CLASSES = [name for name in dir(PUBLIC["hfa"]) if inspect.isclass(getattr(PUBLIC["hfa"], name))]
 PUBLIC |= {name: getattr(PUBLIC["hfa"], name) for name in CLASSES}
 #: A call of a public function or method, "hfa.solve(game)", or of a class: its name, its arguments.
