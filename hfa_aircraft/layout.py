@@ -271,8 +271,8 @@ def symbolic(layout: Layout, *, undisturbed: bool) -> _Symbolic:
     is_pair = isinstance(returned, tuple) and len(returned) == 2
     if not (is_pair and all(hasattr(part, "keys") for part in returned)):
         raise BadInputError(
-            f"{layout.name}: the equations return {shown(returned)}; return two dicts, rates by "
-            "state and outputs by name (for algebraic equations, solve for the unknowns)"
+            f"{layout.name}: the equations return a {type(returned).__name__}; return two dicts, "
+            "rates by state and outputs by name (for algebraic equations, solve for the unknowns)"
         )
     rates = _scalars(layout, "rate of", returned[0], layout.names.states)
     outputs = _scalars(layout, "output", returned[1], layout.names.outputs)

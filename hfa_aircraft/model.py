@@ -654,7 +654,10 @@ class Model(Reported):
         where = ", ".join(f"{self.describe(name, value)} {name}" for name, value in values.items())
         if fault := self.about.failed():
             return f"{self.name}: {fault} (at {where})"
-        return f"{self.name}: {what} is not a number at {where}; correct the equations or limits"
+        return (
+            f"{self.name}: {what} is not a number at {where}; begin elsewhere, by start= of a "
+            f"Signal or --start {next(iter(values))}=VALUE, or correct equations or parameters"
+        )
 
     def outputs_at(
         self, x: Sequence[float], u: Sequence[float], names: Sequence[str] | None = None

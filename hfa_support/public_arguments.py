@@ -69,7 +69,8 @@ class _Alternative(NamedTuple):
         what = " of texts" if self.elements == "str" else ""
         if self.arguments is not None:
             what = " of 1 argument" if self.arguments == 1 else f" of {self.arguments} arguments"
-        of_class = f"a {self.name.rpartition('.')[2]}"  # "a LinearModel": a class of the project
+        of_class = self.name.rpartition(".")[2]  # "a LinearModel": a class of the project
+        of_class = f"{'an' if of_class[0] in 'AEIO' else 'a'} {of_class}"
         return _KINDS.get(self.name, (of_class,))[0] + what
 
     def accepts(self, value: Any, module: str) -> bool:
@@ -116,12 +117,42 @@ def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Calla
                 # Another list may have elements of other types, and is checked again.
                 if is_array or kind is str or not isinstance(value, Collection):
                     accepted[name].add(kind)
-        made = function(*args, **options)
+        try:
+            made = function(*args, **options)
+        except TypeError as error:
+            _refuse_other_arguments(function, args, options, makers, str(error))
+            raise
         if type(made) not in _checking_classes:
             check_methods(type(made), makers)
         return made
 
     return called
+
+
+def _refuse_other_arguments(
+    function: Callable[..., Any],
+    args: tuple[Any, ...],
+    options: dict[str, Any],
+    makers: Callable[[str], str],
+    reason: str,
+) -> None:
+    """Raise BadInputError if a function has no such arguments, or requires others.
+
+    reason: message of Python
+    """
+    signature = inspect.signature(function)
+    try:
+        signature.bind(*args, **options)
+    except TypeError:
+        given = [*signature.parameters][: len(args)]
+        missing = (
+            kind
+            for name, parameter in signature.parameters.items()
+            if parameter.default is parameter.empty and name not in given and name not in options
+            for kind in _alternatives(str(parameter.annotation))
+        )
+        how = "".join(f"; {text}" for kind in missing if (text := makers(kind.name)))
+        raise BadInputError(f"{reason}{how}") from None
 
 
 def check_methods(kind: type, makers: Callable[[str], str]) -> None:

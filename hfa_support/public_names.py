@@ -87,7 +87,11 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
             for name, function in offered
             if isinstance(function, FunctionType) and function.__annotations__["return"] == kind
         ]
-        return f"a {kind} is returned by {' and by '.join(made)}" if made else ""
+        trimmed = f'{package}.trim(model, dihedral="7 deg")'
+        if kind == "TrimCondition":
+            return f"or values by name: {trimmed}"
+        example = f": {trimmed}" if kind == "OperatingPoint" else ""
+        return f"{kind} is returned by {' and by '.join(made)}{example}" if made else ""
 
     def installed() -> list[str]:
         """Return the public names that can be imported, because their packages are installed."""

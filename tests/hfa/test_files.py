@@ -114,6 +114,7 @@ def test_mat_files_contain_every_number_and_name(tmp_path, name):
     path, data = written(tmp_path, name, "mat")
     loaded = plain(loadmat(path, simplify_cells=True))
     assert list(loaded) == list(data)
+    assert loaded["units"] == "english"
     # JSON has null in place of inf.
     np.testing.assert_array_equal(without_inf(numbers(loaded)), numbers(data))
     assert [word for word in texts(loaded) if word] == [word for word in texts(data) if word]

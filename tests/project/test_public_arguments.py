@@ -56,6 +56,8 @@ def flown_with(weights):
         (lambda: hfa.trim("examples/f16.py:F16"), "hfa.load_model"),
         (lambda: hfa.trim(hfa.aircraft(), free=["throttle", 3]), "list of int; .* a list of texts"),
         (lambda: hfa.identify(hfa.aircraft(), [3], free=["mass"]), "record 1 .* a dictionary"),
+        (lambda: hfa.trim(hfa.aircraft(), 7), r'hfa\.trim\(model, dihedral="7 deg"\)'),
+        (lambda: hfa.linearize(hfa.aircraft(), dihedral=1), r"hfa\.trim\(model, dihedral="),
         (lambda: hfa.Scenario(sample=float("nan")), "sample is nan s"),
         (lambda: flown_with([1]), "give the two matrices Q, R"),
         (lambda: flown_with([np.eye(2), np.eye(5)]), "Q is 2 x 2; give 6 x 6"),

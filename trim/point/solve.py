@@ -213,9 +213,7 @@ def trim(
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         if model.about.failed():  # a compiled program, whose error has the reason
             raise BadInputError(f"no trim: {error}") from error
-        raise BadInputError(
-            f"the equations overflow or divide by zero; use other values or parameters ({error})"
-        ) from error
+        raise BadInputError(f"the equations overflow or divide by zero: {error}") from error
 
 
 def _trim_of_parameters(

@@ -8,7 +8,7 @@ function [models, data, array] = hfa_models(file)
 %   [] where there is no trim.
 %   data: everything in the file: data.A (n, n, N), data.B (n, m, N), the varied values and their names, operating
 %   points (the offsets X0, U0 of the models). Of hfa linearize --conditions, data.models(k) is the k-th condition, with
-%   its trim by name, data.models(k).trim.alpha, complex eigenvalues, and a cell of names, data.models(k).condition.free. data.units: 'english' (ft, slug, lbf, rad) or 'si' (m, kg, N, rad).
+%   its trim by name, data.models(k).trim.alpha, complex eigenvalues, and a cell of names, data.models(k).condition.free. data.units: 'english' (ft, slug, lbf, rad), 'si' (m, kg, N, rad) or 'mixed'.
 %   array: the models that there are as one ss array, array(:, :, k). Octave's package control has no such arrays.
 %
 %   Needs the Control System Toolbox, or in Octave: pkg load control.
