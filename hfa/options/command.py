@@ -203,8 +203,9 @@ def _units_in(data: Any) -> Iterator[str]:
             yield from _units_in(entry)
     elif isinstance(data, Mapping):
         for name, entry in data.items():
-            if name.endswith("_units"):
-                yield from entry.values() if isinstance(entry, Mapping) else entry
+            if name.endswith("_units") and isinstance(entry, list | Mapping):
+                units = entry.values() if isinstance(entry, Mapping) else entry
+                yield from (unit for unit in units if isinstance(unit, str))
             else:
                 yield from _units_in(entry)
 
