@@ -6,8 +6,6 @@ from functools import cache
 import casadi as ca
 import numpy as np
 import pytest
-from cli import answer
-from project import ROOT
 from scipy.integrate import solve_ivp
 
 import hfa
@@ -18,7 +16,6 @@ from hfa_support.reporting.text import percent
 QUICK = 3
 #: Default limit of errors.
 LIMIT = 1e-6
-PENDULUM = f"{ROOT}/examples/pendulum.py:PENDULUM"
 #: Deviation of the two states of `MIXED` from its trim.
 Z = ca.SX.sym("z", 2)
 
@@ -205,15 +202,6 @@ def test_missing_coefficients_are_found():
     assert found.radius is None
 
 
-def test_a_linear_term_has_an_infinite_error():
-    """The exact coefficients of degree 1 are 0, so that any other one is wrong without bound."""
-    linear, game, expansion = mixed_game(4)
-    weights = [*expansion.weights[:3], 0.1, 0.0]  # of degree 2, and of x1 and x2
-    critic = hfa.from_weights(game, weights, basis="quadratic+linear")
-    error = compared(critic, linear, game).errors[0]
-    assert (error.degree, error.error) == (1, np.inf)
-
-
 def test_a_network_is_compared_on_request():
     """The Taylor coefficients of a network are compared only with taylor=True, which is refused
     without an aircraft and for a quadratic value.
@@ -265,17 +253,3 @@ def test_the_error_of_a_policy_does_not_depend_on_the_units_of_an_input():
         errors.append(max(found.errors, key=lambda each: each.error))
     assert errors[0].worst == errors[1].worst
     assert errors[1].error == pytest.approx(errors[0].error, rel=1e-5)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("folder")
-def test_the_policy_in_a_file_is_judged_where_it_converges():
-    """The exact policy of `hfa solve --order 4` for the pendulum converges from a quarter of the box
-    alone: the grade is "near", and the exit code 1, also with a tolerated cost of 1 %.
-    """
-    words = ("--aircraft", PENDULUM, "--Q", "1,0.1", "--R", "1", "--delta", "inf")
-    answer("solve", *words, "--order", "4", "-o", "value.npz")
-    for limit in ((), ("--limit-cost", "1")):  # 1 %
-        data = answer("verify", *words, "--weights", "value.npz", *limit, code=1)
-        assert (data["ok"], data["grade"]) == (False, "near")
-        assert data["nonlinear"]["flown"]["part"] == 0.25

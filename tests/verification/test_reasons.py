@@ -273,16 +273,6 @@ def test_a_gain_only_near_that_of_another_game_is_not_called_exact_for_it(number
     assert "exact for" not in verify(game, from_gain(game, K)).reason
 
 
-def test_the_nearest_of_several_games_is_named():
-    """A gain that is exact without discount, and within 0.1 % also for another delta, has the former
-    as its reason.
-    """
-    A, B = [[1.0, 0.1], [0.2, 0.97]], [[0.0], [0.1]]
-    game = Game(A, B, Q=np.eye(2), R=[1.0], dt=0.1, discount=0.99)
-    reason = verify(game, from_gain(game, gain(replace(game, discount=1.0)))).reason
-    assert reason == "K is exact without discount, not for discount 0.99"
-
-
 @pytest.mark.parametrize("delta", [6.0, np.inf])
 def test_the_order_of_an_action_value_is_named(delta):
     """An exact H whose blocks are in the order (u, x, w) fails, and the reason names both orders; half
@@ -379,19 +369,6 @@ def test_a_wrong_formula_of_a_gain_in_steps_is_named(formula, words):
     game = replace(SQUARE.sampled(0.1, 0.95), delta=np.inf)
     K = formula(game.A, game.B, value(game), game.R, game.discount)
     assert words in verify(game, from_gain(game, K)).reason
-
-
-def test_no_mistake_is_named_that_leaves_errors():
-    """Rows of one number are multiples of any other; a random network has a bias among its errors; the
-    error of a K that follows from P is that of the check that fails.
-    """
-    channels = Game(np.diag([1.0, -2.0]), np.eye(2), Q=np.eye(2), R=np.eye(2))
-    assert verify(channels, from_gain(channels, gain(channels) * [0.2, 3.0])).reason == ""
-    weights = np.random.default_rng(3).normal(size=(4, 3))
-    _, network = function(
-        TWO_INPUTS, "V", lambda z, u, V: ca.sum1(ca.tanh(ca.DM(weights) @ z + ca.DM([1, 2, 3, 4])))
-    )
-    assert verify(TWO_INPUTS, network, flights=1).reason == ""
 
 
 def test_a_nonsmooth_point_at_the_trim_is_the_first_finding():

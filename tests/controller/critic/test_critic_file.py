@@ -25,7 +25,6 @@ GAME = Game(
     delta=10.0,
 )
 I2 = np.eye(2)
-W = np.arange(9.0).reshape(3, 3)
 K = np.arange(12.0).reshape(3, 2, 2)
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -126,16 +125,6 @@ def test_the_files_basis_applies_unless_another_is_named():
         critic_in(single, GAME, reading=Reading("quadratic"))
     listed = critic_in(stored("f.npz", W=[1.0, 2.0], basis="x1**2, x2**4"), GAME)
     assert float(listed.value([3.0, 2.0])) == 9.0 + 32.0
-
-
-def test_a_basis_beside_p_is_ignored_and_functions_of_the_caller_require_w():
-    """In a file with P and no W, an entry `basis` of another program is ignored. Functions that the
-    caller lists are refused, since they need weights.
-    """
-    np.savez("P.npz", P=np.eye(2), basis=["of", "another", "program"])
-    assert np.array_equal(critic_in("P.npz", GAME).P, np.eye(2))
-    with pytest.raises(BadInputError, match="add W, or give --basis a name"):
-        critic_in("P.npz", GAME, reading=Reading("x1**2, x2**2"))
 
 
 #: Units of a plant, other units of a file, and numbers of a file's units in a unit of the plant.
@@ -316,28 +305,6 @@ def test_a_gain_is_accepted_in_each_form(kind):
         given = kind(exact)
     assert hfa.verify(ONE, given).ok
     assert np.array_equal(hfa.from_gain(ONE, given).K, exact)
-
-
-def test_weights_are_a_row_or_a_column_and_their_basis_a_list():
-    """W of x², xy, y² as a vector, column and row, and with the basis as a list, gives one P."""
-    W = np.array([3.0, 1.0, 2.0])
-    P = [[3.0, 0.5], [0.5, 2.0]]
-    for given in (W, W[:, None], W[None]):
-        assert np.array_equal(hfa.from_weights(ONE, given).P, P)
-    np.savez("W.npz", W=W)
-    found = hfa.read_critic("W.npz", ONE, basis=["x1**2", "x1*x2", "x2**2"]).P
-    assert np.array_equal(found, P)
-
-
-def test_games_and_critics_are_tables_of_their_entries():
-    """`to_pandas` of a game and a critic has a row for each entry, with its matrix and column: the name of
-    a state for a game, and its number for a critic.
-    """
-    pytest.importorskip("pandas")
-    for result, name, column in ((ONE, "A", "speed"), (hfa.from_gain(ONE, [4.0, 3.0]), "K", "1")):
-        table = result.to_pandas()
-        entries = table[(table.matrix == name) & (table.column == column)].value
-        assert entries.tolist() == getattr(result, name)[:, 0].tolist()
 
 
 def test_h_is_read_in_the_order_that_its_file_lists():

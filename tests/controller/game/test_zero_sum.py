@@ -57,12 +57,6 @@ def test_a_game_cannot_be_changed_from_outside():
     assert (game.with_delta(2.0).delta, game.delta) == (2.0, 3.0)
 
 
-def test_the_rows_of_a_weight_may_be_arrays():
-    """A list of arrays is a matrix, and a list of numbers is a diagonal."""
-    of_rows = Game(**(SMALL | {"Q": [np.array([2.0, 0.0]), np.array([0.0, 1.0])]}))
-    assert of_rows.Q.tolist() == Game(**(SMALL | {"Q": [2.0, 1.0]})).Q.tolist()
-
-
 # The basis of the value.
 
 NAMES = ("quadratic", "quadratic+linear", "quadratic+quartic", "cubic", "quartic", "paper")

@@ -13,7 +13,6 @@ from hfa import BadInputError, learn, solve
 from hfa.main import DONE
 from hfa_aircraft.readers.matrices_file import NAME_KEYS
 from hfa_aircraft.signals import PlantNames
-from hfa_support.arrays.read import read_arrays
 from verification import relative_error
 
 RNG = np.random.default_rng(0)
@@ -286,26 +285,6 @@ def test_a_record_about_its_trim_that_begins_at_rest():
         learn(plant, data=columns | {"Time [ms]": 1e3 * np.arange(80)})
 
 
-def test_rows_that_do_not_fit_are_named():
-    """Three rows that end an episode without a mark are named, and there are no 95 % bands."""
-    data = recorded(STEPS, noise=1e-3)
-    data["x_next"][[4, 30, 66]] += 1.0
-    run = learn(STEPS, data=data)
-    (note,) = [each for each in run.data.notes if "do not fit" in each]
-    assert "3 of 80 rows do not fit the others (5, 31, 67)" in note
-    assert run.P_band is None
-
-
-def test_the_file_of_entries_has_the_bands(folder):
-    """The .csv file of a run has P, K and their bands, and is a critic."""
-    run = learn(STEPS, data=recorded(STEPS, noise=1e-6))
-    run.save("learned.csv")
-    stored = read_arrays("learned.csv")
-    for name in ("P", "K", "P_band", "K_band"):
-        np.testing.assert_array_equal(stored[name], getattr(run, name))
-    assert hfa.verify(STEPS, "learned.csv").cost_above_optimum_percent < 1e-3
-
-
 def test_data_of_any_size_are_learned():
     """Exact data times 1e-90 give the exact solution in both times."""
     for game in (STEPS, RATES):
@@ -313,15 +292,3 @@ def test_data_of_any_size_are_learned():
             name: 1e-90 * each if name[0] in "xu" else each for name, each in recorded(game).items()
         }
         assert_exact(game, learn(blind(game), data=data))
-
-
-@pytest.mark.parametrize("amplitude", [0.01, 0.1, 1.0])
-def test_an_excitation_of_one_unit_of_a_decimal_place_is_accepted(amplitude):
-    """Inputs that are -1, 0 or 1 unit of a decimal place, at random, give the exact solution.
-
-    Rounding errors of a policy u = -K x, from which nothing can be learned, would be smaller.
-    """
-    rng = np.random.default_rng(0)
-    x, u = rng.normal(size=(80, 3)), amplitude * rng.integers(-1, 2, (80, 2))
-    data = {"x": x, "u": u, "x_next": x @ STEPS.A.T + u @ STEPS.B.T}
-    assert_exact(STEPS, learn(blind(STEPS), data=data))

@@ -2,19 +2,17 @@
 
 import json
 import math
-import re
 
 import mpmath
 import numpy as np
 import pytest
 from exact_games import exact_solution
 from game_samples import game_models
-from scipy.integrate import solve_ivp
 from tolerances import SAME_FORMULA
 
 from controller import minimum_delta
 from controller.riccati.enclosure import Enclosure, decided
-from hfa import BadInputError, Game, NoSolutionError, from_value, solve, verify
+from hfa import BadInputError, Game, NoSolutionError, solve, verify
 from verification import relative_error
 
 I2 = np.eye(2)
@@ -60,13 +58,6 @@ def test_policies_eigenvalues_and_costs_follow_from_P(game):
     )
 
 
-def test_a_P_that_is_not_symmetric_has_the_gain_of_its_symmetric_part(game):
-    solution = solve(game)
-    skew = np.triu(solution.P, 1)
-    gain = from_value(game, solution.P + skew - skew.T).K
-    np.testing.assert_allclose(gain, solution.K, rtol=1e-9)
-
-
 def test_a_solution_in_json_has_every_digit_of_P(game):
     """The dictionary of a solution is JSON with every digit of P, and null for an infinite delta."""
     solution = solve(game)
@@ -74,13 +65,6 @@ def test_a_solution_in_json_has_every_digit_of_P(game):
     assert np.array_equal(np.array(content["P"]), solution.P)
     assert (content["delta"], content["certificate"]["ok"]) == (game.delta, True)
     assert solve(game.with_delta(math.inf)).to_dict()["delta"] is None
-
-
-def test_a_defective_plant_without_cost_has_zero_value():
-    """A stable plant with a defective eigenvalue and without cost has P = 0 and delta_min 0."""
-    game = Game([[-0.5, 1.0], [0.0, -0.5]], [[1.0], [1.0]], E=I2, Q=0.0 * I2, R=[[1.0]], delta=0.01)
-    assert not solve(game).P.any()
-    assert (minimum_delta(game).value, minimum_delta(game).refused) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -144,98 +128,6 @@ def test_a_solution_beyond_the_range_of_doubles_is_refused():
     """P is 2.4e600 where the input moves the state by 1e-300."""
     with pytest.raises(NoSolutionError, match="beyond the range of doubles"):
         solve(Game([[1.2]], [[1e-300]], Q=[1.0], R=[1.0]))
-
-
-def test_the_bracket_of_minimum_delta_is_narrow(game):
-    """The bounds of the smallest delta differ by 1e-6, and just below them the game is refused.
-
-    The margin of a delta is its ratio to the smallest. test_stored_games.py has the exact values.
-    """
-    smallest = minimum_delta(game)
-    assert smallest.value / smallest.refused <= 1.000001  # as docs/games.md states
-    assert smallest.margin(7.0) == pytest.approx(7.0 / smallest.value)
-    with pytest.raises(NoSolutionError, match="below delta_min"):
-        solve(game.with_delta(0.999999 * smallest.refused))
-
-
-def value_of_long_games(game):
-    """Return the limit of the values of ever longer games, or None if they grow without bound.
-
-    They are the solutions of the Riccati differential equation from 0, in discrete time its steps.
-    """
-    A, E, n = game.A, game.E, len(game.A)
-    P = np.zeros((n, n))
-    if not game.is_discrete:
-
-        def rate(_, p):
-            P = p.reshape(n, n)
-            return (A.T @ P + P @ A + game.Q - P @ game.S @ P).ravel()
-
-        grown = lambda _, p: np.abs(p).max() - 1e6  # noqa: E731
-        grown.terminal = True
-        found = solve_ivp(rate, (0.0, 2e3), P.ravel(), "LSODA", rtol=1e-8, atol=1e-9, events=grown)
-        return None if found.status else found.y[:, -1].reshape(n, n)
-    for _ in range(200):
-        rest = game.delta**2 * np.eye(E.shape[1]) - E.T @ P @ E
-        if np.linalg.eigvalsh(rest).min() <= 0.0:
-            return None
-        M = P + P @ E @ np.linalg.solve(rest, E.T @ P)
-        K = np.linalg.solve(game.R + game.B.T @ M @ game.B, game.B.T @ M @ A)
-        P = game.Q + A.T @ M @ (A - game.B @ K)
-    return P
-
-
-@pytest.mark.parametrize("dt", [None, True])
-def test_a_game_just_below_the_smallest_delta_has_no_value(dt):
-    """Values of ever longer games have the limit P 0.1 % above the smallest delta, and none 0.1 %
-    below it.
-
-    The recursion of these values, in doubles, is right to about 1e-8.
-    """
-    A, B, E = (np.random.default_rng(1).standard_normal((3, k)) for k in (3, 2, 1))
-    game = Game(0.5 * A, B, E=E, Q=np.eye(3), R=np.eye(2), dt=dt)
-    smallest = minimum_delta(game).value
-    above, below = (game.with_delta(factor * smallest) for factor in (1.001, 0.999))
-    assert pytest.approx(value_of_long_games(above), rel=1e-6) == solve(above).P
-    assert value_of_long_games(below) is None
-    with pytest.raises(NoSolutionError, match="below delta_min"):
-        solve(below)
-
-
-@pytest.mark.parametrize("q", [1.0, 1e-6, 1e-10, 1e-14])
-def test_the_smallest_delta_is_right_where_q_is_small(q):
-    """The smallest delta of x' = a x + b u + e d is e / sqrt(b²/r + a²/q)."""
-    game = Game([[-1.5]], [[1.0]], E=[[1.0]], Q=[[q]], R=[[1.0]])
-    assert minimum_delta(game).value == pytest.approx((1.0 + 2.25 / q) ** -0.5, rel=3e-6)
-
-
-@pytest.mark.parametrize("size", [2.0**-20, 1.0, 2.0**20])
-@pytest.mark.parametrize("seed", range(3))
-def test_an_undamped_costless_mode_is_named(size, seed):
-    """An undamped mode without cost is named, in coordinates that mix all modes."""
-    rng = np.random.default_rng(seed)
-    lower, upper = (np.eye(3) + np.tril(rng.integers(-3, 4, (3, 3)), -1) for _ in range(2))
-    modes = lower @ upper.T  # whose inverse has integer entries
-    rows = np.linalg.inv(modes).round()
-    A = size * modes @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]) @ rows
-    B = rng.standard_normal((3, 1))
-    game = Game(A, B, Q=np.outer(rows[2], rows[2]), R=np.eye(1))
-    named = re.escape(f"undamped mode with eigenvalue 0 ± {size:.4g}i")
-    with pytest.raises(NoSolutionError, match=f"is not detectable: the {named}"):
-        solve(game)
-
-
-def test_a_slow_mode_of_a_stiff_plant_is_solved():
-    """P and K of a plant with rates of -1e7 to 1e-3 1/s are those of 60 digits to 1e-12.
-
-    Each state drives the next, and the input reaches the slow unstable mode by 1e-15 of the fastest
-    rate.
-    """
-    A = np.diag([-1e7, -2.0, 1e-3]) + np.diag([1e-4, 1e-4], -1)
-    game = Game(A, np.eye(3)[:, :1], Q=np.eye(3), R=np.eye(1))
-    P, K = exact_solution(game)
-    assert np.abs(solve(game).P / P - 1.0).max() < 1e-12
-    assert np.abs(solve(game).K / K - 1.0).max() < 1e-12
 
 
 @pytest.mark.parametrize(("slow", "is_refined"), [(1e-3, True), (-1e-3, False)])

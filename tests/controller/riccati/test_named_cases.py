@@ -73,15 +73,6 @@ def test_a_small_gain_of_the_disturbance_keeps_its_digits(delta, discount):
     assert float(last.split()[-1]) < 1e-16
 
 
-@pytest.mark.parametrize("rate", [0.5, -0.25])
-@pytest.mark.parametrize("q", [0.0, 3.0])
-def test_steps_without_an_input_have_their_value(rate, q):
-    """P is q / (1 - a²), also without any cost."""
-    solution = solve(Game([[rate]], [[0.0]], E=[[1.0]], Q=[[q]], R=[[1.0]], dt=True))
-    assert solution.P[0, 0] == pytest.approx(q / (1.0 - rate**2), rel=1e-15)
-    assert solution.K[0, 0] == 0.0
-
-
 def of_cross_weights(N, R):
     """Return a game with Q = N R⁻¹ N', in which u = -R⁻¹ N' z costs nothing."""
     A, B, E = [[-1.0, 0.3], [0.2, -2.0]], [[1.0], [0.4]], [[1.0], [0.5]]
@@ -100,34 +91,6 @@ def test_weights_without_cost_have_zero_value():
     assert np.abs(rounded.P).max() < 1e-15
     np.testing.assert_allclose(rounded.K, [[1.43 / 1.69, 0.91 / 1.69]], rtol=1e-14)
     assert not any(", and P is positive" in line for line in rounded.certificate.proved)
-
-
-def test_a_mode_is_solved_that_is_undamped_up_to_rounding():
-    """The rotation by 1.035 rad has no cost, and |0.5105 ± 0.8599i| is 1 + 6.6e-17. The margins of
-    the loop are not known in doubles.
-    """
-    A = [
-        [0.5104936203013956, 0.8598815404644844, 0.0],
-        [-0.8598815404644844, 0.5104936203013956, 0.0],
-        [0.0, 0.0, 1.0],
-    ]
-    game = Game(A, [[-0.32], [1.37], [0.26]], Q=np.diag([0.0, 0.0, 1.0]), R=[[1.0]], dt=True)
-    solution = solve(game)
-    third = solve(Game([[1.0]], [[0.26]], Q=[[1.0]], R=[[1.0]], dt=True))
-    assert solution.K[0, 2] == pytest.approx(third.K[0, 0], rel=1e-14)
-    assert solution.is_stable
-    assert solution.spectral_radius == pytest.approx(1.0, abs=2e-16)
-    assert (solution.loops, solution.disk_margin) == ((), None)
-
-
-@pytest.mark.parametrize("rate", [1e-18, 1e-20])
-def test_a_ball_that_may_be_zero_is_not_taken_for_zero(rate):
-    """x1' = -rate x1 + 3 x2 and x2' = -3 x1 - rate x2 with the cost x1² have P = I / (4 rate), nearly.
-
-    Doubles lose the rate beside 3, so that balls of P may contain 0 until there are enough bits.
-    """
-    game = Game([[-rate, 3.0], [-3.0, -rate]], np.zeros((2, 1)), Q=[1.0, 0.0], R=[1.0])
-    np.testing.assert_allclose(np.diag(solve(game).P), 0.25 / rate, rtol=1e-14)
 
 
 @pytest.mark.parametrize("weight", [0.0, 1.0])
@@ -156,29 +119,3 @@ def test_inputs_that_move_no_cost_are_zero():
         T @ game.A @ T_inverse, T @ B, Q=T_inverse.T @ game.Q @ T_inverse, R=np.eye(3)
     )
     np.testing.assert_array_equal(solve(in_other_states).K[1:], 0.0)
-
-
-def test_weights_that_are_symmetric_up_to_rounding_do_not_make_P_positive():
-    """The symmetric part [[1, e/2], [e/2, 0]] of Q is indefinite, and so is P."""
-    Q = [[1.0, 1e-12], [0.0, 0.0]]
-    solution = solve(Game(-np.eye(2), [[0.0], [1.0]], Q=Q, R=[1.0], delta=10.0))
-    assert np.linalg.det(solution.P) < 0.0
-    assert not any("P is positive" in line for line in solution.certificate.proved)
-
-
-def test_a_row_of_the_gain_that_rounds_to_zero_is_known():
-    """The second input has no weight and does all: the row of K of the first input is exactly 0.
-
-    No zeros among the entries of the game show this, but each ball of the row rounds to 0.
-    """
-    solution = solve(
-        Game(
-            [[1, -1], [-1, -1]],
-            [[1, -2], [0, -1]],
-            Q=[[4, 2], [2, 1]],
-            R=[[1, 0], [0, 0]],
-            dt=True,
-            discount=0.25,
-        )
-    )
-    np.testing.assert_array_equal(solution.K, [[0.0, 0.0], [-0.2, 0.6]])

@@ -48,15 +48,3 @@ def test_a_lyapunov_equation_is_solved_in_bits(is_discrete):
         near = solved_in_bits(F, C, is_discrete=is_discrete)
         for D, most in ((in_bits, 1e-70), (near, 1e-6 * norm(C))):
             assert norm(change_along(F, D, is_discrete=is_discrete) + C) < most
-
-
-def test_the_number_of_bits_is_restored():
-    """`precision` restores the number of bits, also after an exception."""
-    from flint import ctx
-
-    before = ctx.prec
-    with precision(77):
-        assert ctx.prec == 77
-    with pytest.raises(ZeroDivisionError), precision(78):
-        ball_matrix(np.zeros((1, 1))).inv()
-    assert ctx.prec == before

@@ -84,25 +84,6 @@ def test_a_disturbance_that_the_input_cancels_costs_nothing():
     assert solution.delta_min_bounds.refused == solution.l2_gain_bounds.low == 0.0
 
 
-@pytest.mark.parametrize(("E", "is_free"), [([1.0, 1.0, 0.0], True), ([0.0, 0.0, 1.0], False)])
-def test_a_disturbance_of_stable_states_without_cost_costs_nothing(E, is_free):
-    """With Q = 0, the unstable mode 2 has an optimal cost, and the modes 1/2 and -1/2 have none.
-
-    E has no or some effect on the third state, which is the mode 2.
-    """
-    A = [[0.5, -2.0, -0.5], [0.0, -0.5, -1.0], [0.0, 0.0, 2.0]]
-    both = np.column_stack([E, [-3.0, -1.0, 0.0]])  # the second moves the stable modes only
-    game = Game(A, [[-3.0], [-1.0], [-1.0]], E=both, Q=np.zeros(3), R=[1.0], dt=True)
-    least = minimum_delta(game).value
-    assert (least < 1e-9) if is_free else (least > 0.1)
-
-
-def test_a_gain_that_is_not_unique_is_refused_as_such():
-    """With B = 1 and R = 0, u1 = -x1 / 2 has the least cost x1², with any u2: x2 has no cost."""
-    with pytest.raises(NoSolutionError, match="optimal gain is not unique"):
-        solve(Game(0.5 * I2, I2, Q=[1.0, 0.0], R=[0.0, 0.0], dt=True))
-
-
 @pytest.mark.parametrize(
     ("dt", "A", "B"),
     [
@@ -117,23 +98,6 @@ def test_last_digits_that_decide_are_said(dt, A, B):
     solution = solve(Game(A, B, Q=I3, R=[1.0], dt=dt))
     assert solution.certificate.data_change > 0.1
     assert "last digits decide" in str(solution.report()).splitlines()[0]
-
-
-def test_states_without_cost_do_not_disturb_the_digits():
-    """P and K of states with a cost are as without the stable states that have none, whose entries
-    are up to 1e6.
-    """
-    A, B = np.array([[0.9, 0.5], [-0.4, 1.1]]), np.array([[1.0], [0.2]])
-    alone = solve(Game(A, B, Q=I2, R=[1.0], dt=True))
-    # the effect of the states with a cost on those without
-    effect = np.array([[0.3, -0.2], [1e5, 0.7]])
-    both = np.block([[A, np.zeros((2, 2))], [effect, np.array([[-0.6, -0.4], [0.4, 0.1]])]])
-    game = Game(both, np.vstack([B, [[1e6], [-3.0]]]), Q=[1.0, 1.0, 0.0, 0.0], R=[1.0], dt=True)
-    solution = solve(game)
-    np.testing.assert_allclose(solution.P[:2, :2], alone.P, rtol=1e-15)
-    np.testing.assert_allclose(solution.K[:, :2], alone.K, rtol=1e-15)
-    assert not solution.P[2:].any()
-    assert not solution.K[:, 2:].any()
 
 
 def test_a_gain_just_above_the_smallest_delta_is_below_delta():
@@ -153,20 +117,3 @@ def test_many_states_with_few_inputs_are_solved():
     solution = solve(Game(A, rng.standard_normal((80, 3)), Q=np.eye(80), R=I3))
     assert solution.certificate.radius < 1e-16
     assert np.linalg.eigvals(A - solution.game.B @ solution.K).real.max() < 0.0
-
-
-def test_a_disturbance_that_only_costs_its_player_has_no_smallest_delta():
-    """Where each delta has a value, the search for the smallest one ends, and can be printed."""
-    game = Game(
-        np.diag([0.0, -1.0]),
-        [[-2.0, -2.0], [-2.0, 1.0]],
-        E=[[2.0], [2.0]],
-        Q=[1.0, 0.0],
-        R=[1.0, 1.0],
-        N=[[0.0, -0.5], [-1.0, -0.5]],
-        delta=1.5,
-    )
-    found = minimum_delta(game)
-    assert found.refused == 0.0
-    assert found.value < 1e-12
-    assert "smallest possible" in str(solve(game).report())

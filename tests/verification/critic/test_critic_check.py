@@ -32,7 +32,6 @@ from hfa import (
 )
 from hfa.main import BAD_INPUT
 from hfa_model import INPUTS, LINEAR_STATES
-from verification import relative_error
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -181,21 +180,6 @@ def test_the_box_extends_to_the_nearer_limit(speed, half_width):
         assert box.half_widths == pytest.approx([half_width, 1.0])
 
 
-def test_the_balanced_box_without_a_cost_of_states_does_not_depend_on_their_units():
-    """With Q = 0, the balanced box is the same in all units of the states within two powers of two, to
-    which each half-width is rounded.
-    """
-    A, B = np.array([[1.0, 2.0], [3.0, -4.0]]), np.array([[1.0], [0.5]])
-    boxes = []
-    for units in np.array([[1.0, 1.0], [2.0**20, 1.0], [1.0, 2.0**-12]]):
-        in_units = A / units * units[:, None]
-        game = Game(A=in_units, B=B * units[:, None], Q=np.zeros((2, 2)), R=[[1.0]])
-        box = verify(game, solved(game)).box
-        assert box.name == "balanced box"
-        boxes.append(box.half_widths / units)
-    assert np.all(np.abs(np.log2(np.array(boxes) / boxes[0])) <= 2.0)
-
-
 # The verdict does not depend on the units of the states and inputs.
 
 
@@ -318,18 +302,6 @@ def test_terms_that_are_not_quadratic_count_in_a_box_ten_times_as_large_or_small
     weights[-1] = 1e-3  # V has the term 1e-3 z of the last state
     found = over_the_box(COUPLED, from_weights(COUPLED, weights, linear), box)
     assert found["value_rel_error"] == pytest.approx(1e-3 * 3.0 * 10.0 / size, rel=1e-9)
-
-
-def test_the_relative_error_to_zeros_or_of_nan_is_infinite():
-    """The relative error of other numbers to zeros, or of nan, is inf; of zeros to zeros it is 0.
-
-    Arrays of two shapes are refused.
-    """
-    assert relative_error(np.zeros(2), np.zeros(2)) == 0.0
-    assert relative_error(np.ones(2), np.zeros(2)) == math.inf
-    assert relative_error(np.array([1.0, np.nan]), np.ones(2)) == math.inf
-    with pytest.raises(BadInputError, match="give equal shapes"):
-        relative_error(np.ones(2), np.ones(3))
 
 
 # The box: that of the aircraft if the plant has its names, otherwise a stated convention.

@@ -297,16 +297,6 @@ def test_the_policy_in_a_checkpoint_is_that_of_its_library(library, write):
     assert "not used" in " ".join(critic.declared.notes) or "TD3 of Stable" in library
 
 
-def test_an_actor_of_tianshou_alone_has_a_note_on_its_tanh():
-    """The layers of an actor alone are those of a critic, too: only a note tells the tanh of TD3."""
-    tensors = layers("", "preprocess.model.model.0", "last.model.0", widths=(3, 5, 2))
-    notes = " ".join(read(torch_file("actor.pt", tensors), activation="relu").declared.notes)
-    assert "without the tanh of an actor of TD3 or DDPG" in notes
-    squashed = read("actor.pt", activation="relu,tanh")
-    expected = np.tanh(output_of(tensors, ["preprocess.model.model.0", "last.model.0"], relu))
-    assert squashed.u(OBSERVED) == pytest.approx(expected, rel=1e-9)
-
-
 def test_a_checkpoint_of_a_discrete_policy_is_refused():
     """A last layer `logits` of rl_games chooses one of several actions."""
     tensors = layers("model.a2c_network.", "actor_mlp.0", "logits", widths=(3, 5, 2))
@@ -452,13 +442,3 @@ def test_each_example_of_a_refusal_is_accepted(name):
         assert key not in typed
         typed[key] = value
     raise AssertionError(typed)  # four options do not suffice
-
-
-def test_a_policy_of_other_observations_is_no_q_function():
-    """An actor of 3 observations is refused for a plant with 2 states and 1 input.
-
-    Its inputs are as many as those of a Q(x, u), which it is not.
-    """
-    game = hfa.Game(-np.eye(2), np.ones((2, 1)), Q=np.ones(2), R=np.ones(1))
-    with pytest.raises(BadInputError, match="has 3 inputs, but 2 observations are given"):
-        hfa.read_critic(ZIPS / "sac.zip", game)

@@ -6,9 +6,8 @@ import pytest
 from cli import hfa
 from game_files import AT_15, stored
 from network_files import torch_file
-from planted_critics import gain, value, weights_of
+from planted_critics import gain, value
 
-from controller import critic_in
 from hfa import BadInputError, Game, from_network, solve, verify
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -65,19 +64,6 @@ def test_scale_applies_to_the_inputs_of_a_basis(game):
     path = stored("squares.npz", weight=weights[None, :6], bias=np.full(1, 2.0))
     critic = from_network(game, path, basis=squares, scale=scale)
     assert float(critic.value(np.ones(6))) == pytest.approx(2.0 + weights[:6] @ scale**2)
-
-
-def test_kind_of_an_npy_file_follows_from_shape(game):
-    """For the paper's game, an array in an .npy file is W with the shape (21,), P with (6, 6), and K with
-    (5, 6). Another shape is refused.
-    """
-    exact = {"weights": weights_of(value(game)), "P": value(game), "K": gain(game)}
-    for name, array in exact.items():
-        np.save("mine.npy", array)
-        assert np.array_equal(getattr(critic_in("mine.npy", game), name), array)
-    np.save("odd.npy", np.ones((4, 3)))
-    with pytest.raises(BadInputError, match=r"odd.npy: the array of shape \(4, 3\) does not fit"):
-        critic_in("odd.npy", game)
 
 
 def test_networks_with_unsuitable_output_numbers_are_refused(game):

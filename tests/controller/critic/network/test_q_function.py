@@ -6,7 +6,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from network_files import onnx_file, read, refusal, torch_file
+from network_files import onnx_file, read, torch_file
 
 from hfa import BadInputError, from_network
 
@@ -98,10 +98,3 @@ def test_the_actor_beside_two_q_functions_is_read(game):
         critic = from_network(game, path, network=network, activation="tanh")
         assert pytest.approx(-actor, rel=1e-12) == critic.K
         assert critic.declared.notes == ("not used: q1, q2",)
-
-
-def test_q_functions_with_other_input_numbers_are_refused():
-    """A Q function of 4 inputs is refused for a plant with 5."""
-    nodes = [("Concat", "x u", "z", {"axis": 1}), ("MatMul", "z w", "y")]
-    path = onnx_file("odd.onnx", nodes, {"w": np.ones((10, 1))}, inputs=4)
-    assert "has 4 entries instead of 5" in refusal(path, inputs=5)
