@@ -137,17 +137,6 @@ class Verdict(Checked, Result, Reported):
         """
         return self._grade(limit_cost) == "exact"
 
-    def linear_holds(self, limit_cost: float | None = None) -> bool:
-        """Return whether the critic passes on the game itself."""
-        return self._linear_grade(limit_cost) == "exact"
-
-    def nonlinear_holds(self, limit_cost: float | None = None) -> bool:
-        """Return whether the critic passes on the nonlinear game, True if it was not judged there.
-
-        A limit of the cost decides if flights were simulated.
-        """
-        return self.nonlinear is None or self.nonlinear.grade(limit_cost) == "exact"
-
     def rests_within(self, limit_cost: float) -> bool:
         """Return whether V* at the equilibrium of a simulated critic is within a limit, percent of
         V* in the box.

@@ -95,11 +95,6 @@ def test_means_are_those_of_the_signal_whatever_its_frequency(text):
     assert wave.oscillates.any() == ("sin" in text)
 
 
-def test_the_trim_itself_is_reachable():
-    """A command of 0 asks for the trim, which needs no other."""
-    assert tracking(15.0, {"dihedral": 0.0}).reachable
-
-
 @pytest.mark.parametrize(
     ("command", "options", "says"),
     [

@@ -65,21 +65,6 @@ def test_a_solution_passes_in_other_units_of_its_aircraft(is_stored_in_si, tmp_p
     assert hfa.verify(judging, path).ok
 
 
-def test_the_disturbance_of_a_game_is_named_in_its_reports():
-    """E is the identity unless another is given. The reports of solution and verdict name it."""
-    model = hfa.aircraft()
-    linear = hfa.linearize(model, hfa.trim(model), outputs=("speed",))
-    winds = ", ".join(linear.disturbances)
-    weights = {"Q": np.ones(6), "R": np.ones(5), "delta": 1e4}
-    for game, named in (
-        (hfa.game(linear, **weights), "identity"),
-        (hfa.game(linear, **weights, E=linear.E), winds),
-    ):
-        verdict = hfa.verify(game, hfa.from_gain(game, np.zeros((5, 6))))
-        for report in (hfa.solve(game).report(), verdict.report()):
-            assert f"E {named}" in " ".join(str(report).split())
-
-
 def test_default_weights_are_those_of_the_plant_file(folder, capsys):
     """Without Q and R, the solution is SciPy's for Q, R and N of a plant file, in Python and with
     `--aircraft`. A game without the first input has the entries of R and N of the second.

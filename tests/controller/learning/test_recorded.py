@@ -71,16 +71,6 @@ def test_exact_data_give_the_exact_solution_without_a_and_b(game, margin):
     assert_exact(game, learn(replace(blind(game), E=0.0 * game.E), data=with_d))
 
 
-@pytest.mark.parametrize("share", [1e-2, 1e-5])
-def test_a_little_excitation_beside_a_policy_suffices_without_noise(share):
-    """Inputs -K x + share r with random r of size 1 determine P and K.
-
-    The effect of u is told from that of x by `share` only, whose square divides rounding errors.
-    """
-    x, u = trajectory(STEPS, 60, probing=share)
-    assert_exact(STEPS, learn(blind(STEPS), data={"x": x, "u": u}), largest=1e-13 / share**2)
-
-
 def test_samples_of_a_known_hold_give_the_game_in_continuous_time():
     """Samples of a random plant in continuous time at steps of 0.05 s, with held inputs, determine
     P and K of its game in continuous time.

@@ -93,19 +93,6 @@ def test_weights_without_cost_have_zero_value():
     assert not any(", and P is positive" in line for line in rounded.certificate.proved)
 
 
-@pytest.mark.parametrize("weight", [0.0, 1.0])
-def test_a_state_that_moves_nothing_needs_no_input(weight):
-    """z⁺ = u with the weight 0 or 1 of u: K is 0, exactly, and P is Q.
-
-    The input of such a state is 0 beside another state with its own input, too.
-    """
-    solution = solve(Game([[0.0]], [[1.0]], Q=[[4.0]], R=[[weight]], dt=True))
-    assert (solution.P.item(), solution.K.item()) == (4.0, 0.0)
-    # z1⁺ = u1 and z2⁺ = z2 / 2 + u2
-    uncoupled = solve(Game(np.diag([0.0, 0.5]), np.eye(2), Q=[1.0, 1.0], R=np.eye(2), dt=True))
-    np.testing.assert_array_equal(uncoupled.K[0], 0.0)
-
-
 def test_inputs_that_move_no_cost_are_zero():
     """The second input moves a stable state without cost, and the third nothing: their rows of K are
     0, exactly, also in states in which no entry of P is 0.

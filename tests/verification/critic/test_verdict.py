@@ -11,7 +11,7 @@ from game_samples import in_steps
 from planted_critics import gain
 from scipy.linalg import solve_discrete_lyapunov
 
-from hfa import BadInputError, Game, from_gain, solve, verify
+from hfa import Game, from_gain, solve, verify
 from hfa.extend import Check
 from hfa_support.reporting.text import percent
 from verification.reports import verdicts_report
@@ -140,18 +140,6 @@ def test_loops_and_costs_of_a_discrete_verdict_are_those_of_numpy():
     radius = np.abs(np.linalg.eigvals(game.A - B @ K)).max()
     assert checks["control_loop_radius"] == pytest.approx(radius)
     assert checks["discounted_loop_radius"] == pytest.approx(root * radius)
-
-
-def test_a_critic_has_the_inputs_of_one_state_or_of_rows_of_states():
-    """`critic.u` returns -K z for a state (3,), or for each row of (N, 3); other shapes are refused."""
-    rng = np.random.default_rng(6)
-    K, z = rng.standard_normal((2, 3)), rng.standard_normal((4, 3))
-    critic = from_gain(Game(-np.eye(3), np.ones((3, 2)), Q=np.ones(3), R=np.ones(2)), K)
-    assert critic.u(z[0]) == pytest.approx(-K @ z[0])
-    assert critic.u(z) == pytest.approx(-z @ K.T)
-    for wrong in (z[0, :2], np.ones((1, 2, 3)), 1.0):
-        with pytest.raises(BadInputError, match=r"z has shape .*; give \(3,\) or \(N, 3\)"):
-            critic.u(wrong)
 
 
 def test_an_upper_bound_in_percent_is_rounded_up():

@@ -97,15 +97,6 @@ def test_a_pickle_with_code_is_not_executed(packed):
     assert Path("executed").exists()
 
 
-@pytest.mark.parametrize("axes", [(0, 1, 2), (2, 1, 0), (1, 2, 0)])
-def test_a_pickled_array_in_any_order_of_axes_is_read(axes):
-    """An array of three axes beside the layers, as NumPy pickles it, is named with its shape."""
-    samples = np.zeros((2, 3, 4)).transpose(axes)
-    stored = {"policy": {"0.weight": np.ones((1, 6))}, "replay": {"samples": samples}}
-    Path("a.pkl").write_bytes(pickle.dumps(stored, protocol=5))
-    assert f"'replay.samples' {samples.shape} is not a weight or bias" in refusal("a.pkl")
-
-
 @pytest.mark.parametrize(
     ("member", "said"),
     [
