@@ -19,7 +19,7 @@ from hfa_support.reporting.report import Check, at_least
 from hfa_support.reporting.results import without_empty
 from hfa_support.reporting.text import Table, percent
 from trim.linear.margins import DiskMargin
-from verification.verdict import NEAR
+from verification.verdict import NEAR, state_text
 
 
 class _Robustness(NamedTuple):
@@ -182,16 +182,6 @@ def _has_worst(suboptimality: Suboptimality) -> bool:
     Rounding alone would decide the worst state of an optimal policy.
     """
     return not suboptimality.is_optimal and bool(np.isfinite(suboptimality.worst).all())
-
-
-def state_text(exact: Solution, state: np.ndarray) -> str:
-    """Return a state as text, without the entries that print as 0."""
-    names = exact.names
-    return ", ".join(
-        f"{name} {value:.3g}{'' if unit in ('', '1') else f' {unit}'}"
-        for name, value, unit in zip(names.states, state, names.state_units, strict=True)
-        if value
-    )
 
 
 def value_check(exact: Solution, P: np.ndarray, box: np.ndarray, limit: float) -> Check:

@@ -18,9 +18,8 @@ from hfa_support.reporting.report import Check, Report, verdict_text
 from hfa_support.reporting.results import Entries
 from hfa_support.reporting.text import Cell, Table, entry_rows, percent
 from verification.box import SHARE
-from verification.linear_checks import state_text
 from verification.nonlinear_game import NonlinearComparison
-from verification.verdict import NEAR, OPTIMAL, Verdict
+from verification.verdict import NEAR, OPTIMAL, Verdict, state_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

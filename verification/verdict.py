@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,10 +18,6 @@ from hfa_support.reporting.report import Check, Checked, Report, Reported
 from hfa_support.reporting.results import Result, storable, without_empty
 from verification.box import Box
 from verification.nonlinear_game import GRADES, NonlinearComparison
-
-if TYPE_CHECKING:
-    from verification.network.loops import CounterExample
-    from verification.network.proof import Proof
 
 #: Cost above the optimum, percent, with which the cost is the same double as the optimum.
 OPTIMAL = 100.0 * SAME_DOUBLE
@@ -45,6 +41,37 @@ class Section(NamedTuple):
 
     part: Part
     data: Mapping[str, Any] = {}
+
+
+class CounterExample(NamedTuple):
+    """A flight that shows that a policy is not near the optimum.
+
+    start: initial state in the box, (n,)
+    what: "diverges", "stays there" (another equilibrium), "stays away from the equilibrium" or
+        "costs more"
+    """
+
+    start: np.ndarray
+    what: str
+
+
+@dataclass
+class Proof:
+    """What is proved of a policy.
+
+    excess: proved bound of the cost above the optimum of every state of the box, relative to the
+        largest optimum of the box; inf if none is proved
+    why: why no bound is proved, or none as small as asked, or ""
+    share: share of the tube in which the error is proved to be small enough
+    boxes: number of boxes
+    violators: deviations from the equilibrium at which the error is too large, the worst first
+    """
+
+    excess: float = math.inf
+    why: str = ""
+    share: float = 0.0
+    boxes: int = 0
+    violators: list[np.ndarray] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -279,3 +306,13 @@ def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
                 with_reason[index] = replace(check, reason=f"{check.reason}: {diagnosis}")
             break
     return tuple(with_reason)
+
+
+def state_text(exact: Solution, state: np.ndarray) -> str:
+    """Return a state as text, without the entries that print as 0."""
+    names = exact.names
+    return ", ".join(
+        f"{name} {value:.3g}{'' if unit in ('', '1') else f' {unit}'}"
+        for name, value, unit in zip(names.states, state, names.state_units, strict=True)
+        if value
+    )

@@ -33,6 +33,7 @@ from hfa_support.native.bound import RowFunction
 from hfa_support.reporting.report import Check, at_most
 from hfa_support.reporting.text import percent
 from verification.box import NonlinearPlant, starts_in
+from verification.verdict import CounterExample
 
 #: A tick of a simulation in continuous time is as long as the slowest linear loop needs to decay to
 #: exp(-`DECAY`). A loop that is more than `SLOWEST` times slower than the exact one counts as that
@@ -404,18 +405,6 @@ _ELSEWHERE = 1e-3
 _AT_REST = 1e-6
 #: Most steps back along the exact loop from a violator into the box, per rate of its fastest mode.
 _STEPS_BACK, _STEPS_PER_RATE = 400, 50.0
-
-
-class CounterExample(NamedTuple):
-    """A flight that shows that a policy is not near the optimum.
-
-    start: initial state in the box, (n,)
-    what: "diverges", "stays there" (another equilibrium), "stays away from the equilibrium" or
-        "costs more"
-    """
-
-    start: np.ndarray
-    what: str
 
 
 class FlightResults(NamedTuple):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -30,6 +30,7 @@ from verification.network.theorem import (
     largest_share,
     setting_of,
 )
+from verification.verdict import Proof
 
 #: Numbers in the largest array of a batch of boxes, and the least number of boxes in it.
 _NUMBERS, _FEWEST = 2_000_000, 32
@@ -47,25 +48,6 @@ _SMALLEST_EXCESS = 1e-5
 _MARGIN = 1e-9
 #: Number of violators that are kept.
 _KEPT = 8
-
-
-@dataclass
-class Proof:
-    """What is proved of a policy.
-
-    excess: proved bound of the cost above the optimum of every state of the box, relative to the
-        largest optimum of the box; inf if none is proved
-    why: why no bound is proved, or none as small as asked, or ""
-    share: share of the tube in which the error is proved to be small enough
-    boxes: number of boxes
-    violators: deviations from the equilibrium at which the error is too large, the worst first
-    """
-
-    excess: float = math.inf
-    why: str = ""
-    share: float = 0.0
-    boxes: int = 0
-    violators: list[np.ndarray] = field(default_factory=list)
 
 
 def proof_of(

@@ -27,8 +27,8 @@ from verification.network.loops import (
     equilibrium_of,
     fly,
 )
-from verification.network.proof import Proof, proof_of
-from verification.verdict import NEAR, Section
+from verification.network.proof import proof_of
+from verification.verdict import NEAR, Proof, Section
 
 if TYPE_CHECKING:
     from verification.box import NonlinearPlant
