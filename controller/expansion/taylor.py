@@ -272,20 +272,5 @@ _OPERATIONS: dict[int, Operation] = {
     ca.OP_SIGN: _by_sign("sign", lambda sign, a, b: {0: arb(sign)} if sign else {}),
     ca.OP_FMIN: _by_sign("min", lambda sign, a, b: a if sign <= 0 else b),
     ca.OP_FMAX: _by_sign("max", lambda sign, a, b: a if sign >= 0 else b),
-    **{
-        getattr(ca, f"OP_{name.upper()}"): _named(name)
-        for name in [
-            "inv",
-            "sqrt",
-            "exp",
-            "log",
-            "sin",
-            "cos",
-            "tan",
-            "asin",
-            "acos",
-            "atan",
-            "erf",
-        ]
-    },
+    **{getattr(ca, f"OP_{name.upper()}"): _named(name) for name in _OF_FLINT},
 }
