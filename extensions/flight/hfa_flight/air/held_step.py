@@ -47,6 +47,12 @@ def in_samples(delay: float, dt: float) -> Delay:
     return Delay(whole, delay - whole * dt)
 
 
+def samples_under_way(delay: float, dt: float) -> int:
+    """Return the number of earlier commands that act after a sample."""
+    whole, rest = in_samples(delay, dt)
+    return whole + (rest > 0.0)
+
+
 class ActingCommand(NamedTuple):
     """A delayed command that acts for a time after a sample.
 

@@ -14,16 +14,21 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.gusts import state_of
-from hfa_flight.air.held_step import in_samples
 from hfa_flight.air.sensors import measured
 from hfa_flight.policies.deployment.policy import DeployedPolicy
 from hfa_flight.policies.estimate import (
     IMPOSSIBLE,
     RESTARTS_AFTER,
+    estimate_in,
     memory_size,
     memory_slices,
 )
-from hfa_flight.policies.filtered_policy import FilteredPolicy, sample_of
+from hfa_flight.policies.filtered_policy import (
+    FilteredPolicy,
+    after_command,
+    before_command,
+    command_of,
+)
 from hfa_flight.policies.policy import FunctionPolicy, GainPolicy, Policy
 from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
 from hfa_support.files import folder_written_whole, written_whole
@@ -188,7 +193,7 @@ def c_filter_texts(policy: FilteredPolicy, origin: str) -> dict[str, str]:
         "delay": repr(policy.delay),
         "states": len(model.states),
         "winds": max(1, len(model.disturbances)),
-        "memory": memory_size(policy.filter) + commands_under_way(policy) * len(policy.point.u),
+        "memory": memory_size(policy.filter) + policy.under_way * len(policy.point.u),
         "impossible": IMPOSSIBLE,  # standard deviations
         "share": memory_slices(policy.filter).share.start,  # place of the acting share
         "fade": policy.fade,  # s
@@ -224,25 +229,22 @@ def _sensed(policy: FilteredPolicy) -> ca.Function:
     return ca.Function("sensed", [x, w], [ca.densify(y + ca.DM(policy.filter.at_trim))])
 
 
-def commands_under_way(policy: FilteredPolicy) -> int:
-    """Return the number of earlier commands that the memory of an exported filter has."""
-    return in_samples(policy.delay, policy.dt).whole + 1 if policy.delay else 0
-
-
 def filter_sample(policy: FilteredPolicy) -> ca.Function:
     """Return the function (memory, measured y) -> (commanded U, memory of the next sample), in
     absolute values. The memory is that of the filter, then the commands under way, the oldest
     first, as deviations from the trim.
     """
-    kalman, point = policy.filter, policy.point
-    size, count = memory_size(kalman), commands_under_way(policy)
-    memory = ca.SX.sym("memory", size + count * len(point.u))
-    y = ca.SX.sym("y", len(kalman.sensors))
-    t = ca.SX(0.0)  # an exported law does not depend on time
-    under_way = ca.vertsplit_n(memory[size:], count) if count else []
-    u, later, _ = sample_of(policy, t, memory[:size], under_way, y - ca.DM(kalman.at_trim))
-    later = ca.vertcat(later, *[*under_way, u][-count:] if count else ())
-    return ca.Function("sample", [memory, y], [ca.densify(point.u + u), later], {"cse": True})
+    kalman, point, law = policy.filter, policy.point, policy.law
+    size, m = memory_size(kalman), len(point.u)
+    memory, y = ca.SX.sym("memory", size + policy.under_way * m), ca.SX.sym("y", len(kalman.C))
+    under_way = ca.vertsplit(memory[size:], m)
+    before = estimate_in(kalman, memory[:size])
+    now, seen, _ = before_command(policy, before, under_way, y - ca.DM(kalman.at_trim))
+    # an exported law depends neither on time nor on held inputs that change
+    command = command_of(law, ca.SX(0.0), seen, ca.DM(law.held_inputs(0, 0.0)))
+    u, later = after_command(policy, now, under_way, command)
+    results = [ca.densify(point.u + u), ca.vertcat(later, *under_way[1:], u)]
+    return ca.Function("sample", [memory, y], results, {"cse": True})
 
 
 #: Names of the header, the source and the example.

@@ -18,7 +18,7 @@ from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.held_step import in_samples
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.sensors import measured
-from hfa_flight.export.c_text import commands_under_way, filter_sample
+from hfa_flight.export.c_text import filter_sample
 from hfa_flight.policies.estimate import known_start, memory_size, memory_slices
 from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.policy import Measurements, Policy
@@ -137,7 +137,7 @@ def _sampled(policy: FilteredPolicy, y: ca.SX, w: ca.SX, v: ca.SX) -> Sampled:
     without_errors = measured(policy.point, policy.sensors, x, u, model.p, winds)
     values = without_errors + ca.DM(kalman.at_trim) + v[:count]
     # An FMU begins with a memory of zeros, in place of that of its states, which are known.
-    under_way = np.zeros(commands_under_way(policy) * len(model.inputs))
+    under_way = np.zeros(policy.under_way * len(model.inputs))
     start = ca.SX(ca.DM(np.append(known_start(kalman), under_way)))
     memory, places = ca.SX.sym("memory", start.numel()), memory_slices(kalman)
     start[: len(kalman.states)] = x[model.state_places(kalman.states)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -203,8 +204,8 @@ class Assessor:
         """Return the effect of delays on the sampled loop, or None without an equilibrium."""
         if case.equilibrium is None:
             return None
-        timing = self.deployed.deployment
-        return searched_delays(case.equilibrium.nominal, timing.dt, timing.delay)
+        timing, nominal = self.deployed.deployment, case.equilibrium.nominal
+        return searched_delays(partial(chain_of, nominal, timing.dt), timing.dt, timing.delay)
 
     def _linear_point(self, case: TrimCase, delays: Delays | None) -> AssessedPoint:
         """Return the result of the linear loop at a trim, without flights."""

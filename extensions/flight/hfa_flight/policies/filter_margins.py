@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Self
 
+import casadi as ca
 import numpy as np
 
-from hfa_flight.air.held_step import acting_commands, in_samples
-from hfa_flight.policies.deployment.sampled_loop import Chain, chain_margins, zero_order_hold
+from hfa_flight.air.gusts import state_of
+from hfa_flight.air.held_step import samples_under_way
+from hfa_flight.policies.deployment.sampled_loop import (
+    Chain,
+    Plant,
+    chain_margins,
+    searched_delays,
+)
 from hfa_flight.policies.kalman import KalmanFilter, near_one
 from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.results import Result
 
-#: Longest unknown delay that is searched, in samples, and parts of a sample of the search.
+#: Longest unknown delay that is searched, in samples.
 _MOST_SAMPLES = 30
-_PARTS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,16 +73,105 @@ class FilterMargins(Result):
         )
 
 
-def margins_of(kalman: KalmanFilter, K: np.ndarray, delay: float) -> FilterMargins:
-    """Return the margins of the linear loop of a gain behind a filter.
+@dataclass(frozen=True, eq=False)
+class FilterLoop(Chain):
+    """Loop of a gain behind a filter, whose commands act after a delay that it knows in part.
+
+    s are the n states of aircraft and air, the commands on their way to these, the latest first,
+    the predicted states of the filter, and the commands that it takes as under way.
+
+    kalman: the filter.
+    alone: rows of s that are the filter's.
+    N: covariance that turbulence and sensors add to s in a sample.
+    feed: covariance of the commands by the sensors of the same sample.
+    """
+
+    kalman: KalmanFilter
+    alone: slice
+    N: np.ndarray
+    feed: np.ndarray
+
+    @classmethod
+    def of(cls, kalman: KalmanFilter, K: np.ndarray, known: float, further: float = 0.0) -> Self:
+        """Return the loop of -K (what is seen at x̂, when the command acts, as is known).
+
+        K: (m, k)
+        known, further: delay, s
+        """
+        gain, (n, m), p, dt = K @ kalman.sight, kalman.Gamma.shape, len(kalman.C), kalman.dt
+        count, own_count = (samples_under_way(late, dt) for late in (known + further, known))
+        size = 2 * n + (count + own_count) * m
+        # Each row is a linear form of s, the commands u that act, the noise of the sensors, and
+        # what the turbulence adds to the states of the air.
+        sizes = [n, *[m] * count, n, *[m] * own_count, m, p, n]
+        x, *parts = np.split(np.eye(sum(sizes)), np.cumsum(sizes)[:-1])
+        queue, (predicted, *own_queue, u, noise, gust) = parts[:count], parts[count:]
+        plant = Plant(kalman.A, kalman.B, dt)
+        estimate = predicted + kalman.L @ (kalman.C @ (x - predicted) + noise)
+        own = -gain @ plant.later(estimate, [u, *own_queue], known, known)
+        of_plant, of_filter = [u, *queue], [own, *own_queue]
+        after = [
+            plant.later(x, of_plant, known + further, dt) + gust,
+            *of_plant[:count],
+            plant.later(estimate, of_filter, known, dt),
+            *of_filter[:own_count],
+        ]
+        F, G, by_noise, by_gust = np.split(np.vstack(after), np.cumsum([size, m, p]), axis=1)
+        C, feed = own[:, :size], own[:, size + m : size + m + p]
+        by_noise = by_noise + G @ feed
+        return cls(
+            F,
+            G,
+            C,
+            n,
+            dt,
+            kalman,
+            alone=slice(n + count * m, None),
+            N=by_noise @ kalman.R @ by_noise.T + by_gust @ kalman.air @ by_gust.T,
+            feed=feed @ kalman.R @ feed.T,
+        )
+
+    @property
+    def compensator_radius(self) -> float:
+        """Spectral radius of filter and gain alone, from measured values to commands."""
+        return spectral_radius(self.F[self.alone, self.alone])
+
+    def rms(self, samples: int) -> np.ndarray:
+        """Return the root mean square of linear states and commands, (k + m,), over the second half
+        of a flight that begins in calm at the trim.
+
+        The speed is that of the linear loop plus x'Hx/2, which the gain does not see. Its mean
+        square is tr(HS)²/4 + tr(HSHS)/2 for a normal x of covariance S.
+        """
+        kalman, n, k = self.kalman, self.states, len(self.kalman.states)
+        speed = state_of(kalman.point.model, "speed")
+        H, row = np.zeros((n, n)), 0
+        if speed in kalman.states:
+            x, row = ca.SX.sym("x", n), kalman.states.index(speed)
+            hessian = ca.hessian((x[:k] - kalman.seen(x))[row], x)[0]
+            H = ca.Function("hessian", [x], [ca.densify(hessian)])(0.0).full()
+        outputs = np.vstack([np.eye(k, len(self.F)), self.C])
+        covariance, total = np.zeros_like(self.F), np.zeros(len(outputs))
+        first_counted = samples // 2
+        for sample in range(samples):
+            if sample >= first_counted:
+                total += np.diag(outputs @ covariance @ outputs.T)
+                total[k:] += np.diag(self.feed)
+                HS = H @ covariance[:n, :n]
+                total[row] += 0.25 * np.trace(HS) ** 2 + 0.5 * np.trace(HS @ HS)
+            covariance = self.closed @ covariance @ self.closed.T + self.N
+        return np.asarray(np.sqrt(total / max(samples - first_counted, 1)))
+
+
+def margins_of(loop_with: Callable[[float], FilterLoop]) -> FilterMargins:
+    """Return the margins of a loop.
 
     The margins of an unstable loop are gains of 1, a phase of 0 and delays of 0.
 
-    K: (m, k)
-    delay: time after which commands act, which the filter knows, s
+    loop_with: function of a further delay, s -> loop
     """
-    gain = K @ kalman.sight
-    loop, alone = late_loop(kalman, gain, delay), compensator_radius(kalman, K, delay)
+    loop = loop_with(0.0)
+    alone = loop.compensator_radius
     if not loop.radius < 1.0:
         return FilterMargins(
             alone, loop.radius, gain_low=1.0, gain_high=1.0, phase=0.0, delay=0.0, unknown_delay=0.0
@@ -88,72 +184,5 @@ def margins_of(kalman: KalmanFilter, K: np.ndarray, delay: float) -> FilterMargi
         gain_high=min(margin.gain_high for margin in inputs),
         phase=min(margin.phase for margin in inputs),
         delay=min(margin.delay for margin in inputs),
-        unknown_delay=_unknown_delay(kalman, gain, delay),
+        unknown_delay=searched_delays(loop_with, loop.dt, 0.0, _MOST_SAMPLES).limit,
     )
-
-
-def compensator_radius(kalman: KalmanFilter, K: np.ndarray, delay: float = 0.0) -> float:
-    """Return the spectral radius of filter and gain alone, from measured values to commands."""
-    loop = late_loop(kalman, K @ kalman.sight, delay)
-    alone = slice(len(kalman.Phi) + _under_way(delay, kalman.dt) * len(K), None)
-    return spectral_radius(loop.F[alone, alone])
-
-
-def _under_way(delay: float, dt: float) -> int:
-    """Return the number of earlier commands that act after a sample."""
-    whole, rest = in_samples(delay, dt)
-    return whole + (rest > 0.0)
-
-
-def late_loop(kalman: KalmanFilter, gain: np.ndarray, known: float, further: float = 0.0) -> Chain:
-    """Return the loop whose commands act after a delay of which the filter predicts a part.
-
-    The states of the loop are those of aircraft and air, the commands on their way to these, the
-    latest first, the predicted states of the filter, and the commands that it takes as under way.
-
-    gain: (m, n), of the command -gain x̂ of the estimate when the command acts, as is known
-    known, further: s
-    """
-    (n, m), dt, delay = kalman.Gamma.shape, kalman.dt, known + further
-    count, own_count = _under_way(delay, dt), _under_way(known, dt)
-    size = 2 * n + (count + own_count) * m
-    # Each row is a linear form of the states of the loop, and of the commands u that act.
-    sizes = [n, *[m] * count, n, *[m] * own_count, m]
-    x, *parts = np.split(np.eye(size + m), np.cumsum(sizes)[:-1])
-    queue, (predicted, *own_queue, u) = parts[:count], parts[count:]
-
-    def later(of: np.ndarray, commands: list[np.ndarray], late: float, time: float) -> np.ndarray:
-        """Return states some time after a sample, by the commands that act, the latest first."""
-        for samples_ago, seconds in acting_commands(late, dt, time):
-            Phi, Gamma = zero_order_hold(kalman.A, kalman.B, seconds)
-            of = Phi @ of + Gamma @ commands[samples_ago]
-        return of
-
-    estimate = predicted + kalman.L @ kalman.C @ (x - predicted)
-    own = -gain @ later(estimate, [u, *own_queue], known, known)
-    of_plant, of_filter = [u, *queue], [own, *own_queue]
-    after = [
-        later(x, of_plant, delay, dt),
-        *of_plant[:count],
-        later(estimate, of_filter, known, dt),
-        *of_filter[:own_count],
-    ]
-    F, G = np.split(np.vstack(after), [size], axis=1)
-    return Chain(F, G, own[:, :size], n, dt)
-
-
-def _unknown_delay(kalman: KalmanFilter, gain: np.ndarray, known: float) -> float | None:
-    """Return the smallest further delay, s, with which `late_loop` is unstable, or None."""
-    from scipy.optimize import brentq
-
-    def excess(delay: float) -> Any:
-        """Return the spectral radius of the loop with a further delay, minus 1."""
-        return late_loop(kalman, gain, known, delay).radius - 1.0
-
-    before = 0.0
-    for part in range(1, _MOST_SAMPLES * _PARTS + 1):
-        delay = part * kalman.dt / _PARTS
-        if excess(delay) >= 0.0:
-            return float(brentq(excess, before, delay, xtol=1e-6 * kalman.dt))
-        before = delay
-    return None

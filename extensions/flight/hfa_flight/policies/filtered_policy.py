@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.batch_simulation import saturated
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.held_step import acting_commands, in_samples
@@ -19,6 +20,7 @@ from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.policy import DeployedPolicy, flown_deployment
 from hfa_flight.policies.estimate import (
+    Estimate,
     estimate_in,
     extended_step,
     known_start,
@@ -27,9 +29,8 @@ from hfa_flight.policies.estimate import (
     updated,
 )
 from hfa_flight.policies.filter_margins import (
+    FilterLoop,
     FilterMargins,
-    compensator_radius,
-    late_loop,
     margins_of,
 )
 from hfa_flight.policies.kalman import KalmanFilter
@@ -69,60 +70,34 @@ class _Memory:
     """Memory of one flight.
 
     estimate: predicted states of the filter at the next sample, their covariance and counts
-    waiting: commands that may act yet, the oldest first
+    waiting: commands that may act yet, the oldest first, (count, m)
     samples, unused: numbers of samples, and of samples of which a value was not used
     law: the policy behind the filter, or None before the first sample
     """
 
     estimate: np.ndarray
-    waiting: list[np.ndarray]
+    waiting: np.ndarray
     samples: int = 0
     unused: int = 0
     law: _Law | None = None
 
 
-class _Estimated(NamedTuple):
-    """Estimate at a sample.
-
-    memory: that of the filter, with the measured values
-    states: estimated states of the filter
-    x: deviations of all states when the command acts, (n,)
-    following: what is known of the next sample, of a law that plans
-    is_left_out: whether a value of the sample is not used
-    share: share of the command that acts
-    """
-
-    memory: np.ndarray
-    states: np.ndarray
-    x: np.ndarray
-    following: NextSample | None
-    is_left_out: bool
-    share: float
-
-
-class _Prediction(NamedTuple):
-    """States of the filter after some seconds, (n,), and their slopes by those before, (n, n)."""
-
-    x: np.ndarray
-    Phi: np.ndarray
-
-
 class _Functions(NamedTuple):
-    """Functions of the samples of a filter, whose memory is that of `Estimate`.
+    """Functions of the samples of a filter, with the memory of `Estimate` and the earlier commands
+    that may act yet, the oldest first, one after the other.
 
-    updated: (memory, measured y) -> (memory, whether a value is left out, share of the command that
-        acts)
-    propagated: (memory, predicted x, its slopes Φ) -> memory of the next sample
-    seen: states of the filter -> linear states that a policy sees
+    before: (memory, commands, y) -> (memory with the values, linear states that the law sees,
+        whether a value is left out)
+    after: (memory with the values, commands, command of the law) -> (command that acts, memory of
+        the next sample)
+    following: (memory with the values, commands) -> `NextSample`, of the linear states
     sensed: states of the filter -> measured values
-    deviations: memory -> standard deviations of the errors of the linear states
     """
 
-    updated: BoundFunction
-    propagated: BoundFunction
-    seen: BoundFunction
+    before: BoundFunction
+    after: BoundFunction
+    following: BoundFunction
     sensed: BoundFunction
-    deviations: BoundFunction
 
 
 def _bound(name: str, arguments: list[ca.SX], results: list[ca.SX]) -> BoundFunction:
@@ -192,8 +167,8 @@ class FilteredPolicy(SampledPolicy):
             law = replace(law, tick=kalman.dt)  # the filter calls it once a sample
         name = f"{law.name} behind a filter"
         policy = cls(name, kalman.point, kalman.dt, filter=kalman, law=law, fade=fade)
-        gain = policy.gain
-        if is_default and gain is not None and compensator_radius(kalman, gain) >= 1.0:
+        loop = policy.loop()
+        if is_default and loop is not None and loop.compensator_radius >= 1.0:
             return replace(policy, fade=_FADE_OF_FAST_GAIN)
         return policy
 
@@ -217,25 +192,24 @@ class FilteredPolicy(SampledPolicy):
         memory.estimate = known_start(self.filter, deviations_of(self.point, X))
         memory.law = self._prepared_law()
         if isinstance(self.law, SampledPolicy):
-            x = memory.estimate[: len(self.filter.Phi)]
-            (expected_values,) = self._functions.sensed.at(x)
-            expected = self._estimated(memory, expected_values)
-            self.law.begin(self.point.x + expected.x, expected.following)
+            (expected,) = self._functions.sensed.at(memory.estimate[: len(self.filter.Phi)])
+            _, x, known, _ = self._estimated(memory, expected)
+            self.law.begin(self.point.x + x, known)
 
     def _prepared_law(self) -> _Law:
         """Return the law of a flight. All functions of a sample are made before the flight."""
-        if self._sample is None:  # each cached function is made at its first call
-            memory = self._memory_at_trim()
-            self._functions.updated.at(memory.estimate, np.zeros(len(self.filter.sensors)))
-            self._following(memory, memory.estimate)
+        _ = self._functions
         return _law_of(self.law, self.point, self.dt)
+
+    @property
+    def under_way(self) -> int:
+        """Number of earlier commands that may act at a sample or later."""
+        return in_samples(self.delay, self.dt).whole + 1
 
     def _memory_at_trim(self) -> _Memory:
         """Return the memory before a flight: the estimate and the commands under way are trim."""
-        # as many commands as act before that of the first sample
-        earlier = in_samples(self.delay, self.dt).whole + 1
-        inputs_at_trim = [np.zeros(len(self.point.u)) for _ in range(earlier)]
-        return _Memory(np.zeros(memory_size(self.filter)), waiting=inputs_at_trim)
+        waiting = np.zeros((self.under_way, len(self.point.u)))
+        return _Memory(np.zeros(memory_size(self.filter)), waiting)
 
     def __call__(self, t: float, y: Any) -> np.ndarray:
         """Return the inputs U (m,) from the measured values of one sample, absolute.
@@ -306,71 +280,30 @@ class FilteredPolicy(SampledPolicy):
 
         y: measured deviations from trim, (p,)
         """
-        if self._sample is not None:  # the whole sample is one function
-            time, under_way = memory.samples * self.dt, np.concatenate(memory.waiting)
-            u, later, left_out = self._sample.at(time, memory.estimate, under_way, y)
-            memory.estimate, is_left_out = later, bool(left_out[0])
-            memory.waiting.append(u)
-        else:
-            u, is_left_out = self._command_of_law(memory, y)
-        memory.waiting.pop(0)  # it does not act after the next sample
-        memory.samples += 1
-        memory.unused += is_left_out
-        return np.asarray(u)
-
-    def _command_of_law(self, memory: _Memory, y: np.ndarray) -> tuple[np.ndarray, bool]:
-        """Return the command of a law that is no expression, and whether a value is left out."""
         if memory.law is None:
             memory.law = self._prepared_law()
-        # Estimate, command within the control limits, and prediction for the next sample.
-        estimated = self._estimated(memory, y)
-        limits = Limits.of(self.point.model, tuple(self.point.model.inputs))
-        command = memory.law(memory.samples, estimated.x, estimated.following)
-        U = self.point.u + estimated.share * command
-        u = np.asarray(np.clip(U, limits.lowest, limits.highest) - self.point.u)
-        memory.waiting.append(u)
-        predicted = self._predicted(estimated.states, memory.waiting, self.dt)
-        memory.estimate = self._next_memory(estimated.memory, predicted)
-        return u, estimated.is_left_out
+        with_values, x, following, is_left_out = self._estimated(memory, y)
+        command = memory.law(memory.samples, x, following)
+        u, memory.estimate = self._functions.after.at(with_values, memory.waiting.ravel(), command)
+        memory.waiting = np.vstack([memory.waiting[1:], u])
+        memory.samples += 1
+        memory.unused += is_left_out
+        return u
 
-    def _estimated(self, memory: _Memory, y: np.ndarray) -> _Estimated:
-        """Return the estimate at a sample from measured deviations, (p,)."""
-        updated, is_left_out, share = self._functions.updated.at(memory.estimate, y)
-        states = updated[: len(self.filter.Phi)]
-        # the command of this sample, which does not act within `ahead`
-        none_yet = np.zeros(len(self.point.u))
-        ahead = self._predicted(states, [*memory.waiting, none_yet], self.ahead).x
-        (seen,) = self._functions.seen.at(ahead)
-        plans = isinstance(self.law, SampledPolicy) and self.law.plans
-        following = self._following(memory, updated) if plans else None
-        return _Estimated(
-            memory=updated,
-            states=states,
-            x=self._of_all_states(seen),
-            following=following,
-            is_left_out=bool(is_left_out[0]),
-            share=float(share[0]),
-        )
-
-    def _following(self, memory: _Memory, updated: np.ndarray) -> NextSample:
-        """Return what is known of the next sample, if the last command is held.
-
-        updated: memory of the filter at this sample
+    def _estimated(
+        self, memory: _Memory, y: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, NextSample | None, bool]:
+        """Return the memory of the filter with measured deviations y, (p,), the deviations of all
+        states that the law sees when its command acts, (n,), what is known of the next sample, of a
+        law that plans, and whether a value is left out.
         """
-        n, k = len(self.filter.Phi), len(self.filter.states)
-        commands = [*memory.waiting, memory.waiting[-1]]
-        predicted = self._predicted(updated[:n], commands, self.dt)
-        (seen_now,) = self._functions.seen.at(updated[:n])
-        (seen_next,) = self._functions.seen.at(predicted.x)
-        # A plan flies on from what it sees now, in still air.
-        in_still_air = np.append(seen_now, np.zeros(n - k))
-        next_in_still_air = self._predicted(in_still_air, commands, self.dt).x
-        next_memory = self._next_memory(updated, predicted)
-        (deviations,) = self._functions.deviations.at(next_memory)
-        shift = seen_next - next_in_still_air[:k]
-        return NextSample(
-            shift=self._of_all_states(shift), deviations=self._of_all_states(deviations)
-        )
+        under_way = memory.waiting.ravel()
+        with_values, seen, left_out = self._functions.before.at(memory.estimate, under_way, y)
+        following = None
+        if isinstance(self.law, SampledPolicy) and self.law.plans:
+            known = self._functions.following.at(with_values, under_way)
+            following = NextSample(*map(self._of_all_states, known))
+        return with_values, self._of_all_states(seen), following, bool(left_out[0])
 
     def _of_all_states(self, linear: np.ndarray) -> np.ndarray:
         """Return values of the linear states, (k,), among zeros of the other states."""
@@ -379,60 +312,20 @@ class FilteredPolicy(SampledPolicy):
         return values
 
     @cached_property
-    def _sample(self) -> BoundFunction | None:
-        """Function of a whole sample, (t, memory, commands under way, y) -> (u, memory, whether a
-        value is left out), of a law that is an expression; None for others.
-        """
-        law = self.law
-        is_expression = (
-            not isinstance(law, (DeployedPolicy, SampledPolicy)) and law.sampler() is None
-        )
-        changes_in_time = len(law.held) > 1  # its inputs that are constant during a tick
-        if not is_expression or changes_in_time:
-            return None
-        m, t = len(self.point.u), ca.SX.sym("t")
-        memory = ca.SX.sym("memory", memory_size(self.filter))
-        under_way = ca.SX.sym("under_way", m, in_samples(self.delay, self.dt).whole + 1)
-        y = ca.SX.sym("y", len(self.filter.sensors))
-        results = sample_of(self, t, memory, ca.horzsplit(under_way), y)
-        return _bound("sample", [t, memory, ca.vec(under_way), y], [*results])
-
-    def _next_memory(self, updated: np.ndarray, predicted: _Prediction) -> np.ndarray:
-        """Return the memory of the filter at the next sample, from that of this one."""
-        (later,) = self._functions.propagated.at(updated, predicted.x, predicted.Phi.ravel("F"))
-        return np.asarray(later)
-
-    def _predicted(self, x: np.ndarray, commands: list[np.ndarray], seconds: float) -> _Prediction:
-        """Return the states of the filter some seconds after a sample.
-
-        x: states of the filter at the sample, (n,)
-        commands: the commands of the samples until this one, the latest last, (m,) each
-        """
-        now = _Prediction(x, np.eye(len(x)))
-        for samples_ago, duration in acting_commands(self.delay, self.dt, seconds):
-            # rounded, because it is a key of the cache
-            step = _nonlinear_step(self.filter, round(duration, 12))
-            after, slopes = step.at(now.x, commands[-1 - samples_ago])
-            now = _Prediction(after, slopes.reshape(len(x), -1, order="F") @ now.Phi)
-        return now
-
-    @cached_property
     def _functions(self) -> _Functions:
         """Functions of the filter, made at the first sample."""
-        kalman = self.filter
-        n, k = len(kalman.Phi), len(kalman.states)
+        kalman, m = self.filter, len(self.point.u)
         memory, y = ca.SX.sym("memory", memory_size(kalman)), ca.SX.sym("y", len(kalman.sensors))
-        x, Phi = ca.SX.sym("x", n), ca.SX.sym("Phi", n, n)
-        estimate = estimate_in(kalman, memory)  # as expressions of the memory
-        corrected, is_left_out = updated(kalman, estimate, y, self.fade)
-        predicted = propagated(kalman, estimate, x, Phi)
-        results = [corrected.packed(), is_left_out, corrected.share]
+        waiting, u = ca.SX.sym("waiting", self.under_way * m), ca.SX.sym("u", m)
+        under_way = ca.vertsplit(waiting, m)
+        now = estimate_in(kalman, memory)
+        with_values, seen, is_left_out = before_command(self, now, under_way, y)
+        results = [with_values.packed(), seen, is_left_out]
         return _Functions(
-            updated=_bound("updated", [memory, y], results),
-            propagated=_bound("propagated", [memory, x, Phi], [predicted.packed()]),
-            seen=_bound("seen", [x], [kalman.seen(x)]),
-            sensed=_bound("sensed", [x], [kalman.sensed(x)]),
-            deviations=_bound("deviations", [memory], [ca.sqrt(ca.diag(estimate.P)[:k])]),
+            before=_bound("before", [memory, waiting, y], results),
+            after=_bound("after", [memory, waiting, u], [*after_command(self, now, under_way, u)]),
+            following=_bound("following", [memory, waiting], [*_following(self, now, under_way)]),
+            sensed=_bound("sensed", [now.x], [kalman.sensed(now.x)]),
         )
 
     def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
@@ -468,15 +361,21 @@ class FilteredPolicy(SampledPolicy):
         policy, late = super().in_scenario(replace(with_tick, delay=delay))
         return replace(policy, ahead=scenario.delay), late
 
+    def loop(self, further: float = 0.0) -> FilterLoop | None:
+        """Return the linear loop with a further delay, s, or None for a law without a gain."""
+        late = self.delay - self.ahead + further
+        return (
+            None if self.gain is None else FilterLoop.of(self.filter, self.gain, self.ahead, late)
+        )
+
     def sampled_modes(self) -> np.ndarray | None:
         """Return the eigenvalues of the loop near the trim, 1/s, or None without a linear law.
 
         A mode that vanishes after one sample, z = 0, has no eigenvalue s, and is left out.
         """
-        gain = self.gain
-        if gain is None:
+        loop = self.loop()
+        if loop is None:
             return None
-        loop = late_loop(self.filter, gain @ self.filter.sight, self.ahead, self.delay - self.ahead)
         of_samples = np.linalg.eigvals(loop.closed)
         return np.log(of_samples[of_samples != 0.0].astype(complex)) / self.dt  # s = ln(z) / dt
 
@@ -485,10 +384,10 @@ class FilteredPolicy(SampledPolicy):
         """Margins of the linear loop, or None for a law without a constant gain, or one that acts
         before the delay of the loop.
         """
-        gain = self.gain
-        if gain is None or self.delay != self.ahead:
+        K = self.gain
+        if K is None or self.delay != self.ahead:
             return None
-        return margins_of(self.filter, gain, self.delay)
+        return margins_of(partial(FilterLoop.of, self.filter, K, self.ahead))
 
     def tolerates(self) -> str:
         """Return the further delay that the linear loop tolerates, for a first line, or ""."""
@@ -519,19 +418,10 @@ class FilteredPolicy(SampledPolicy):
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the fields, without functions that are made at the next sample."""
-        memory = replace(self._memory, law=None, waiting=[*self._memory.waiting])
+        memory = replace(self._memory, law=None, waiting=self._memory.waiting.copy())
         fields = {**self.__dict__, "_memory": memory}
-        for made in ("_functions", "_sample"):
-            fields.pop(made, None)
+        fields.pop("_functions", None)
         return fields
-
-
-@lru_cache(maxsize=16)
-def _nonlinear_step(kalman: KalmanFilter, seconds: float) -> BoundFunction:
-    """Return the function (x, u) -> (x after some seconds, at most a sample; its slopes by x)."""
-    step = extended_step(kalman, seconds)
-    arguments = step.sx_in()
-    return _bound("extended", arguments, step.call(arguments))
 
 
 def own_sample_time(policy: Policy, otherwise: float) -> float:
@@ -580,33 +470,58 @@ def command_of(policy: Policy, t: ca.SX, z: ca.SX, held: Any) -> ca.SX:
     return policy.control(t, Measurements(z, z), held)
 
 
-def sample_of(
-    policy: FilteredPolicy, t: ca.SX, memory: ca.SX, under_way: list[ca.SX], y: ca.SX
-) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Return the commands, the memory of the next sample, and 1 if a value is left out, of a policy
-    whose law is an expression. The law acts on the state predicted over `policy.ahead`.
+def before_command(
+    policy: FilteredPolicy, before: Estimate, under_way: list[ca.SX], y: ca.SX
+) -> tuple[Estimate, ca.SX, ca.SX]:
+    """Return the estimate with measured deviations y, (p,), the linear states that the law sees at
+    the state predicted over `policy.ahead`, (k,), and 1 if a value is left out.
 
-    t: time of the sample, s
-    memory: that of `hfa_flight.policies.estimate`, zero before the first sample
     under_way: earlier commands that may act yet, (m,) each, the oldest first
-    y: measured deviations from the trim, (p,)
     """
-    kalman, point, law = policy.filter, policy.point, policy.law
-    now, is_left_out = updated(kalman, estimate_in(kalman, memory), y, policy.fade)
-    x = now.x
-    for samples_ago, seconds in acting_commands(policy.delay, policy.dt, policy.ahead):
-        x, _ = extended_step(kalman, seconds)(x, under_way[-samples_ago])
-    limits = Limits.of(point.model, tuple(point.model.inputs))
-    held = ca.DM(law.held_inputs(0, 0.0))
-    u = now.share * command_of(law, t, kalman.seen(x), held)
-    u = ca.fmin(ca.fmax(u, ca.DM(limits.lowest - point.u)), ca.DM(limits.highest - point.u))
+    now, is_left_out = updated(policy.filter, before, y, policy.fade)
+    none_yet = ca.SX.zeros(len(policy.point.u))  # the command of this sample, which acts later
+    ahead, _ = _predicted(policy, now.x, [*under_way, none_yet], policy.ahead)
+    return now, policy.filter.seen(ahead), is_left_out
 
-    # Prediction for the next sample, by the commands that act within this one.
-    commands, x, Phi = [*under_way, u], now.x, ca.SX.eye(now.x.numel())
-    for samples_ago, seconds in acting_commands(policy.delay, policy.dt, policy.dt):
-        x, slopes = extended_step(kalman, seconds)(x, commands[-1 - samples_ago])
+
+def after_command(
+    policy: FilteredPolicy, now: Estimate, under_way: list[ca.SX], command: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """Return what acts of the command of the law, faded in and within the control limits, (m,), and
+    the memory of the next sample, which this command and those under way predict.
+    """
+    limits, trim = Limits.of(policy.point.model, tuple(policy.point.model.inputs)), policy.point.u
+    u = saturated(now.share * command, ca.DM(limits.lowest - trim), ca.DM(limits.highest - trim))
+    x, Phi = _predicted(policy, now.x, [*under_way, u], policy.dt)
+    return u, propagated(policy.filter, now, x, Phi).packed()
+
+
+def _predicted(
+    policy: FilteredPolicy, x: ca.SX, commands: list[ca.SX], seconds: float
+) -> tuple[ca.SX, ca.SX]:
+    """Return the states of the filter some seconds after a sample, and their slopes by those at it.
+
+    commands: of the samples until this one, (m,) each, the latest last
+    """
+    Phi = ca.SX.eye(x.numel())
+    for samples_ago, duration in acting_commands(policy.delay, policy.dt, seconds):
+        x, slopes = extended_step(policy.filter, duration)(x, commands[-1 - samples_ago])
         Phi = ca.mtimes(slopes, Phi)
-    return u, propagated(kalman, now, x, Phi).packed(), is_left_out
+    return x, Phi
+
+
+def _following(
+    policy: FilteredPolicy, now: Estimate, under_way: list[ca.SX]
+) -> tuple[ca.SX, ca.SX]:
+    """Return `NextSample`, of the linear states, if the last command is held."""
+    kalman, commands = policy.filter, [*under_way, under_way[-1]]
+    k, air = len(kalman.states), now.x.numel() - len(kalman.states)
+    x, Phi = _predicted(policy, now.x, commands, policy.dt)
+    # A plan flies on from what it sees now, in still air.
+    in_still_air = ca.vertcat(kalman.seen(now.x), ca.SX.zeros(air))
+    planned, _ = _predicted(policy, in_still_air, commands, policy.dt)
+    variances = ca.diag(propagated(kalman, now, x, Phi).P)[:k]
+    return kalman.seen(x) - planned[:k], ca.sqrt(variances)
 
 
 def behind_own_filter(given: Deployment | Path, point: OperatingPoint) -> Policy:

@@ -281,36 +281,6 @@ class KalmanFilter(Result):
         slopes = ca.Function("sight", [x], [ca.densify(ca.jacobian(self.seen(x), x))])
         return np.asarray(slopes(0.0))
 
-    def loop(self, K: np.ndarray) -> _Loop:
-        """Return the loop of a gain u = -K (what is seen at x̂) and this filter.
-
-        The states are those of aircraft and air, x, and the errors of their prediction, x - x⁻.
-
-        K: (m, k)
-        """
-        Phi, Gamma, C, L = self.Phi, self.Gamma, self.C, self.L
-        n, k = len(Phi), len(self.states)
-        gain = K @ self.sight
-        # u = -gain x̂, with x - x̂ = kept (x - x⁻) - L (noise)
-        kept = np.eye(n) - L @ C
-        F = np.block([[Phi - Gamma @ gain, Gamma @ gain @ kept], [np.zeros((n, n)), Phi @ kept]])
-        of_noise = np.vstack([-Gamma @ gain @ L, -Phi @ L])
-        of_air = np.vstack([np.eye(n), np.eye(n)])  # moves x, and x - x⁻ by the same
-        N = of_air @ self.air @ of_air.T + of_noise @ self.R @ of_noise.T
-
-        # Linear states, and inputs u = -gain x + gain (x - x̂).
-        states = np.eye(n)[:k]
-        outputs = np.block([[states, np.zeros((k, n))], [-gain, gain @ kept]])
-        feed = gain @ L @ self.R @ L.T @ gain.T  # of the inputs, by the noise of this sample
-
-        # Second order of the speed, which the gain does not see.
-        row, H = 0, np.zeros((n, n))
-        if (speed := state_of(self.point.model, "speed")) in self.states:
-            x, row = ca.SX.sym("x", n), self.states.index(speed)
-            hessian = ca.hessian((x[:k] - self.seen(x))[row], x)[0]
-            H = ca.Function("hessian", [x], [ca.densify(hessian)])(0.0).full()
-        return _Loop(F, N, outputs, feed, speed=row, H=H)
-
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         return {
@@ -422,44 +392,6 @@ def _sensed(
     return ca.vertcat(
         *(value + biases.get(name, 0.0) for name, value in zip(names, values, strict=True))
     )
-
-
-class _Loop(NamedTuple):
-    """Loop of a gain and a filter, s⁺ = F s + (noise of covariance N), s = (x; x - x⁻).
-
-    outputs: matrix from s to the linear states and inputs
-    feed: covariance of the inputs by the noise of the same sample
-    speed: row of the speed in the outputs
-    H: (n, n), second derivatives by x of the difference of the speed over the ground and the one
-        that the gain sees, or 0 without a speed
-    """
-
-    F: np.ndarray
-    N: np.ndarray
-    outputs: np.ndarray
-    feed: np.ndarray
-    speed: int
-    H: np.ndarray
-
-    def rms(self, samples: int) -> np.ndarray:
-        """Return the root mean square of linear states and inputs, (k + m,), over the second half
-        of a flight that begins in calm at the trim.
-
-        The speed is that of the linear loop plus x'Hx/2, which the gain does not see. Its mean
-        square is tr(HS)²/4 + tr(HSHS)/2 for a normal x of covariance S.
-        """
-        k, n = len(self.outputs) - len(self.feed), len(self.H)
-        covariance = np.zeros_like(self.F)
-        total = np.zeros(len(self.outputs))
-        first_counted = samples // 2
-        for sample in range(samples):
-            if sample >= first_counted:
-                total += np.diag(self.outputs @ covariance @ self.outputs.T)
-                total[k:] += np.diag(self.feed)
-                HS = self.H @ covariance[:n, :n]
-                total[self.speed] += 0.25 * np.trace(HS) ** 2 + 0.5 * np.trace(HS @ HS)
-            covariance = self.F @ covariance @ self.F.T + self.N
-        return np.asarray(np.sqrt(total / max(samples - first_counted, 1)))
 
 
 def _stationary(

@@ -18,7 +18,6 @@ from hfa_flight.policies.kalman import least_rms
 from hfa_flight.policies.policy import OpenLoop
 from hfa_flight.samples.monte_carlo import MonteCarlo
 from hfa_flight.simulate.envelope import GIVE_LIMIT, NO_LIMIT, is_limited
-from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.parts import Part
 from hfa_support.reporting.report import Report, verdict_text
 from hfa_support.reporting.results import storable
@@ -196,9 +195,8 @@ def _rms_figures(
         "margins": policy.margins,
     }
     # Only a stable linear loop has a root mean square to compare with.
-    gain = policy.gain
-    loop = None if gain is None or policy.delay else policy.filter.loop(gain)
-    if loop is not None and spectral_radius(loop.F) < 1.0:
+    loop = policy.loop()
+    if loop is not None and loop.radius < 1.0:
         samples = round(plan.scenario.duration / policy.dt)
         linear = loop.rms(samples).tolist()
         figures["linear_rms"] = dict(zip(names, linear, strict=True))

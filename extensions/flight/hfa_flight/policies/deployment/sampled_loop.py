@@ -13,6 +13,7 @@ Systems, Section 4.3.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -21,7 +22,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.limits import Limits
-from hfa_flight.air.held_step import in_samples
+from hfa_flight.air.held_step import acting_commands, in_samples, samples_under_way
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import MOST_SAMPLES
 from hfa_support.matrices import balanced, spectral_radius
@@ -293,25 +294,25 @@ def zero_order_hold(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray
     return transition[:n, :n], transition[:n, n:]
 
 
-class LateHold(NamedTuple):
-    """Plant x⁺ = Φ x + Γ_late u_new + Γ_early u_old, whose input changes within the sample."""
+class Plant(NamedTuple):
+    """Linear plant x' = A x + B u with samples of dt seconds."""
 
-    Phi: np.ndarray
-    late: np.ndarray
-    early: np.ndarray
+    A: np.ndarray
+    B: np.ndarray
+    dt: float
 
+    def later(
+        self, x: np.ndarray, commands: list[np.ndarray], delay: float, time: float
+    ) -> np.ndarray:
+        """Return the states some time after a sample, by the commands that act in it.
 
-def late_hold(A: np.ndarray, B: np.ndarray, dt: float, change: float) -> LateHold:
-    """Return the matrices of a plant whose held input changes within a sample.
-
-    dt: sample time, s
-    change: time at which the input changes, s after the sample
-    """
-    Phi, Gamma = zero_order_hold(A, B, dt)
-    if not change:
-        return LateHold(Phi, Gamma, np.zeros_like(Gamma))
-    Phi_after, late = zero_order_hold(A, B, dt - change)
-    return LateHold(Phi, late, Phi_after @ zero_order_hold(A, B, change)[1])
+        commands: of the samples until this one, the latest first
+        delay, time: s
+        """
+        for samples_ago, seconds in acting_commands(delay, self.dt, time):
+            Phi, Gamma = zero_order_hold(self.A, self.B, seconds)
+            x = Phi @ x + Gamma @ commands[samples_ago]
+        return x
 
 
 def chain_of(nominal: NominalLoop, dt: float, delay: float) -> Chain:
@@ -319,31 +320,16 @@ def chain_of(nominal: NominalLoop, dt: float, delay: float) -> Chain:
 
     dt, delay: sample time and delay, s
     """
-    whole, rest = in_samples(delay, dt)
-    plant = late_hold(nominal.A, nominal.B, dt, rest)
     n, m = nominal.B.shape
-    size = n + (whole + 1) * m
-    # s: states, then the commands of earlier samples, the latest first
-    newest, oldest = slice(n, n + m), slice(size - m, size)
-    F, G, C = np.zeros((size, size)), np.zeros((size, m)), np.zeros((m, size))
-
-    # Policy: the input just before a sample is the oldest command.
-    C[:, :n] = -nominal.K
-    C[:, oldest] += nominal.K_inputs
-
-    # Commands, a sample older.
-    F[n + m :, n : size - m] = np.eye(size - m - n)
-    G[newest] = np.eye(m)
-
-    # Aircraft: the oldest command acts for `rest` (`early`), then the next one (`late`).
-    F[:n, :n] = plant.Phi
-    F[:n, oldest] = plant.early
-    if whole:
-        before_oldest = slice(size - 2 * m, size - m)
-        F[:n, before_oldest] = plant.late
-    else:
-        G[:n] = plant.late
-    return Chain(F, G, C, n, dt)
+    size = n + (in_samples(delay, dt).whole + 1) * m
+    # Each row is a linear form of s and of the command u of the sample. s are the states, then the
+    # commands of earlier samples, the latest first.
+    x, *earlier, u = np.split(np.eye(size + m), range(n, size + m, m))
+    after = Plant(nominal.A, nominal.B, dt).later(x, [u, *earlier], delay, dt)
+    F, G = np.split(np.vstack([after, u, *earlier[:-1]]), [size], axis=1)
+    # The input just before a sample is the oldest command.
+    own = nominal.K_inputs @ earlier[-1] - nominal.K @ x
+    return Chain(F, G, own[:, :size], n, dt)
 
 
 class Delays(NamedTuple):
@@ -366,24 +352,26 @@ _PARTS, _EARLY = 4, 10
 _BISECTIONS = 20
 
 
-def searched_delays(nominal: NominalLoop, dt: float, deployed_delay: float) -> Delays:
+def searched_delays(
+    loop: Callable[[float], Chain], dt: float, deployed_delay: float, longest: int = MOST_SAMPLES
+) -> Delays:
     """Return the effect of delays up to the first unstable one, which is bisected.
 
     Examined are whole samples, and parts of the first ones. The first unstable delay is not below
     the deployed delay. With a longer delay, the loop may be stable again. If no delay is unstable,
-    the delays reach `MOST_SAMPLES` samples, `MOST_SECONDS` or the deployed delay.
+    the delays reach `longest` samples, `MOST_SECONDS` or the deployed delay.
 
+    loop: function delay, s -> loop
     dt, deployed_delay: s
     """
-    deployed = in_samples(deployed_delay, dt)
-    first = deployed.whole + (deployed.rest > 0.0)  # whole samples, not below the deployed delay
-    most = max(first, min(MOST_SAMPLES, math.ceil(MOST_SECONDS / dt)))
+    first = samples_under_way(deployed_delay, dt)  # whole samples, not below the deployed delay
+    most = max(first, min(longest, math.ceil(MOST_SECONDS / dt)))
     parts = {part / _PARTS for part in range(_PARTS * min(_EARLY, most))}
     examined = sorted({*parts, *map(float, range(most + 1)), deployed_delay / dt})
 
     def radius(samples: float) -> float:
         """Return the spectral radius with a delay in samples."""
-        return chain_of(nominal, dt, samples * dt).radius
+        return loop(samples * dt).radius
 
     radii: list[float] = []
     stable = 0.0
