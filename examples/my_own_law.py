@@ -29,17 +29,18 @@ class DampedPolicyIteration:
     `controller.run` calls `start`, `advance` and `observe`.
 
     game: the game
-    pool: random states z, (N, n), and their derivatives A z: `pool.states` and `pool.drifts`
+    states: random states z, (N, n)
+    drifts: their derivatives A z without inputs, (N, n)
     """
 
     ticks = 400
 
-    def __init__(self, game, pool):
+    def __init__(self, game, states, drifts):
         self.game = game
-        self.pool = pool
+        self.states, self.drifts = states, drifts
         self.psi = controller.basis("quadratic", len(game.A))
-        self.slopes = self.psi.gradient(pool.states)  # dpsi/dz of the M functions, (N, M, n)
-        self.size = np.linalg.norm(self.psi.psi(pool.states), axis=0)  # of each function, (M,)
+        self.slopes = self.psi.gradient(states)  # dpsi/dz of the M functions, (N, M, n)
+        self.size = np.linalg.norm(self.psi.psi(states), axis=0)  # of each function, (M,)
 
     def start(self):
         """Return the memory before the first tick: the weights W = 0."""
@@ -52,11 +53,11 @@ class DampedPolicyIteration:
         policies.
         """
         game = self.game
-        z = self.pool.states
+        z = self.states
         P = self.psi.matrix(memory["weights"])
         K = game.gain(P)
         L = game.disturbance_gain(P)
-        rate = self.pool.drifts - z @ K.T @ game.B.T + z @ L.T @ game.E.T
+        rate = self.drifts - z @ K.T @ game.B.T + z @ L.T @ game.E.T
         cost = game.Q + K.T @ game.R @ K - game.delta**2 * L.T @ L
         # The equation above at each sample, in unknowns that are scaled by `size`.
         rows = np.einsum("jmi,ji->jm", self.slopes, rate)
@@ -72,6 +73,7 @@ class DampedPolicyIteration:
 aircraft = hfa.aircraft()
 model = hfa.paper.level_model(aircraft, 5 * hfa_model.DEGREE)
 game = hfa.paper.published_game(model)
-run = controller.run(DampedPolicyIteration(game, controller.random_pool(game, 60, seed=0)))
+states = np.random.default_rng(0).uniform(-1.0, 1.0, (60, len(game.A)))
+run = controller.run(DampedPolicyIteration(game, states, states @ game.A.T))
 W = run.history["weights"][-1]
 print(hfa.verify(game, hfa.from_weights(game, W)).headline)

@@ -209,14 +209,9 @@ class LinearTable(ByValue):
 
         The shape of the result is the shape of x, followed by the shape of the tabulated array.
         """
-        x = np.clip(where, self.breakpoints[0], self.breakpoints[-1])
-        if len(self.breakpoints) == 1:
-            return np.broadcast_to(self.values[0], (*np.shape(x), *self.values.shape[1:])).copy()
-        last = len(self.breakpoints) - 2
-        left = np.clip(np.searchsorted(self.breakpoints, x, side="right") - 1, 0, last)
-        right = left + 1
-        width = self.breakpoints[right] - self.breakpoints[left]
-        share = (x - self.breakpoints[left]) / width
-        share = share.reshape(np.shape(share) + (1,) * (self.values.ndim - 1))
-        change = self.values[right] - self.values[left]
+        last = len(self.breakpoints) - 1
+        place = np.interp(where, self.breakpoints, np.arange(last + 1.0))
+        left = np.floor(place).astype(int)
+        share = (place - left).reshape(np.shape(place) + (1,) * (self.values.ndim - 1))
+        change = self.values[np.minimum(left + 1, last)] - self.values[left]
         return np.asarray(self.values[left] + share * change)

@@ -12,7 +12,6 @@ import numpy as np
 from controller.critic.training_run import Excitation
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
-from hfa_support.errors import BadInputError, numbers_in, refuse_unless_whole
 from hfa_support.matrices import balanced, quadratic_forms, spectral_abscissa, spectral_radius
 
 #: Singular values of the unit rows below this fraction of the largest count as 0. The weights can
@@ -21,13 +20,6 @@ from hfa_support.matrices import balanced, quadratic_forms, spectral_abscissa, s
 RANK_TOLERANCE = 1e-8
 #: Recorded samples for each weight by default.
 SAMPLES_PER_WEIGHT = 4
-
-
-class Stack(NamedTuple):
-    """N_h samples of a plant without input: states z_j and their rates F_j = A z_j, (N_h, n)."""
-
-    states: np.ndarray
-    drifts: np.ndarray
 
 
 class Transitions(NamedTuple):
@@ -96,34 +88,6 @@ def widths_of(game: Game) -> np.ndarray:
     cost_of_states = float(np.diag(game.Q) @ spread**2) or 1.0
     by_cost = np.sqrt(cost_of_states / weights)
     return np.append(spread, np.minimum(by_effect, by_cost))
-
-
-def random_pool(game: Game, count: int, seed: int, half_widths: np.ndarray | None = None) -> Stack:
-    """Return samples of a plant at random states, drawn uniformly from a box, without noise.
-
-    game: the game, with A for the drifts A z
-    count: number of states, at least 1
-    seed: the same seed gives the same states
-    half_widths: half-widths of the box, (n,); by default `natural_spread`
-
-    Raises BadInputError if `half_widths` are not n positive numbers, if count or seed is out of
-    range, or if the game is in discrete time.
-
-    >>> import hfa
-    >>> from controller import random_pool
-    >>> game = hfa.Game([[1.0]], [[1.0]], Q=[[1.0]], R=[[1.0]], delta=2.0)
-    >>> random_pool(game, 100, seed=1).states.shape
-    (100, 1)
-    """
-    game.refuse_steps("random_pool")
-    refuse_unless_whole("count", count, 1)
-    refuse_unless_whole("seed", seed, 0)
-    n = len(game.A)
-    widths = natural_spread(game) if half_widths is None else numbers_in("the box", half_widths)
-    if widths.shape != (n,) or not np.all((widths > 0.0) & np.isfinite(widths)):
-        raise BadInputError(f"the half-widths are {widths.tolist()}; give {n} positive numbers")
-    states = np.random.default_rng(seed).uniform(-widths, widths, (count, n))
-    return Stack(states, states @ game.A.T)
 
 
 def natural_spread(game: Game) -> np.ndarray:

@@ -9,7 +9,6 @@ import casadi as ca
 import numpy as np
 import pytest
 
-import controller
 import hfa
 from hfa import BadInputError, Game
 
@@ -52,7 +51,6 @@ CONTINUOUS_ONLY = {
     "track": lambda: hfa.track(LINEAR, EXACT, {"x1": 1.0}),
     "expand": lambda: hfa.expand(LINEAR, EXACT, 3),
     "Expansion": lambda: hfa.expand(LINEAR, EXACT, 3),
-    "random_pool": lambda: controller.random_pool(GAME, 9, 0),
 }
 pytestmark = pytest.mark.usefixtures("folder")
 

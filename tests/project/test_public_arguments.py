@@ -5,7 +5,6 @@ import inspect
 import numpy as np
 import pytest
 
-import controller
 import hfa
 
 MODEL = hfa.aircraft()
@@ -64,7 +63,6 @@ def flown_with(weights):
         (lambda: MODEL.rates_at([1.0], [1.0]), "x has shape"),
         (lambda: MODEL.outputs_at(*POINT, ["no such"]), "unknown output 'no such'"),
         (lambda: GAME.gain(np.eye(3)), "P is 3 x 3; give 2 x 2"),
-        (lambda: controller.random_pool(GAME, True, 1), "count is of type bool; give a whole"),
     ],
 )
 def test_a_refusal_advises_what_to_give(call, advised):

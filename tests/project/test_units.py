@@ -376,15 +376,6 @@ def deployment(twin):
     )
 
 
-def of_records(twin):
-    game = game_of(twin)
-    pool = controller.random_pool(game, 30, 0, np.array([7.0, 0.1, 0.1, 0.2]) / twin.z)
-    return {
-        "states": pool.states * twin.z,
-        "drifts": pool.drifts * twin.z / twin.second,
-    }
-
-
 def of_plant(twin):
     plant = verification.nonlinear_plant(linear_of(twin))
     z = np.array([3.0, 0.05, -0.04, 0.1]) / twin.z
@@ -462,7 +453,6 @@ ANSWERS = {
     "trim.release": of_condition,
     "trim.usual_condition": of_condition,
     "controller.minimum_delta": of_smallest_delta,
-    "controller.random_pool": of_records,
     "controller.radii_of": of_radii,
     "verification.nonlinear_plant": of_plant,
     "hfa.assess": of_assessment,

@@ -60,7 +60,7 @@ _KNOWN_NAME = re.compile(
             *_TOTALS.values(),
         )
     )
-    + r"|C[LDYlmn](?:[abpqr]|d(?:\d+|\*))"
+    + r"|C[LDYlmn](?:[abpqr]|d\d+)"
 )
 #: Half a unit of the last digit that AVL prints of rates and derivatives.
 _PRINTED_ZERO = 5e-6
@@ -161,7 +161,7 @@ class StabilityFile:
 
 
 def read_stability_file(path: str) -> StabilityFile:
-    """Return the content of a stability file of AVL, printed or machine-readable (MRF).
+    """Return the content of a printed stability file of AVL.
 
     Raises BadInputError if the file is another one, its axes are not x forward and z down, a value
     is given twice, or the run case is not that of a whole aircraft in straight flight without
@@ -171,11 +171,11 @@ def read_stability_file(path: str) -> StabilityFile:
     lines = list(enumerate(content.decode("utf-8", "replace").splitlines(), start=1))
     if not any("Stability-axis derivatives" in line for _, line in lines):
         raise BadInputError(f"{path} contains no stability derivatives of AVL; {_WRITE_AGAIN}")
-    is_mrf = lines[0][1].strip() == "DERMATS"
-    values_in_lines = _machine_readable_values(lines) if is_mrf else _printed_values(lines)
+    if lines[0][1].strip() == "DERMATS":
+        raise BadInputError(f"{path} is machine-readable (MRF); type MRF again and {_WRITE_AGAIN}")
     values: dict[str, Entry] = {}
     deflections: dict[str, Entry] = {}
-    for place, name, value, is_deflection in values_in_lines:
+    for place, name, value, is_deflection in _printed_values(lines):
         if not is_deflection:
             name = re.sub(r"(?<=d)0+(?=\d)", "", name)  # CLd01 is CLd1
         entry = Entry(value, f"{path}, line {place}")
@@ -250,48 +250,11 @@ def _printed_values(lines: Iterable[tuple[int, str]]) -> Iterable[_Value]:
             if equals:
                 yield _Value(place, control.strip(), deflection.strip(), is_deflection=True)
         elif ":" not in line and " / " not in line:  # no title, and not the spiral criterion
-            for name, value in re.findall(r"([A-Za-z][\w'/]*\*?)\s*=\s*([^\s|]+)", line):
+            for name, value in re.findall(r"([A-Za-z][\w'/]*)\s*=\s*([^\s|]+)", line):
                 if _KNOWN_NAME.fullmatch(name):
                     yield _Value(place, name, value, is_deflection=False)
         if "CYff" in line:
             shows_deflections = True
-
-
-def _machine_readable_values(lines: Iterable[tuple[int, str]]) -> Iterable[_Value]:
-    """Yield the values in the lines of a machine-readable file."""
-    # Its lines are such as
-    # 9.0 0.75 12.0 | Sref, Cref, Bref
-    # CONTROL
-    # 2
-    # -1.5 elevator
-    # 0.0 rudder
-    # DESIGN
-    # 5.1 0.02 | z' force CL : CLa, CLb
-    # 0.007 0.001 | z' force CL : CLd*
-    # CLd* are CLd1, CLd2, ..., of the controls in the order of CONTROL.
-    shows_deflections = False
-    for place, line in lines:
-        text = line.strip()
-        if text in ("CONTROL", "DESIGN"):
-            shows_deflections = text == "CONTROL"
-        elif shows_deflections and len(text.split()) > 1:
-            deflection, _, control = text.partition(" ")
-            yield _Value(place, control.strip(), deflection, is_deflection=True)
-        for name, value in _labelled_values(line):
-            yield _Value(place, name, value, is_deflection=False)
-
-
-def _labelled_values(line: str) -> Iterator[tuple[str, str]]:
-    """Yield the known names and values of a line "values | title : names", if it is one."""
-    numbers, _, labels = line.partition("|")
-    values = numbers.split()
-    names = [name.strip() for name in labels.rpartition(":")[2].split(",")]
-    if names[0].endswith("d*"):  # CLd* names CLd1, CLd2, ..., one for each value
-        names = [names[0][:-1] + str(k + 1) for k in range(len(values))]
-    # Lines of other content, with any number of words, have no known names.
-    for name, value in zip(names, values, strict=False):
-        if _KNOWN_NAME.fullmatch(name):
-            yield name, value
 
 
 def with_stability_file(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -420,11 +419,6 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
     known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT, *others)
     if name in known:
         return entry.error(f"{name} has a single value; give the lower and the upper limit")
-    if meant := _meant_by_flow5(name):
-        advised = f"write {meant}"
-        if meant not in known:
-            advised = "give lift and drag, in stability axes CL = -CZ and CD = -CX"
-        return entry.error(f"{name} is flow5's name of {meant}; {advised}")
     # Names of the same coefficient come first: CL_p is better advice for CL_bet than Cl_beta.
     alike = [candidate for candidate in known if candidate[:2] == name[:2]]
     if near := advice(name, alike) or advice(name, known):
@@ -439,15 +433,6 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
         f"unknown entry {shown(name)}; use {', '.join(UNITS)}, {', '.join(_TEXTS)}, derivatives"
         " such as CL_alpha, or limits of an input"
     )
-
-
-def _meant_by_flow5(name: str) -> str:
-    """Return the derivative that flow5 calls by a name, such as Cm_alpha for Cma, or ""."""
-    match = re.fullmatch(r"(C[XYZlmn])([uabqpr])", name)
-    if match is None:
-        return ""
-    coefficient, letter = match.groups()
-    return f"{coefficient}_{ {'a': 'alpha', 'b': 'beta'}.get(letter, letter) }"
 
 
 def _refuse_missing(values: Mapping[str, float], derivatives: Collection[str], where: str) -> None:

@@ -8,9 +8,7 @@ from game_samples import game_models
 
 import controller
 import hfa
-from controller import random_pool
 from controller.learning.published import PublishedLaw
-from controller.learning.recording import Stack
 from hfa import BadInputError, Game, NoSolutionError, learn, verify
 from verification import relative_error
 
@@ -65,21 +63,16 @@ def test_equal_seeds_give_identical_bits():
     assert first.W.tobytes() != other.W.tobytes()
 
 
-endless = []
-endless.append(endless)
 #: Case -> (call, words of the message).
 REFUSED = {
     "law": (lambda: learn(PAPER, "sarsa"), "choose from policy-iteration"),
     "no cost": (lambda: learn(replace(STABLE, Q=np.zeros((2, 2)))), "Q is zero"),
-    "box": (lambda: random_pool(STABLE, 9, 0, half_widths=np.array([1.0, 0.0])), "give 2 positive"),
-    "endless box": (lambda: random_pool(STABLE, 9, 0, half_widths=endless), "rows of real numbers"),
-    "count": (lambda: random_pool(STABLE, count=endless, seed=0), "give a whole"),
 }
 
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_unusable_arguments_are_refused(case):
-    """An unknown law, Q = 0, and a wrong box or count of random states are refused."""
+    """An unknown law and Q = 0 are refused."""
     call, words = REFUSED[case]
     with pytest.raises(BadInputError, match=words):
         call()
@@ -93,7 +86,7 @@ SCALAR = Game([[-1.0]], [[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], delta=2.0)
 FIRST = 100.0
 
 
-def printed_law(game, pool):
+def printed_law(game, states, drifts):
     """Return regressors, constants, α1 and α2 (Eq. 32-33 and 48-49), sample by sample.
 
     The paper has γ = 0.01, η = 0.8 and T = 5 s; θ is 0.9. With the least eigenvalue λ0 of the Gram
@@ -103,7 +96,7 @@ def printed_law(game, pool):
     S = game.B @ np.linalg.inv(game.R) @ game.B.T - game.E @ game.E.T / game.delta**2
     one = np.eye(n)
     regressors, constants = [], []
-    for z, F in zip(pool.states, pool.drifts, strict=True):
+    for z, F in zip(states, drifts, strict=True):
         slopes = np.array([z[i] * one[j] + z[j] * one[i] for i in range(n) for j in range(i, n)])
         v = FIRST * slopes.sum(axis=0)
         sigma = slopes @ (F - 0.5 * S @ v)
@@ -132,8 +125,7 @@ def test_the_law_as_printed_is_eq_46():
     The exponents are 1 - η = 0.2 and 1 + η = 1.8.
     """
     states = np.linspace(0.5, 1.5, 50)[:, None]
-    pool = Stack(states, -states)
-    rows, constants, alpha1, alpha2 = printed_law(SCALAR, pool)
+    rows, constants, alpha1, alpha2 = printed_law(SCALAR, states, -states)
     W = FIRST
     for _ in range(100):
         e = rows[:, 0] * W + constants

@@ -355,7 +355,6 @@ def test_each_entry_has_its_own_unit():
     ("change", "message"),
     [
         ({"Cm_aplha": -0.6}, "did you mean Cm_alpha"),
-        ({"Cmq": -4.5}, "flow5's name of Cm_q; write Cm_q"),
         ({"Cm_flap": 0.1}, "flap has no limits"),
         ({"Zw": -2.0}, 'give dimensional = "divided by mass"'),
         ({"dimensional": "divided by mass", "Zw": -2.0}, "CL_alpha and Zw state the same effect"),
