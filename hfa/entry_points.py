@@ -133,7 +133,7 @@ COMMANDS = {
         "proof",
         "prove a schedule, or --check a certificate",
         "hfa_prove.commands.check:prove",
-        example="hfa prove schedule --dihedral 14:14.5 -o certificate.json",
+        example="hfa prove --check certificate.json",
     ),
     "prove schedule": CommandEntry(
         "proof",

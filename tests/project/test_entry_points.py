@@ -45,7 +45,7 @@ SHOWN = [
     found
     for block in blocks_of(PAGE)
     if block.language == "console"
-    for found in COMMAND.findall(block.text)
+    for found in COMMAND.findall(block.text.replace("\\\n", " "))
 ]
 #: Further commands for the aircraft of that page.
 FURTHER = ("hfa trim --aircraft trainer.pm --at 55 --json", "hfa trim --help")

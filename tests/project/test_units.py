@@ -391,7 +391,7 @@ def of_assessment(twin):
     return {
         "holds": str(found.holds),
         "margin": row.margins.disk,
-        "cost": [row.cost.worst, row.cost.mean],
+        "costs": [row.costs.median, row.costs.low, row.costs.high],
     }
 
 
