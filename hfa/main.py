@@ -225,7 +225,6 @@ def parser_of(command: Command, program: str) -> Parser:
     second_words = partial(words_after, name) if called == "hfa" else dict
     return Parser(
         options_of(command.request),
-        moved=command.request.moved,
         example=command.example,
         second_words=second_words,
         prog=program,

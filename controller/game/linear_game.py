@@ -352,14 +352,12 @@ class StoredGame(NamedTuple):
     game: the game
     notes: texts on unused entries, on defaults that were used, and on ignored names
     provenance: entry -> text on the origin of the plant, as stored in the file
-    has_time: True if the file declares continuous or discrete time
     declared: names of the entries A, B, E, Q, R, delta and N that the file contains
     """
 
     game: Game
     notes: tuple[str, ...]
     provenance: dict[str, str]
-    has_time: bool = False
     declared: tuple[str, ...] = ()
 
 
@@ -418,7 +416,6 @@ def stored_game(
             game,
             noted,
             _provenance(stored),
-            has_time="time" in stored or "dt" in stored,
             declared=tuple(key for key in MODEL_KEYS if key in stored),
         )
 

@@ -42,7 +42,6 @@ _OF_ONE_TRIM = ("order", "reference")
 class SolveRequest(Request, SeveralTrims, GameOptions):
     """Options of `hfa solve`."""
 
-    usual = ("Q", "R", "sizes", "delta", "plant", "aircraft", "at", "hold")
     picture: Path | None = picture_option(
         "with --order: errors of V2 to VD over the distance from the trim"
     )
@@ -108,9 +107,8 @@ def solve(request: SolveRequest, given: GivenGames) -> Outcome:
         return _gain_table(given.games, given.at, given.source)
     (named,) = given.games
     reference = reference_of(request.reference, named) if request.reference else None
-    with named.hinting_at_discrete_time():
-        solution = gare.solve(named.game)
-        report = solution.report()
+    solution = gare.solve(named.game)
+    report = solution.report()
     figure = None
     # A game without a linear model is that of --model, with which --order is refused.
     if request.order is not None and named.linear is not None:

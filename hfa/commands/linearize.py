@@ -40,10 +40,6 @@ class LinearizeRequest(Request, TrimOptions):
     """Options of `hfa linearize`."""
 
     needs_dihedral: ClassVar = True
-    moved: ClassVar = {
-        "--model": "type --aircraft",
-        "--residualize": "use linear.select(residualize=NAMES) in Python",
-    }
     output: Path | None = output_option(".pdf", stores=(STORE,), folder=True, purpose=_PURPOSE)
     aircraft: str | None = option(aircraft_help, "FILE.py:NAME")
     picture: Path | None = picture_option("Bode plots from each input to each output")

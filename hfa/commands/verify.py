@@ -67,7 +67,6 @@ def _about_weights() -> str:
 class VerifyRequest(Request, GameOptions, ReadingOptions):
     """Options of `hfa verify`."""
 
-    usual = ("Q", "R", "sizes", "delta", "plant", "aircraft", "at", "hold")
     picture: Path | None = picture_option(
         "P, the exact P and their difference, or errors of several critics"
     )
@@ -196,7 +195,7 @@ def verify(request: VerifyRequest, given: GivenCritics) -> Outcome:
     reading = reading_of(request, named.linear)
     verdicts = {}
     for path, file in with_progress([*files.items()], ProgressLine("compare")):
-        with named.hinting_at_discrete_time(), prefix_errors(path):
+        with prefix_errors(path):
             verdicts[path] = judge(
                 game,
                 _with_assumption(file.critic(game, reading), named),

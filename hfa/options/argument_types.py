@@ -71,7 +71,7 @@ def listed_numbers(text: str) -> list[float]:
         raise BadInputError(f"{error} for each entry, a,b,...") from None
 
 
-def quantity(model: Model, name: str, text: str) -> float:
+def quantity(model: Model, name: str, text: str, declared: Number = NUMBER) -> float:
     """Return the value of a named variable, in internal units, from its text.
 
     Without a unit, angles and angular rates are typed in degrees and returned in radians, and all
@@ -80,15 +80,16 @@ def quantity(model: Model, name: str, text: str) -> float:
 
     name: a state, input, output or parameter, or the rate of a state
     text: the number as typed, with or without a unit: "100kt"
+    declared: permitted range of the number
 
-    Raises BadInputError if the text is not a number, or if its unit cannot be converted.
+    Raises BadInputError if the text is no such number, or if its unit cannot be converted.
     """
     typed_number, typed_unit = split_unit(text)
     if typed_unit:
         if name not in model.signals:  # raises unless a trim imposes it, such as a rate
             model.refuse_unheld("is the unknown variable", name)
-        return number(typed_number) * model.factor_of(name, text, typed_unit)
-    value = number(text)
+        return number(typed_number, declared) * model.factor_of(name, text, typed_unit)
+    value = number(text, declared)
     known = {**model.rates, **model.airspeeds, **model.signals}
     is_angle = name in known and known[name].unit.startswith("rad")
     return math.radians(value) if is_angle else value
@@ -132,29 +133,33 @@ def each_of(
     return values
 
 
-def among(names: tuple[str, ...], model: Model, name: str, text: str) -> float:
+def among(
+    names: tuple[str, ...], model: Model, name: str, text: str, declared: Number = NUMBER
+) -> float:
     """Return the number typed for a variable, in the model's units.
 
     names: permitted variables
     name: the typed variable
     text: the typed number
+    declared: permitted range of the number
 
     Raises BadInputError if the variable is not permitted.
     """
     if name not in names:
         raise BadInputError(f"is unknown; {choice_of(name, names)}")
-    return quantity(model, name, text)
+    return quantity(model, name, text, declared)
 
 
-def linear_state(model: Model, name: str, text: str) -> float:
+def linear_state(model: Model, name: str, text: str, declared: Number = NUMBER) -> float:
     """Return the number typed for a state of the linear model, in the model's units.
 
     name: the typed state
     text: the typed number
+    declared: permitted range of the number
 
     Raises BadInputError if the name is not a state of the linear model.
     """
-    return among(model.linear, model, name, text)
+    return among(model.linear, model, name, text, declared)
 
 
 def span(model: Model, name: str, text: str) -> tuple[float, float]:

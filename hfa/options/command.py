@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from hfa.options.argument_types import PICTURES, output_file, whole
 from hfa.options.parser import option
@@ -100,14 +100,9 @@ class Request:
 
     An option about the aircraft is a text until its model is loaded.
 
-    moved: option of an earlier version -> what to type in place of it
-    usual: fields whose options the help shows first, in this order
     line: the command line as typed
     date: start of the run in UTC, as text
     """
-
-    moved: ClassVar[Mapping[str, str]] = {}
-    usual: ClassVar[tuple[str, ...]] = ()
 
     output: Path | None = output_option()
     picture: Path | None = None
@@ -190,24 +185,12 @@ def with_provenance(request: Request, report: Report, source: Mapping[str, Any])
 
     source: entries of the provenance on the plant
     """
-    if units := {*_units_in(storable(report.data))}:
+    named = [of for name, of in storable(report.data).items() if name.endswith("_units")]
+    if named:
+        units = {unit for of in named for unit in (of.values() if isinstance(of, Mapping) else of)}
         report = report.with_data(units=system_of(units))
     origin = provenance(request, source)
     return replace(report, source=origin.text()).with_data(provenance=origin)
-
-
-def _units_in(data: Any) -> Iterator[str]:
-    """Yield the units in stored data: those of entries such as `state_units`."""
-    if isinstance(data, list):
-        for entry in data:
-            yield from _units_in(entry)
-    elif isinstance(data, Mapping):
-        for name, entry in data.items():
-            if name.endswith("_units") and isinstance(entry, list | Mapping):
-                units = entry.values() if isinstance(entry, Mapping) else entry
-                yield from (unit for unit in units if isinstance(unit, str))
-            else:
-                yield from _units_in(entry)
 
 
 def show(request: Request, outcome: Outcome) -> None:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -25,7 +24,6 @@ from controller.game.linear_game import (
 from controller.game.zero_sum import Game
 from controller.hfa_game import plant_names
 from controller.riccati.lyapunov import stabilizes
-from controller.riccati.refusal import ModeError
 from controller.tracking import tracked
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import (
@@ -44,10 +42,12 @@ from hfa.options.trims import OF_THE_TRIM, GivenTrim, TrimOptions, given_trim
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import PlantNames
 from hfa_aircraft.waveform import Waveform, channel, stacked
-from hfa_support.errors import BadInputError, NoSolutionError, choice_of, prefix_errors
-from hfa_support.files import MATRIX_FILES, Number
+from hfa_support.errors import BadInputError, choice_of, prefix_errors
+from hfa_support.files import MATRIX_FILES, POSITIVE, Number
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result, without_empty
+from hfa_support.reporting.text import shown_unit
+from hfa_support.units import conversion_factor
 from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import linearize
 
@@ -208,7 +208,12 @@ class TimingOptions:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GameOptions(WeightOptions, TrimOptions, TimingOptions):
-    """The game: on an aircraft at a trim, or on a plant read from a file."""
+    """The game: on an aircraft at a trim, or on a plant read from a file.
+
+    usual: fields whose options the help shows first, in this order
+    """
+
+    usual: ClassVar = ("Q", "R", "sizes", "delta", "plant", "aircraft", "at", "hold")
 
     plant: Path | None = option(
         "file with a plant: A, B and optionally E, Q, R, N (.json .npz .mat, or A.csv or A.npy, "
@@ -233,20 +238,8 @@ def given_weights(request: WeightOptions, model: Model | None) -> dict[str, Any]
     if model is None:
         return given | {"sizes": partial(_sizes_of_file, request.sizes)}
     names = (*model.linear, *model.inputs)  # of deviations; Q and R are 1/size²
-    sizes = each_of(
-        "--sizes",
-        model,
-        request.sizes,
-        lambda model, name, text: _positive(among(names, model, name, text), text),
-    )
-    return given | {"sizes": sizes}
-
-
-def _positive(size: float, text: str) -> float:
-    """Return the size of a text. Raises BadInputError unless it is positive."""
-    if size <= 0.0:
-        raise BadInputError(f"is {text}; give a positive size")
-    return size
+    kind = partial(among, names, declared=POSITIVE)
+    return given | {"sizes": each_of("--sizes", model, request.sizes, kind)}
 
 
 def _sizes_of_file(texts: Mapping[str, str], names: PlantNames) -> dict[str, float]:
@@ -255,9 +248,9 @@ def _sizes_of_file(texts: Mapping[str, str], names: PlantNames) -> dict[str, flo
     units |= zip(names.inputs, names.input_units, strict=True)
     sizes = {}
     for name, text in texts.items():
+        unit = units.get(name, "")
         with option_errors(f"--sizes {name}"):
-            size = _positive(number(text), text)
-        sizes[name] = math.radians(size) if units.get(name, "").startswith("rad") else size
+            sizes[name] = positive(text) * (conversion_factor(shown_unit(unit), unit) or 1.0)
     return sizes
 
 
@@ -328,9 +321,9 @@ def weighted_game(
     if critic is not None and set(critic.inputs) < set(linear.inputs):
         inputs = inputs or critic.inputs
     if critic is not None and set(critic.cost.get("Q", ())) <= set(linear.states):
-        cost = critic.cost or _without_time(critic.game(names_of_linear(linear)))
-    used = _beside(cost, weights)
-    cost = {name: value for name, value in cost.items() if name in used and name not in weights}
+        cost = critic.cost or critic.game(names_of_linear(linear))
+    cost = _left_of(cost, weights)
+    used = {**cost, **weights}
     if of_flights and "sizes" not in used:
         used |= weights_of_flights(linear, used.get("Q"), used.get("R"))
     not_moved = [name for name in linear.inputs if inputs and name not in inputs]
@@ -356,20 +349,14 @@ def weighted_game(
     return named.with_inputs(inputs) if inputs else named
 
 
-def _without_time(game: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the weights of a critic's game."""
-    return {name: value for name, value in game.items() if name not in ("dt", "discount")}
+#: Given weight -> weights of a critic's file that it replaces, too: N belongs to both Q and R.
+_REPLACED = {"Q": ("N",), "R": ("N",), "sizes": ("Q", "R", "N")}
 
 
-def _beside(cost: Mapping[str, Any], weights: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the weights of a critic's file beside given ones, which replace them.
-
-    Cross weights belong to both Q and R.
-    """
-    replaced = ("Q", "R", "N") if "sizes" in weights else ()
-    if not {"Q", "R"}.isdisjoint(weights):
-        replaced = (*replaced, "N")
-    return {name: value for name, value in cost.items() if name not in replaced} | dict(weights)
+def _left_of(game: Mapping[str, Any], given: Iterable[str]) -> dict[str, Any]:
+    """Return the weights of a critic's game that given ones do not replace."""
+    replaced = {"dt", "discount"}.union(*({name, *_REPLACED.get(name, ())} for name in given))
+    return {name: value for name, value in game.items() if name not in replaced}
 
 
 def weight_sources(
@@ -382,10 +369,9 @@ def weight_sources(
         of a weight in several, the first counts
     """
     sources = dict.fromkeys(("Q", "R", "delta"), "default")
-    sources |= {name: "file" for name in of_file if name in (*sources, "N")}
-    sources |= {name: "critic" for name in of_critic if name in (*sources, "N")}
-    typed = {name: "given" for name in given if name != "sizes"}
-    return sources | typed | dict.fromkeys(("Q", "R") if "sizes" in given else (), "sizes")
+    for source, names in (("file", of_file), ("critic", of_critic), ("given", given)):
+        sources |= {name: source for name in names if name in (*sources, "N")}
+    return sources | dict.fromkeys(("Q", "R") if "sizes" in given else (), "sizes")
 
 
 def _game_of_file(
@@ -405,8 +391,7 @@ def _game_of_file(
         usual = paper_defaults(parts, names)
         if critic is None:
             return usual
-        found = _beside(_without_time(critic.game(names.completed(*parts["B"].shape))), parts)
-        of_critic.update({name: found[name] for name in found if name not in parts})
+        of_critic.update(_left_of(critic.game(names.completed(*parts["B"].shape)), parts))
         words = {**usual.words, **dict.fromkeys(of_critic, "of the critic's file")}
         return Defaults({**usual.values, **of_critic}, words)
 
@@ -424,7 +409,6 @@ def _game_of_file(
         stored.game,
         warnings=stored.notes,
         plant_provenance=stored.provenance,
-        has_time=stored.has_time,
         weights_from=weight_sources(weights, of_critic, stored.declared),
         source={"model": str(plant)},
     )
@@ -439,7 +423,6 @@ class NamedGame(Result):
     warnings: notes to print with results
     plant_provenance: provenance of a plant read from a file
     linear: linear model of the aircraft, or None for a plant from a file
-    has_time: False if the plant file does not state whether time is continuous or discrete
     weights_from: name of a weight -> its source (`weight_sources`)
     source: entries of the provenance on the plant
     """
@@ -448,7 +431,6 @@ class NamedGame(Result):
     warnings: tuple[str, ...] = ()
     plant_provenance: Mapping[str, str] = field(default_factory=dict)
     linear: LinearModel | None = None
-    has_time: bool = True
     weights_from: Mapping[str, str] = field(default_factory=dict)
     source: Mapping[str, Any] = field(default_factory=dict)
 
@@ -472,33 +454,9 @@ class NamedGame(Result):
             linear = None if self.linear is None else self.linear.select(inputs=inputs)
             return replace(self, game=self.game.select(inputs), linear=linear)
 
-    @contextmanager
-    def hinting_at_discrete_time(self) -> Iterator[None]:
-        """Add a question on discrete time to a NoSolutionError that is raised in the `with` block.
-
-        The question is added if the plant file does not state whether time is continuous or
-        discrete, and if the game has a solution in discrete time. It is not added if a mode is the
-        reason: a gain for discrete time would leave this mode unstable in continuous time.
-        """
-        try:
-            yield
-        except NoSolutionError as failure:
-            if self.has_time or isinstance(failure, ModeError):
-                raise
-            from controller.riccati.gare import solve
-
-            try:
-                solve(replace(self.game, dt=True))  # in discrete time
-            except NoSolutionError:
-                raise failure from None
-            raise NoSolutionError(
-                f'{failure}; x⁺ = A x + B u has a solution: did you mean time = "discrete"?'
-            ) from failure
-
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         game, names = self.game, self.game.names
-        time = {"dt": game.dt, "discount": game.discount} if game.is_discrete else {}
         return {
             "plant": names.origin,
             "states": names.states,
@@ -510,9 +468,12 @@ class NamedGame(Result):
             "E": game.E,
             "delta": game.delta,
             "warnings": self.warnings,
-            **time,
-            **({"N": game.N} if game.N.any() else {}),
-        } | without_empty(plant_provenance=dict(self.plant_provenance) or None)
+        } | without_empty(
+            dt=game.dt or None,
+            discount=game.discount if game.is_discrete else None,
+            N=game.N if game.N.any() else None,
+            plant_provenance=dict(self.plant_provenance) or None,
+        )
 
 
 #: Field `reference` of a request, with the option --reference.

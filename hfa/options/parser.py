@@ -8,7 +8,6 @@ import sys
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields, replace
-from types import MappingProxyType
 from typing import Any, NoReturn
 
 from hfa_support.errors import BadInputError, advice, shortened
@@ -154,7 +153,6 @@ class Parser(argparse.ArgumentParser):
     """Argument parser that raises BadInputError instead of ending the process.
 
     options: field of the request -> its option
-    moved: option of an earlier version -> what to type in place of it
     example: last line of the help
     second_words: function that returns second word of the command -> summary, for the help
     """
@@ -163,7 +161,6 @@ class Parser(argparse.ArgumentParser):
         self,
         options: Mapping[str, Option],
         *,
-        moved: Mapping[str, str] = MappingProxyType({}),
         example: str = "",
         second_words: Callable[[], Mapping[str, str]] = dict,
         **keywords_of_argparse: Any,
@@ -173,7 +170,6 @@ class Parser(argparse.ArgumentParser):
         # "-5:5:1" and "-.5,1" are values too.
         self._negative_number_matcher = re.compile(r"-[\d.]")
         self.options = options
-        self.moved = moved
         self.example = example
         self.second_words = second_words
         self._words: dict[str, list[str]] = {}  # as typed, for an option that is given twice
@@ -245,8 +241,6 @@ class Parser(argparse.ArgumentParser):
             option_words = words[: words.index("--")]
         for word in option_words:
             name = word.partition("=")[0]
-            if name in self.moved and name not in actions:
-                raise BadInputError(f"{name} is not an option of {self.prog}; {self.moved[name]}")
             if name.startswith("--") and name not in actions:
                 raise BadInputError(unknown(f"option {shortened(name)}", name, actions, self.prog))
         parsed, strays = self.parse_known_intermixed_args(words)

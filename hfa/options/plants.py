@@ -16,6 +16,7 @@ from hfa.options.parser import PAPER, option
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
 from hfa_support.provenance import parameter_hash
+from hfa_support.units import conversion_factor
 
 if TYPE_CHECKING:
     from hfa_aircraft.uncertain import ParameterSpread
@@ -150,9 +151,8 @@ def loaded_aircraft(request: AircraftOptions) -> LoadedAircraft:
         from hfa_aircraft.servos import Servo, with_servos
 
         lag, rate = request.servo
-        of_unit = {"rad": math.radians(rate), "deg": rate}  # the rate is that of the surfaces
-        servos = {
-            name: Servo(lag, of_unit.get(signal.unit, math.inf))
+        servos = {  # the rate is that of the surfaces
+            name: Servo(lag, rate * (conversion_factor("deg", signal.unit) or math.inf))
             for name, signal in model.inputs.items()
         }
         model = with_servos(model, servos)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from hfa.options.argument_types import number
-from hfa_support.errors import BadInputError, is_finite, shown
+from hfa_support.errors import BadInputError, shown
+from hfa_support.files import Number
 from hfa_support.reporting.text import percent
 
 #: Name of the requirement after --need, and its default: every flight.
 SHARE = "share"
 ALL = 1.0
+_SHARE = Number(0.0, 1.0, above=True)
 #: Default number of flights of an assessment from each trim, and number of flights in moving air
 #: that its advice proposes.
 SAMPLES = 300
@@ -19,18 +21,15 @@ _ROUNDING = 1e-9
 
 def refuse_share(share: float) -> None:
     """Raise BadInputError unless a share is a number above 0 and at most 1."""
-    if not (is_finite(share) and 0.0 < share <= 1.0):
-        raise BadInputError(f"share is {shown(share)}; give a number above 0 and at most 1")
+    if _SHARE.of(share) is None:
+        raise BadInputError(f"share is {shown(share)}; give {_SHARE}")
 
 
 def needed_share(name: str, text: str) -> float:
     """Return the share that is typed after `--need share=`."""
     if name != SHARE:
         raise BadInputError(f"is unknown; use {SHARE}=X, such as {SHARE}=0.95")
-    share = number(text)
-    if not 0.0 < share <= 1.0:
-        raise BadInputError(f"is {text}; give a number above 0 and at most 1")
-    return share
+    return number(text, _SHARE)
 
 
 def is_enough(count: int, flights: int, share: float) -> bool:

@@ -42,7 +42,7 @@ from hfa_flight.air.sensors import Sensor, measurable
 from hfa_flight.air.turbulence import FORM, FORM_OF_OWN, LEVELS, Turbulence, typed_turbulence
 from hfa_flight.policies.laws import DEPLOYMENT, GAIN, LAWS, NETWORK, PREDICTIVE, TABLE
 from hfa_support.errors import BadInputError, choice_of, shortened, warn
-from hfa_support.files import checked, read_toml
+from hfa_support.files import Number, checked, read_toml
 from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import linearize
 from trim.point.operating_point import OperatingPoint
@@ -106,13 +106,6 @@ def numbers(
     if not least <= len(parts) <= count:
         raise BadInputError(f"is {text!r}; give {form}")
     return (*(number(part) for part in parts), *otherwise[len(parts) - least :])
-
-
-#: Options of an earlier version, which --policy replaces.
-FORMER_POLICIES = {
-    **dict.fromkeys(("--law", "--weights", "--controller"), "type --policy"),
-    "--actuators": "type --servo, whose positions are states",
-}
 
 
 def policy_option(about: str, *words: str, **more: Any) -> Any:
@@ -371,10 +364,7 @@ def sensors_of_options(request: SensorOptions, model: Model) -> dict[str, Sensor
 
 def _deviation(model: Model, name: str, text: str) -> float:
     """Return the typed size of an error of a sensor, at least 0, in the model's units."""
-    value = among(measurable(model), in_gusts(model), name, text)
-    if value < 0.0:
-        raise BadInputError(f"is {text}; give a number of at least 0")
-    return value
+    return among(measurable(model), in_gusts(model), name, text, Number(0.0))
 
 
 def sensors_of_filter(sensors: Mapping[str, Sensor]) -> dict[str, Sensor]:

@@ -18,6 +18,7 @@ from hfa.options.trims import GivenTrims, SeveralTrims, at_name, given_trims
 from hfa_aircraft.model import Model
 from hfa_flight.needs import ALL, SAMPLES, SHARE, needed_share
 from hfa_support.errors import BadInputError, choice_of
+from hfa_support.files import POSITIVE, Number
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
@@ -35,18 +36,7 @@ def _need(name: str, text: str) -> float:
         raise BadInputError(f"is unknown; {choice_of(name, NEEDS)}")
     if name == SHARE:
         return needed_share(name, text)
-    value = number(text)
-    if value < 0.0:
-        raise BadInputError(f"is {text}; give a number of at least 0")
-    return value
-
-
-def _half_width(model: Model, name: str, text: str) -> float:
-    """Return the typed half-width of the initial-condition box, in the model's units."""
-    width = linear_state(model, name, text)
-    if width <= 0.0:
-        raise BadInputError(f"is {text}; give a number above 0")
-    return width
+    return number(text, Number(0.0))
 
 
 def _deployment_path(text: str) -> Path:
@@ -55,25 +45,10 @@ def _deployment_path(text: str) -> Path:
     return input_file(*dict.fromkeys((".toml", *critic_suffixes())))(text)
 
 
-_FLY = "type `hfa fly --policy DEPLOYMENT.toml --samples 20"
-#: Options of an earlier version.
-_MOVED = {
-    "--model": "type --aircraft",
-    "--law": "type `hfa fly --policy NAME --samples 20`",
-    "--noise": f"{_FLY} --noise NAME=VALUE`",
-    "--turbulence": f"{_FLY} --turbulence LEVEL:ALTITUDE`",
-    "--gust": "type `hfa fly --policy DEPLOYMENT.toml --gust LENGTH:PEAK`",
-    "--filter": f"{_FLY} --filter --noise NAME=VALUE`",
-    "--vary": "type `hfa fly --policy DEPLOYMENT.toml --error NAME=FACTOR`",
-    "--best": "type `hfa optimize --policy DEPLOYMENT.toml --starts 5`",
-}
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AssessRequest(Request, SeveralTrims):
     """Arguments of `hfa assess`."""
 
-    moved = _MOVED
     units: None = None
     aircraft: str | None = option(aircraft_help, "FILE.py:NAME")
     file: Path | None = option(
@@ -166,7 +141,7 @@ def assess(request: AssessRequest, given: GivenTrims) -> Outcome:
 
     model = given.trims[0].model
     deployed = Deployed(_deployment(request, model), model)
-    box = each_of("--box", model, request.box, _half_width)
+    box = each_of("--box", model, request.box, partial(linear_state, declared=POSITIVE))
     points = tuple(map(trimmed, given.trims))
     share = request.need.get(SHARE, ALL)
     assessor = Assessor(deployed, points, request.samples, request.seed, box, share)

@@ -27,7 +27,6 @@ from hfa_flight.export.c_text import (
 from hfa_flight.options import (
     DEPLOYMENT,
     EXACT,
-    FORMER_POLICIES,
     PolicyOptions,
     SensorOptions,
     at_held_altitude,
@@ -60,7 +59,6 @@ _DIHEDRAL = math.radians(15.0)
 class ExportRequest(Request, PolicyOptions, SensorOptions, TimingOptions):
     """Options of `hfa export`."""
 
-    moved = FORMER_POLICIES
     units: None = None
     horizon: None = None
     margin: None = None

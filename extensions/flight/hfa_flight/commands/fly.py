@@ -37,7 +37,6 @@ from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_flight.options import (
     DEPLOYMENT,
-    FORMER_POLICIES,
     NONE,
     SMALLEST,
     TABLE,
@@ -153,7 +152,6 @@ class PlannedFlight(NamedTuple):
 class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
     """Options of `hfa fly`."""
 
-    moved = FORMER_POLICIES
     needs_dihedral = True
     usual = (
         *("policy", "initial", "turbulence", "samples", "noise", "filter", "gust", "command"),

@@ -24,7 +24,6 @@ from hfa.options.trims import GivenTrim, TrimInput, TrimOptions, trim_input
 from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_flight.options import (
     EXACT,
-    FORMER_POLICIES,
     NONE,
     policy_of_word,
     policy_option,
@@ -47,7 +46,6 @@ _EXACT_NAME = "exact game policy, saturated"
 class OptimizeRequest(Request, TrimOptions, WeightOptions):
     """Options of `hfa optimize`."""
 
-    moved = FORMER_POLICIES | {"--start": "type --initial"}
     units: None = None
     start: None = None
     limit: Mapping[str, str] = field(default_factory=dict)

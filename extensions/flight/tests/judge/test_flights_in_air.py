@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from cli import answer, assert_refused, hfa as hfa_command
-from policy_cases import FOLDER, GTM, SENSORS, aircraft, stored_deployment, trims
+from cli import answer, hfa as hfa_command
+from policy_cases import SENSORS, aircraft, stored_deployment, trims
 
 import hfa
 from hfa_flight import Uncertainty
@@ -78,13 +78,3 @@ def test_wrong_arguments_of_many_flights_are_refused(options, said):
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     with pytest.raises(hfa.BadInputError, match=said):
         hfa.fly(model, point, scenario=hfa.Scenario(0.1, uncertainty=NOISE), **options)
-
-
-def test_assess_names_the_command_of_flights_in_noise():
-    """`assess --noise` is refused with the advice `fly --policy FILE`, which flies in this noise."""
-    words = f"{FOLDER}/ppo_gtm.toml --aircraft {GTM} --noise".split()
-    refused = hfa_command("assess", *words, "x")
-    assert_refused(refused, 2, "hfa fly --policy DEPLOYMENT.toml")
-    flown = "pitch_rate=1 --at 45 --samples 2 --duration 1"
-    report = hfa_command("fly", "--policy", *words, *flown.split()).out
-    assert report.startswith("PASS: 2 of 2 flights of 1 s")
