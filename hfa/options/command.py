@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
@@ -185,12 +185,19 @@ def with_provenance(request: Request, report: Report, source: Mapping[str, Any])
 
     source: entries of the provenance on the plant
     """
-    named = [of for name, of in storable(report.data).items() if name.endswith("_units")]
-    if named:
-        units = {unit for of in named for unit in (of.values() if isinstance(of, Mapping) else of)}
+    if units := {*_units_in(storable(report.data))}:
         report = report.with_data(units=system_of(units))
     origin = provenance(request, source)
     return replace(report, source=origin.text()).with_data(provenance=origin)
+
+
+def _units_in(data: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the units in stored data: those of entries such as `state_units`."""
+    for name, entry in data.items():
+        if name.endswith("_units"):
+            yield from entry.values() if isinstance(entry, Mapping) else entry
+        elif isinstance(entry, Mapping):
+            yield from _units_in(entry)
 
 
 def show(request: Request, outcome: Outcome) -> None:
