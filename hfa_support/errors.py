@@ -153,11 +153,11 @@ def nearest(name: str, known: Iterable[str]) -> list[str]:
     - the name itself
     - known names that begin with the name, if it has at least `_SHORTEST_BEGINNING` characters
     - known names that contain the name, under the same condition
-    - the most similar known names
+    - the most similar known name
     """
-    # Spelling, in which names are compared -> name.
-    name_of = {known_name.lower().replace("-", "_"): known_name for known_name in known}
-    typed = name.lower().replace("-", "_")
+    # Spelling, in which names are compared -> name. All options have leading dashes.
+    name_of = {each.lower().replace("-", "_").lstrip("_"): each for each in known}
+    typed = name.lower().replace("-", "_").lstrip("_")
     if typed in name_of:
         return [name_of[typed]]
     if len(typed) >= _SHORTEST_BEGINNING:
@@ -166,18 +166,9 @@ def nearest(name: str, known: Iterable[str]) -> list[str]:
         ]
         if longer:
             return [name_of[spelling] for spelling in longer[:_MOST_SUGGESTIONS]]
-    from difflib import SequenceMatcher  # an error is rare
+    from difflib import get_close_matches  # an error is rare
 
-    # Leading dashes, which all options have, make no two of them alike.
-    matcher = SequenceMatcher(b=typed.lstrip("_"))
-    likeness = {}
-    for spelling in name_of:
-        matcher.set_seq1(spelling.lstrip("_"))
-        if matcher.quick_ratio() >= _LEAST_LIKENESS:  # an upper bound of the ratio
-            likeness[spelling] = matcher.ratio()
-    best = max([_LEAST_LIKENESS, *likeness.values()])
-    similar = [name_of[spelling] for spelling, ratio in likeness.items() if ratio == best]
-    return similar[:_MOST_SUGGESTIONS]
+    return [name_of[each] for each in get_close_matches(typed, name_of, 1, _LEAST_LIKENESS)]
 
 
 #: Least number of letters that are completed to a longer name, and largest number of suggestions.

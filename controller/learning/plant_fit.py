@@ -30,7 +30,8 @@ from hfa_support.units import conversion_factor
 
 #: Probability that a band does not hold the exact value.
 _OUTSIDE = 0.05
-#: Probability that a constant is fitted to data without one.
+#: Probability that a constant is fitted to data without one, and that independent noise is taken
+#: for a correlated one.
 _CHANCE = 1e-4
 #: Misfit that rounding can cause: no constant is fitted to it.
 _ROUNDING = 1e-12
@@ -166,22 +167,27 @@ class PlantFit:
 
     @property
     def shows_noise(self) -> bool:
-        """Whether the deviations from the fit can be independent noise of the ends."""
-        return self.misfit > RANK_TOLERANCE and not any(self._doubts())
+        """Whether the deviations from the fit can be independent noise of the ends, or rounding."""
+        return not any(self._doubts())
 
     def _doubts(self) -> Iterator[str]:
         """Yield sentences on why the deviations are no independent noise."""
+        from scipy.special import chdtri
+
         if self.misfit <= RANK_TOLERANCE:
             return
         if self._outliers:
             yield self._outliers
         followers = np.flatnonzero(self.transitions.follows)
         if len(followers):
-            # For independent residuals, an entry has the variance 1, and exceeds 5 in one of 1.7e6
-            # cases.
-            unit = self.residuals / np.where(self.noise > 0.0, self.noise, 1.0)
-            correlations = unit[followers].T @ unit[followers - 1] / math.sqrt(len(followers))
-            if np.abs(correlations).max() > 5.0:
+            # For independent residuals, each entry of all independent ones has the variance 1.
+            seen = self.noise > RANK_TOLERANCE * root_mean_square(self.ends)
+            unit, *_ = np.linalg.svd(
+                self.residuals[:, seen] / self.noise[seen], full_matrices=False
+            )
+            ratio = len(unit) / math.sqrt(len(followers))
+            correlations = ratio * unit[followers].T @ unit[followers - 1]
+            if np.sum(correlations**2) > chdtri(correlations.size, _CHANCE):
                 yield (
                     "residuals of successive samples are correlated, as noise of sensors makes "
                     "them, which biases P and K"
@@ -221,20 +227,21 @@ class PlantFit:
 
         rates: [A B E] by the logarithm of the step, (n, s)
         """
-        names, hold = self.user_game.names, self.transitions.hold
-        units = dict(zip(names.states, names.state_units, strict=False))
-        for row, state in enumerate(names.states):
+        names = self.user_game.names
+        labels = dict(zip(names.states, names.state_units, strict=True))
+        for row, (state, unit) in enumerate(labels.items()):
             rate = f"{state}_rate"
-            if rate not in names.states or self.misfit > 0.1:
+            if rate not in labels or self.misfit > 0.1:
                 continue
-            factor = conversion_factor(units.get(rate, ""), f"{units.get(state, '')}/s") or 1.0
+            terms = rates[row] * self.scales  # root mean squares of the parts of the rate
             place = names.states.index(rate)
-            known = factor * np.eye(rates.shape[1])[place]
-            off = np.abs((rates[row] - known) * self.scales).max() / (factor * self.scales[place])
-            if off > 0.5:
+            known = self.scales[place] * (conversion_factor(labels[rate], f"{unit}/s") or 1.0)
+            terms[place] -= known
+            if np.abs(terms).max() > 0.5 * known:
                 raise BadInputError(
-                    f"the rate of {state} in the data is not {rate}: the samples, every {hold:g} "
-                    "s, are slower than a mode, or their time is wrong; record more often"
+                    f"the rate of {state} in the data is not {rate}: the samples, every "
+                    f"{self.transitions.hold:g} s, are slower than a mode, or their time is wrong; "
+                    "record more often"
                 )
 
     @cached_property

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +21,8 @@ from hfa_aircraft.readers.matrices_file import (
     words,
 )
 from hfa_aircraft.signals import UNNAMED, PlantNames
-from hfa_support.arrays.tables import Column, Read, matched, read_source
+from hfa_support.arrays.read import Label
+from hfa_support.arrays.tables import Column, Read, matched, read_source, sources
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shortened
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 
@@ -113,11 +113,7 @@ def _sources(data: Any, names: PlantNames) -> Iterator[tuple[str, dict[str, Any]
 
     Raises BadInputError, which names the source, if it cannot be read.
     """
-    sources = data if isinstance(data, (list, tuple)) else [data]
-    if not sources:
-        raise BadInputError("data is an empty list; give at least one episode")
-    for place, source in enumerate(sources, start=1):
-        name = str(source) if isinstance(source, (str, Path)) else f"data {place}"
+    for name, source in sources(data, "data"):
         with prefix_errors(name):
             yield from _matrices(read_source(source, name), name, names)
 
@@ -134,31 +130,39 @@ def _matrices(read: Read, name: str, names: PlantNames) -> Iterator[tuple[str, d
     if "x" not in entries:
         yield name, _of_columns(read.columns, names)
         return
-    times, _ = matched(read.columns, {"time": "s"})
-    entries |= {key: column.numbers("s") for key, column in times.items()}
-    yield name, _in_rows(entries)
+    time = matched(read.columns, {"time": "s"}).get("time")
+    if time is not None:
+        entries = {key: each for key, each in entries.items() if Label.of(key).name != time.name}
+        entries["time"] = time.numbers("s")
+    yield from _episodes(entries, name)
 
 
-def _in_rows(entries: dict[str, Any]) -> dict[str, Any]:
-    """Return entries of episodes of equal length, (E, T, n), as rows with their episode.
-
-    A matrix that has a row less in each episode is completed by zeros, which are not used.
-    """
+def _episodes(entries: dict[str, Any], name: str) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the matrices of each episode of x (E, T, n), or all as rows if their ends are known."""
+    shape = np.shape(entries["x"])[:2]
     if np.ndim(entries["x"]) != 3:
-        return entries
-    count, length = np.shape(entries["x"])[:2]
-    in_rows: dict[str, Any] = {"episode": np.repeat(np.arange(count), length)}
-    for key, values in entries.items():
-        shape = np.shape(values)
-        if len(shape) > 1 and shape[:2] == (count, length - 1):
-            values = np.concatenate([values, np.zeros((count, 1, *shape[2:]))], axis=1)
-            shape = (count, length, *shape[2:])
-        if len(shape) > 1 and shape[:2] == (count, length):
-            values = np.reshape(values, (count * length, *shape[2:]))
-        elif key == "time" and shape == (length,):
-            values = np.tile(values, count)
-        in_rows[key] = values
-    return in_rows
+        yield name, entries
+    elif {*_SUFFIXES_OF_ENDS} & {*entries}:
+        yield (
+            name,
+            {
+                key: np.reshape(values, (-1, *np.shape(values)[2:]))
+                if np.shape(values)[:2] == shape
+                else values
+                for key, values in entries.items()
+            },
+        )
+    else:
+        for episode in range(shape[0]):
+            yield (
+                f"{name}, episode {episode + 1}",
+                {
+                    key: values[episode]
+                    if np.ndim(values) > 1 and len(values) == shape[0]
+                    else values
+                    for key, values in entries.items()
+                },
+            )
 
 
 def _of_columns(columns: Sequence[Column], names: PlantNames) -> dict[str, Any]:
@@ -170,10 +174,7 @@ def _of_columns(columns: Sequence[Column], names: PlantNames) -> dict[str, Any]:
         raise BadInputError("the columns differ in length; give x and u, or columns of one length")
     signals = (*names.states, *names.inputs)  # before words such as time
     units = dict(zip(signals, (*names.state_units, *names.input_units), strict=False))
-    found, others = matched(columns, _NO_SIGNALS | dict.fromkeys(signals, ""))
-    in_order = [column.name for column in columns]
-    both = (found | others).items()
-    named = dict(sorted(both, key=lambda entry: in_order.index(entry[1].name)))
+    named = matched(columns, _NO_SIGNALS | dict.fromkeys(signals, ""))
     states, inputs, disturbances = _signals_among(named, names)
     if not states or not inputs:
         missing = ", ".join(name for name in signals if name not in named)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -70,7 +70,7 @@ def flight_category(text: str) -> str:
 
 
 def listed_conditions(path: str | Path, model: Model) -> list[ListedCondition]:
-    """Return the rows of a table of conditions, in a CSV file or any that `read_columns` reads.
+    """Return the rows of a table of conditions, in a CSV file or any that `read_source` reads.
 
     The first row has names of variables, rates and parameters, each with a unit if it is not that
     of the model or deg: "gamma", "altitude [FL]", "kcas [KT]". A cell may have a unit of its own. A
@@ -84,16 +84,18 @@ def listed_conditions(path: str | Path, model: Model) -> list[ListedCondition]:
 
     Raises BadInputError with the row, the column and the name of the condition for a wrong cell.
     """
-    from hfa_support.arrays.tables import matched, read_columns  # not for every trim
+    from hfa_support.arrays.tables import matched, read_source  # not for every trim
 
-    given = takewhile(lambda column: column.name != RESULTS, read_columns(path))
+    given = takewhile(lambda column: column.name != RESULTS, read_source(path).columns)
     columns = [_named(column, model) for column in given]
     names = dict.fromkeys(_TEXTS, "") | {
         name: model.signals[name].unit if name in model.signals else ""
         for name in _imposable(model)
     }
-    by_name, others = matched(columns, names)
-    _refuse_others(others.values(), model)
+    by_name = matched(columns, names)
+    for name in [name for name in by_name if name not in names]:
+        with prefix_errors(by_name[name].heading):
+            model.refuse_unheld("the column is unknown:", name, tuple(model.parameters))
     numbers = columns[0].rows if columns else ()
     if not numbers:
         raise BadInputError(
@@ -138,28 +140,6 @@ def _named(column: Column, model: Model) -> Column:
         return column._replace(name=airspeed, unit="")
     typed = column.name.removeprefix(f"{HELD} ")  # of a file that `hfa trim` has written
     return column._replace(name=_name_of(model, typed))
-
-
-def _refuse_others(others: Iterable[Column], model: Model) -> None:
-    """Raise BadInputError if a column is of no variable of the model.
-
-    The message says whether the unit lacks its brackets, or the column contains labels.
-    """
-    for column in others:
-        words = re.fullmatch(r"(\w+)\s+(\S+)", column.name)  # "speed kt"
-        if words and model.about.name_of(words[1]) in _imposable(model):
-            raise BadInputError(
-                f"{column.heading}: {shown(column.name)} has no brackets; write {words[1]} "
-                f"[{words[2]}]"
-            )
-        cell = _text(column, 0) if len(column.cells) else ""
-        if cell and not re.match(r"[-+=.\d]|FL\s*\d", cell):  # or a formula, or a flight level
-            raise BadInputError(
-                f"{column.heading}: the column {shown(column.name)} has labels ({shown(cell)}), "
-                f"which are not read; remove it, or call it {NAME}"
-            )
-        with prefix_errors(column.heading):
-            model.refuse_unheld("the column is unknown:", column.name, tuple(model.parameters))
 
 
 def _text(column: Column, place: int) -> str:

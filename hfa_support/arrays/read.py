@@ -26,23 +26,6 @@ _SIDES_OF_STATES = {
 }
 
 
-def matrices_and_names(files: Mapping[str, Path]) -> dict[str, Any]:
-    """Return the matrices of .csv files, and the names and units of states and inputs, by name.
-
-    The names are stored as "states" and "inputs", the units as "state_units" and "input_units".
-    Names and units that the files do not contain are omitted.
-
-    files: name of the matrix -> file
-
-    Raises ValueError for a faulty file.
-    """
-    tables = {}
-    for name, file in files.items():
-        with file_faults(file):
-            tables[name] = _table(name, file)
-    return _names_and_units(tables) | {name: table.matrix for name, table in tables.items()}
-
-
 class _Entry(NamedTuple):
     """Row of a .csv table of P and K, which `hfa solve` and `hfa learn` write: one matrix entry."""
 
@@ -155,7 +138,7 @@ class Label(NamedTuple):
 
         A number in round brackets, without a blank before it, is an index: "x(1)".
         """
-        bracket = r"\s*\[(.*)\]|(?:\s+|(?!\(\d+\)))\(([^()]*)\)"
+        bracket = r"\s*\[(.*)\]|(?:\s+|(?!\(\d+\)))\(((?:[^()]|\([^()]*\))*)\)"
         parts = re.fullmatch(rf"(.*?)(?:{bracket})?", text.strip(), re.DOTALL)
         assert parts is not None  # any text matches
         unit = (parts[2] or parts[3] or "").strip()
@@ -230,19 +213,22 @@ def matrices(path: Path) -> dict[str, Any]:
 
     Raises BadInputError as `_matrix_files` does.
     """
-    if path.suffix.lower() == ".csv":
+    is_csv = path.suffix.lower() == ".csv"
+    if is_csv:
         with file_faults(path):
             entries = matrices_of_entries(path)
         if entries is not None:
             return entries
-        return matrices_and_names(_matrix_files(path))
     is_named = path.stem in (*PLANT, *CRITIC)
-    files = _matrix_files(path) if is_named else {UNKNOWN: path}
-    arrays = {}
-    for name, file in files.items():
+    arrays, tables = {}, {}
+    for name, file in (_matrix_files(path) if is_csv or is_named else {UNKNOWN: path}).items():
         with file_faults(file):
-            arrays[name] = np.load(regular_file(file), allow_pickle=False)
-    return arrays
+            if is_csv:
+                tables[name] = _table(name, file)
+                arrays[name] = tables[name].matrix
+            else:
+                arrays[name] = np.load(regular_file(file), allow_pickle=False)
+    return _names_and_units(tables) | arrays
 
 
 def _matrix_files(path: Path) -> dict[str, Path]:

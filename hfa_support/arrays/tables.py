@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfa_support.arrays.read import Label, read_arrays
-from hfa_support.arrays.text import DECIMAL_COMMA, rows_of_text
+from hfa_support.arrays.text import rows_of_text
 from hfa_support.errors import (
     BadInputError,
     file_faults,
@@ -96,13 +96,10 @@ class Column(NamedTuple):
         try:
             return float(cell) if cell else math.nan
         except ValueError:
-            advice = "give a number or leave the cell empty"
-            if DECIMAL_COMMA.fullmatch(cell):
-                advice = "give a decimal point, or separate cells by ;"
-            elif row == self.rows[0]:
-                advice += ' (units follow names, as in "alpha [deg]")'
-            text = f"{self.where}, row {row}: {self.name} is {shown(cell)}; {advice}"
-            raise BadInputError(text) from None
+            raise BadInputError(
+                f"{self.where}, row {row}: {self.name} is {shown(cell)}; give a number, with a "
+                "decimal point, or leave the cell empty"
+            ) from None
 
 
 class Read(NamedTuple):
@@ -112,9 +109,18 @@ class Read(NamedTuple):
     entries: Mapping[str, Any] = {}
 
 
-def read_columns(source: Any, name: str = "") -> list[Column]:
-    """Return the columns of a table (`read_source`)."""
-    return read_source(source, name).columns
+def sources(given: Any, noun: str) -> list[tuple[str, Any]]:
+    """Return the name and the source of each of one or several tables: a file, or noun and number.
+
+    given: a source of `read_source`, or a list of them
+    """
+    listed = [*given] if isinstance(given, (list, tuple)) else [given]
+    if not listed:
+        raise BadInputError(f"there is no {noun}; give at least one")
+    return [
+        (str(source) if isinstance(source, (str, Path)) else f"{noun} {number}", source)
+        for number, source in enumerate(listed, start=1)
+    ]
 
 
 def read_source(source: Any, name: str = "") -> Read:
@@ -123,7 +129,8 @@ def read_source(source: Any, name: str = "") -> Read:
     source: file (text with commas, semicolons or tabs; .npz, .mat, .json; by pandas .parquet,
         .feather, .xlsx; by h5py .hdf5), mapping of columns, or data frame of pandas, polars or
         xarray. A heading is "speed [ft/s]" or "speed (ft/s)". The units in a file of arrays can be
-        the entries states, state_units, inputs, input_units. A stored flight has its history
+        the entries states, state_units, inputs, input_units. A flight, stored or not, has its
+        history
     name: name of the table in messages, by default the file
 
     Raises BadInputError, with the row and the column, for a faulty file.
@@ -134,6 +141,8 @@ def read_source(source: Any, name: str = "") -> Read:
         with file_faults(source):
             return Read(_columns_of_text(name, regular_file(source).read_bytes()))
     content = _loaded(Path(source)) if is_file else source
+    if hasattr(content, "history"):  # a flight
+        content = content.to_dict() | {"history": content.history()}
     if hasattr(content, "data_vars"):  # of xarray
         return Read(_columns_of_arrays(name, {n: content[n].values for n in content.variables}))
     if hasattr(content, "columns"):  # of pandas or polars
@@ -246,15 +255,8 @@ def _columns_of_text(where: str, content: bytes) -> list[Column]:
 _TIMES = ("t", "timestamp", "seconds")
 
 
-class Matched(NamedTuple):
-    """Columns by the names that are known, and the others by their own."""
-
-    known: dict[str, Column]
-    others: dict[str, Column]
-
-
-def matched(columns: Iterable[Column], known: Mapping[str, str]) -> Matched:
-    """Return the columns of the known names, and the others.
+def matched(columns: Iterable[Column], known: Mapping[str, str]) -> dict[str, Column]:
+    """Return the columns in their order, by the names that are known, and the others by their own.
 
     A name is matched by its letters, else in small letters without points and blanks: "C.G." is cg.
 
@@ -262,7 +264,7 @@ def matched(columns: Iterable[Column], known: Mapping[str, str]) -> Matched:
 
     Raises BadInputError for two columns of one name, and for a unit in a name: "time_ms".
     """
-    found = Matched({}, {})
+    found: dict[str, Column] = {}
     for column in columns:
         plain = re.sub(r"\W+", "_", column.name.replace(".", "")).lower()
         plain = "time" if plain in _TIMES else plain
@@ -272,8 +274,7 @@ def matched(columns: Iterable[Column], known: Mapping[str, str]) -> Matched:
             raise BadInputError(
                 f'{column.heading}: unknown column {shown(name)}; write "{signal.lower()} [{unit}]"'
             )
-        of_kind = found.known if name in known else found.others
-        if name in of_kind:
+        if name in found:
             raise BadInputError(f"{column.heading} has {name} twice; rename or remove one column")
-        of_kind[name] = column
+        found[name] = column
     return found

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,6 +25,7 @@ from hfa_identify.residuals import (
     whiteness,
 )
 from hfa_identify.response import Responses, biases
+from hfa_support.arrays.tables import sources
 from hfa_support.errors import BadInputError, NoSolutionError, is_finite, refuse_unknown, shown
 
 #: Interpolations of the inputs between samples.
@@ -77,15 +77,9 @@ def identify(
             "hold names the unknown input or state", name, (*model.inputs, *model.states)
         )
     model, fixed = _with_given(model, given)
-    listed = _listed(records)
-    if not listed:
-        raise BadInputError("no records are given; give at least one record")
     if inputs is not None:
         refuse_unknown("inputs are", inputs, INPUTS)
-    read = [
-        _as_record(model, source, held, f"record {number}")
-        for number, source in enumerate(listed, start=1)
-    ]
+    read = [read_record(source, model, held, name) for name, source in sources(records, "record")]
     measured = tuple(dict.fromkeys(name for record in read for name in record.measured))
     names = _free_names(model, free, fixed, measured)
     responses = Responses(model, names, measured)
@@ -108,18 +102,6 @@ def identify(
     return _identified(best, is_chosen=len(fits) > 1)
 
 
-def _listed(records: Any) -> list[Any]:
-    """Return one or several records as a list."""
-    from hfa_flight.simulate.flight import Flight
-
-    is_table = hasattr(records, "columns")
-    if is_table or isinstance(records, Flight | Record | Mapping | str | Path):
-        return [records]
-    if not isinstance(records, Iterable):
-        raise BadInputError(f"records is of type {type(records).__name__}; give a path or a table")
-    return list(records)
-
-
 def _with_given(
     model: Model, given: Mapping[str, float] | Sequence[str]
 ) -> tuple[Model, tuple[str, ...]]:
@@ -133,19 +115,6 @@ def _with_given(
         if not is_finite(value):
             raise BadInputError(f"given: {name} is {shown(value)}; give a finite number")
     return model.with_parameters(**given), names
-
-
-def _as_record(model: Model, given: Any, held: Mapping[str, float], name: str) -> Record:
-    """Return the `Record` of a path, flight, table, dictionary or record."""
-    from hfa_flight.simulate.flight import Flight
-
-    if isinstance(given, Record):
-        return given
-    if isinstance(given, Flight):
-        states = zip(given.model.states, given.states.T, strict=True)
-        inputs = zip(given.model.inputs, given.inputs.T, strict=True)
-        given = {"time": given.time, **dict(states), **dict(inputs)}
-    return read_record(given, model, held, "" if isinstance(given, str | Path) else name)
 
 
 def _free_names(

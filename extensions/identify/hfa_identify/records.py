@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_support.arrays.tables import matched, read_columns
+from hfa_support.arrays.tables import matched, read_source
 from hfa_support.errors import BadInputError, advice, refuse_unknown, shortened, warn
 
 #: Least number of samples in a record.
@@ -54,23 +54,28 @@ def read_record(source: Any, model: Model, held: Mapping[str, float], name: str 
     in a dictionary of Python alone, in radians. An empty cell is a missing sample.
 
     held: input without a column -> its constant value
-    name: name of the record in messages, by default that of the file
+    name: name of the record, by default that of the file
 
     Raises BadInputError if the table cannot be read or is not a record of this model.
     """
     signals = (*model.inputs, *model.states, *model.outputs)
     units = {"time": "s"} | {signal: model.unit(signal) for signal in signals}
-    columns, others = matched(read_columns(source, name), units)
-    for other in others:
+    name = Path(name or source).name
+    columns = matched(read_source(source, name).columns, units)
+    unused = [other for other in columns if other not in units]
+    for other in unused:
         if advice(other, units):  # a misspelled name
-            refuse_unknown(f"{others[other].heading}: unknown column", other, units)
-    name = name or Path(source).name
-    if others:
-        unused = shortened(", ".join(others), 200)
-        warn(f"{name}: not used, as no state, input or output of {model.name}: {unused}")
+            refuse_unknown(f"{columns[other].heading}: unknown column", other, units)
+    if unused:
+        named = shortened(", ".join(unused), 200)
+        warn(f"{name}: not used, as no state, input or output of {model.name}: {named}")
     if "time" not in columns:
         raise BadInputError(f"{name} has no column time; add the time of each sample, in s")
-    arrays = {signal: column.numbers(units[signal]) for signal, column in columns.items()}
+    arrays = {
+        signal: column.numbers(units[signal])
+        for signal, column in columns.items()
+        if signal in units
+    }
     time = arrays["time"]
     for signal, values in arrays.items():
         if len(values) != len(time):

@@ -107,20 +107,15 @@ class Responses:
         x, u = model.layout.symbols("x", "u")
         theta = ca.SX.sym("theta", len(self.free))
         rates, recorded = self._expressions(x, u, theta)
-        self._step = _runge_kutta_step(ca.Function("f", [x, u, theta], [rates]))
+        arguments = [x, u, theta]
+        self._step = _runge_kutta_step(ca.Function("f", arguments, [rates]))
         # Number of integration steps -> function from a state to the states after these steps.
         self._advances: dict[int, BoundFunction] = {}
-        unknowns = ca.vertcat(x, theta)
-        slopes = ca.densify(ca.jacobian(rates, unknowns))
-        recorded_slopes = ca.densify(ca.jacobian(recorded, unknowns))
-        # CasADi stores matrices column by column: transposed slopes are stored row by row, as NumPy
-        # reshapes them.
-        arguments = [x, u, theta]
-        self._rates = RowFunction(ca.Function("rates", arguments, ca.cse([rates, slopes.T])))
+        of_step = self._step.sx_in()
+        self._step_slopes = _slopes(of_step, self._step(*of_step), of_step[0], of_step[3])
+        self._rate_slopes = _slopes(arguments, rates, x)
         self._recorded = RowFunction(ca.Function("recorded", arguments, [recorded]))
-        self._recorded_slopes = RowFunction(
-            ca.Function("recorded_slopes", arguments, [recorded_slopes.T])
-        )
+        self._recorded_slopes = _slopes(arguments, recorded, x, theta)
 
     def _expressions(self, x: ca.SX, u: ca.SX, theta: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Return the rates and the recorded quantities, of recorded inputs u and unknowns θ."""
@@ -143,8 +138,8 @@ class Responses:
         return rates, ca.densify(column(recorded))
 
     def compile(self) -> None:
-        """Compile derivatives and integration steps, if a C compiler is available."""
-        self._rates = RowFunction(machine_code(self._rates.function))
+        """Compile integration steps and their derivatives, if a C compiler is available."""
+        self._step_slopes = RowFunction(machine_code(self._step_slopes.function))
         self._step = machine_code(self._step)
         self._advances = {}
 
@@ -181,8 +176,9 @@ class Responses:
         """Return the largest magnitude of an eigenvalue of ∂f/∂x at the initial state, 1/s, or 0 if
         the Jacobian is not finite.
         """
-        _, slopes = self._rates_at(start[None], record.inputs[:1], theta[None])
-        slope = slopes[0, :, : len(start)]
+        slope = self._rate_slopes(start[None], record.inputs[:1], theta[None])[0].reshape(
+            2 * start.shape
+        )
         return spectral_radius(slope) if np.isfinite(slope).all() else 0.0
 
     def simulated(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Simulation:
@@ -219,10 +215,15 @@ class Responses:
             for first in range(0, len(at_samples), samples):
                 rows = slice(first, first + samples)
                 steps = slice(first * count, (first + samples) * count)
-                change = self._step_slopes(simulated, theta, steps)
-                of_states = sensitivities_at_samples(change, count, S)
+                before, after, durations = (columns[steps] for columns in simulated.grid)
+                begins = simulated.begins[steps]
+                thetas = np.tile(theta, (len(begins), 1))
+                change = self._step_slopes(begins, before, after, thetas, durations[:, None])[0]
+                of_states = sensitivities_at_samples(change.reshape(-1, n, n + p), count, S)
                 S = of_states[-1]  # at the first sample of the next part
-                slopes = self._observed_slopes(at_samples[rows], record.inputs[rows], theta)
+                samples_at = (at_samples[rows], record.inputs[rows])
+                thetas = np.tile(theta, (len(samples_at[0]), 1))
+                slopes = self._recorded_slopes(*samples_at, thetas)[0].reshape(-1, k, n + p)
                 total[rows] = slopes[:, :, :n] @ of_states[: len(slopes)]
                 total[rows, :, :p] += slopes[:, :, n:]
         if not np.isfinite(total).all():
@@ -245,51 +246,16 @@ class Responses:
             self._advances[steps] = BoundFunction(self._step.mapaccum(steps))
         return self._advances[steps]
 
-    def _step_slopes(self, simulated: Simulation, theta: np.ndarray, part: slice) -> np.ndarray:
-        """Return the derivatives with respect to (x, θ) of steps x -> x⁺, (steps, n, n + p)."""
-        # The steps are x⁺ = x + Δt (k₁ + 2 k₂ + 2 k₃ + k₄) / 6 with k = f(x + c Δt k₋), where k₋ is
-        # the stage before and c is 0, 1/2, 1/2, 1. Each stage has k' = f_x (I + c Δt k₋') + f_θ.
-        n, _, _ = self.sizes
-        before, after, durations = (columns[part] for columns in simulated.grid)
-        states = simulated.begins[part]
-        middle = 0.5 * (before + after)
-        thetas = np.tile(theta, (len(states), 1))
-        diagonal = np.arange(n)
-        k, k_slopes = self._rates_at(states, before, thetas)
-        total = k_slopes.copy()
-        for inputs, c, weight in ((middle, 0.5, 2.0), (middle, 0.5, 2.0), (after, 1.0, 1.0)):
-            ahead = c * durations[:, None]
-            state_slopes = ahead[:, :, None] * k_slopes
-            state_slopes[:, diagonal, diagonal] += 1.0
-            k, f_slopes = self._rates_at(states + ahead * k, inputs, thetas)
-            k_slopes = f_slopes[:, :, :n] @ state_slopes
-            k_slopes[:, :, n:] += f_slopes[:, :, n:]
-            # The memory of state_slopes, which is no longer needed, holds the product.
-            total += np.multiply(weight, k_slopes, out=state_slopes)
-        total *= durations[:, None, None] / 6.0
-        total[:, diagonal, diagonal] += 1.0
-        return total
-
-    def _rates_at(
-        self, states: np.ndarray, inputs: np.ndarray, thetas: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the state derivatives x' (N, n), and dx'/d(x, θ) (N, n, n + p)."""
-        # states, inputs, thetas: (N, n), (N, m) and (N, p)
-        n, p, _ = self.sizes
-        rates, slopes = self._rates(states, inputs, thetas)
-        return rates, slopes.reshape(-1, n, n + p)
-
     def _outputs(self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """Return the measured quantities (N, k) at states (N, n) and inputs (N, m)."""
         return self._recorded(states, inputs, np.tile(theta, (len(states), 1)))[0]
 
-    def _observed_slopes(
-        self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray
-    ) -> np.ndarray:
-        """Return the derivatives of the measured quantities by x and θ, (N, k, n + p)."""
-        n, p, k = self.sizes
-        (slopes,) = self._recorded_slopes(states, inputs, np.tile(theta, (len(states), 1)))
-        return slopes.reshape(-1, k, n + p)
+
+def _slopes(arguments: list[ca.SX], values: ca.SX, *unknowns: ca.SX) -> RowFunction:
+    """Return the function from arguments to the derivatives of values by unknowns, row by row."""
+    # CasADi stores matrices column by column.
+    slopes = ca.densify(ca.jacobian(values, ca.vertcat(*unknowns)))
+    return RowFunction(ca.Function("slopes", arguments, [ca.cse(slopes.T)]))
 
 
 def _runge_kutta_step(rates: ca.Function) -> ca.Function:

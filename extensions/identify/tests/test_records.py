@@ -73,7 +73,7 @@ def test_wrong_arguments_are_refused():
     """Unknown parameters, no records, no parameters, and one both free and given are refused."""
     for records, free, named in (
         (record(), ["Cm_p"], "no parameter 'Cm_p'"),
-        ([], FREE, "no records"),
+        ([], FREE, "no record;"),
         (record(), (), "free contains no list"),
     ):
         with pytest.raises(hfa.BadInputError, match=named):

@@ -91,7 +91,7 @@ def test_a_sweep_warns_beyond_the_papers_range(published_aircraft):
 
 LISTS = [
     ("dihedral,speed\n\n5,64\n\n10,6x8\n", "row 5, column speed is '6x8'; give a finite number"),
-    ("dihedral,case\n5,A1\n", "row 1: the column 'case' has labels ('A1'), which are not read"),
+    ("dihedral,case\n5,A1\n", "row 1: the column is unknown: 'case'"),
     ("dihedral speed\n5,64\n", "row 2 has 2 cells, but row 1 has 1"),
 ]
 
