@@ -11,16 +11,14 @@ Source: Johansson, IEEE Transactions on Computers 66 (2017), 1281-1292 (Arb).
 
 from __future__ import annotations
 
-import copyreg
 import math
 import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
 from itertools import chain
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -194,8 +192,8 @@ class Near:
         """Return a ball that contains all matrices in the balls."""
         if isinstance(matrix, Near):
             return matrix
-        middle = midpoints(matrix)
-        return _near(middle, _size(radii(matrix)) + 2.0 * ROUNDOFF * _size(middle))
+        middle, radius = midpoints(matrix), above(norm(matrix - matrix.mid()))
+        return _near(middle, radius + 2.0 * ROUNDOFF * _size(middle))
 
     @property
     def size(self) -> float:
@@ -205,10 +203,15 @@ class Near:
     @property
     def in_balls(self) -> arb_mat:
         """Balls that contain all matrices in the ball."""
-        from flint import arb
+        from flint import arb, arb_mat
 
-        radius = arb(0, self.error)
-        return ball_matrix([[arb(entry) + radius for entry in row] for row in self.middle.tolist()])
+        rows, columns = self.middle.shape
+        errors = [arb(0, self.error)] * self.middle.size
+        return ball_matrix(self.middle) + arb_mat(rows, columns, errors)
+
+    def widened(self, change: arb) -> Near:
+        """Return a ball that also contains all matrices changed by at most this norm."""
+        return _near(self.middle, self.error + above(change))
 
     def nrows(self) -> int:
         """Return the number of rows."""
@@ -347,30 +350,3 @@ def _elimination(matrix: arb_mat) -> tuple[list[list[arb]], arb]:
             for j in range(k + 1, i + 1):
                 rows[i][j] = rows[i][j] - factor * column[j - k]
     return columns, pivot
-
-
-#: Midpoint or radius: m and e of m 2^e, or a text if it is not finite.
-_Storable: TypeAlias = "tuple[int, int] | str"
-
-
-@cache
-def make_balls_picklable() -> None:
-    """Let balls and their matrices be pickled and copied in this process."""
-    from flint import arb, arb_mat
-
-    copyreg.pickle(arb, lambda ball: (arb, (_storable(ball.mid()), _storable(ball.rad()))))
-    copyreg.pickle(
-        arb_mat, lambda matrix: (arb_mat, (matrix.nrows(), matrix.ncols(), matrix.entries()))
-    )
-
-
-def _storable(exact: arb) -> _Storable:
-    """Return an exact number, the midpoint or radius of a ball, in a form that can be pickled:
-    (mantissa, exponent of 2), or "inf", "-inf" or "nan".
-    """
-    if exact.is_finite():
-        mantissa, exponent = exact.man_exp()
-        return int(mantissa), int(exponent)
-    if exact > 0:
-        return "inf"
-    return "-inf" if exact < 0 else "nan"

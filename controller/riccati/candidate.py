@@ -78,7 +78,7 @@ class Candidate(NamedTuple):
     loop: F of both players at X, (n, n), in balls, or `Near` if the proof is by doubles
     Y: (n, n), symmetric, of the kind of F: solution of F'Y + Y F = -1, in discrete time of
         F'Y F - Y = -1
-    near_X: `Near` X, if the proof is by doubles
+    near: X and the gains, `Near`, if the proof is by doubles
     """
 
     equation: Equation
@@ -87,7 +87,7 @@ class Candidate(NamedTuple):
     residual: Any
     loop: Any
     Y: Any
-    near_X: Near | None = None
+    near: tuple[Near, Near] | None = None
 
     @classmethod
     def at(cls, equation: Equation, X: arb_mat, Y: arb_mat) -> Candidate:
@@ -236,12 +236,12 @@ def corrections(equation: Equation, X: arb_mat) -> Iterator[Candidate]:
             correction, Y = (correction + correction.T) / 2.0, Near((form + form.T) / 2.0)
             largest, Z = np.abs(correction).max() / size, Near(correction)
             of_gains, quadratic = in_doubles.changes(near_X, F, Z)
-            near_X, near_gains = near_X + Z, near_gains + of_gains
+            near = near_X, near_gains = near_X + Z, near_gains + of_gains
             at_Z = r + change_along(F, Z, is_discrete=is_discrete) + quadratic
             loop = in_doubles.loop(near_X, near_gains)
             X, gains = X + ball_matrix(correction), gains + of_gains.in_balls
         if largest <= LARGE_CORRECTION:
-            yield Candidate(equation, X, gains, at_Z, loop, Y, near_X)
+            yield Candidate(equation, X, gains, at_Z, loop, Y, near)
         else:
             lyapunov = None
         if not SMALL_CORRECTION ** (bits() / BITS) < largest < 0.5 * last:

@@ -18,7 +18,6 @@ from controller.riccati.balls import (
     ball_matrix,
     bits,
     is_positive_definite,
-    make_balls_picklable,
     midpoints,
     part,
     precision,
@@ -84,9 +83,9 @@ class Enclosure:
     proved: Stabilizing
     bits: int
 
-    def __getstate__(self) -> dict[str, Any]:
-        make_balls_picklable()  # when a result that holds an enclosure is stored or copied
-        return vars(self)
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what proves the enclosure again where a result is stored or copied."""
+        return decided, (self.game, self.proved.equation.delta)
 
     @cached_property
     def P_in_units(self) -> arb_mat:
@@ -103,7 +102,7 @@ class Enclosure:
     @cached_property
     def L_in_units(self) -> arb_mat:
         """L of the states and disturbances in units of powers of two, (k, n)."""
-        equation, P, gains = self.proved
+        equation, P, gains, _ = self.proved
         with precision(self.bits):
             EP = equation.E.transpose() * P
             _, of_disturbances = equation.weights(P)
@@ -382,12 +381,9 @@ class Certificate(Result):
     """What is proved of a solution, in ball arithmetic, for the exact entries of the game.
 
     enclosure: balls of the solution
-    data_change: largest relative change of P, to the first order, where each entry of the game
-        changes in its last digit
     """
 
     enclosure: Enclosure
-    data_change: float
 
     @property
     def bits(self) -> int:
@@ -398,6 +394,22 @@ class Certificate(Result):
     def radius(self) -> float:
         """Largest relative radius of the balls of P and K that do not contain 0."""
         return self.enclosure.digits.radius
+
+    @cached_property
+    def data_change(self) -> float:
+        """Largest change of the sum of the relative changes of all P_ii, to the first order, where
+        each entry of the game changes in its last digit; inf if that fails.
+
+        P changes by Z of F'Z + Z F + c = 0, where c has the changes of the entries times P, K and
+        L. With V of F V + V F' + W = 0 and W = diag(1 / P_ii), the sum is tr(W Z) = tr(V c), which
+        is linear in each entry: the magnitudes of its factors are added. Likewise in discrete time.
+        """
+        with np.errstate(all="ignore"), precision(self.bits):
+            try:
+                change = _first_order_change(self.enclosure)
+            except (FailedError, ZeroDivisionError):
+                return math.inf
+        return change if math.isfinite(change) else math.inf
 
     @cached_property
     def proved(self) -> tuple[str, ...]:
@@ -474,24 +486,8 @@ def warning_of(change: float) -> str:
     return "the last digits of the data decide on the solution, which may not exist"
 
 
-def data_change(enclosure: Enclosure) -> float:
-    """Return the largest change of the sum of the relative changes of all P_ii, to the first order,
-    where each entry of the game changes in its last digit; inf if that fails.
-
-    P changes by Z of F'Z + Z F + c = 0, where c has the changes of the entries times P, K and L.
-    With V of F V + V F' + W = 0 and W = diag(1 / P_ii), the sum is tr(W Z) = tr(V c), which is
-    linear in each entry: the magnitudes of its factors are added. Likewise in discrete time.
-    """
-    with np.errstate(all="ignore"), precision(enclosure.bits):
-        try:
-            change = _first_order_change(enclosure)
-        except (FailedError, ZeroDivisionError):
-            return math.inf
-    return change if math.isfinite(change) else math.inf
-
-
 def _first_order_change(enclosure: Enclosure) -> float:
-    """Return Σ |∂(tr V c) / ∂entry| eps |entry| over all entries of the game (`data_change`).
+    """Return Σ |∂(tr V c) / ∂entry| eps |entry| over all entries (`Certificate.data_change`).
 
     nan or inf if numbers overflow.
 
@@ -503,7 +499,7 @@ def _first_order_change(enclosure: Enclosure) -> float:
     sizes = sizes_of(P)
     is_known = sizes > np.diag(enclosure.numbers("P").radius)  # other P_ii may be 0
     W = np.diag(np.where(is_known, 1.0 / np.where(is_known, sizes, 1.0), 0.0))
-    equation, proved_P, gains = enclosure.proved
+    equation, proved_P, gains, _ = enclosure.proved
     F, T = equation.in_doubles.loop(proved_P, gains).middle, np.eye(len(P))
     T_inverse = T
     if exact_T is not None:

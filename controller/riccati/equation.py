@@ -184,8 +184,9 @@ class Equation(ABC):
 
     def of_kind(self, matrix: np.ndarray | arb_mat) -> Any:
         """Return a matrix as one of the kind of this equation."""
-        balls = ball_matrix(matrix) if isinstance(matrix, np.ndarray) else matrix
-        return Near.of(balls) if self.is_near else balls
+        if self.is_near:
+            return Near(matrix) if isinstance(matrix, np.ndarray) else Near.of(matrix)
+        return ball_matrix(matrix) if isinstance(matrix, np.ndarray) else matrix
 
     @abstractmethod
     def gains_and_residual(self, X: arb_mat) -> tuple[arb_mat, arb_mat]:
@@ -356,12 +357,13 @@ class StepEquation(Equation):
         ahead, weight = X * self.A, self.weight(X)
         right = self.G.transpose() * ahead + self.C.transpose()
         gains = weight.solve(right)
-        # With the weight V, right'V⁻¹ right = k'right + error'V⁻¹ right for any k, with
-        # error = right - V k: what is unknown of V⁻¹ right counts only with the error.
+        # With the weight V, right'V⁻¹ right is the symmetric part of k'(right + error) plus
+        # error'V⁻¹ error for any k, with error = right - V k: what is unknown of V⁻¹ right counts
+        # only with the error.
         k = gains.mid()
         error = right - weight * k
-        players = k.transpose() * right + error.transpose() * gains
-        return gains, self.A.transpose() * ahead - X + self.Q - players
+        players = k.transpose() * (right + error) + error.transpose() * (gains - k)
+        return gains, symmetric_part(self.A.transpose() * ahead - players) - X + self.Q
 
     def changes(self, X: Any, loop: Any, Z: Any) -> tuple[Any, Any]:
         """Return k = (W + G'(X + Z) G)⁻¹ G'Z F with the loop F at X, and -F'Z G k."""

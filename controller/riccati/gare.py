@@ -17,7 +17,6 @@ from controller.riccati.enclosure import (
     Certificate,
     Enclosure,
     UndecidedError,
-    data_change,
     decided,
 )
 from controller.riccati.l2_gain import GainBounds
@@ -303,7 +302,7 @@ def solve(game: Game) -> Solution:
     P, K = enclosure.rounded("P"), enclosure.rounded("K")
     if not (np.isfinite(P).all() and np.isfinite(K).all()):
         raise NoSolutionError("P or K is beyond the range of doubles; choose other units")
-    return Solution(game, enclosure, Certificate(enclosure, data_change(enclosure)), P, K)
+    return Solution(game, enclosure, Certificate(enclosure), P, K)
 
 
 def lqr(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -50,11 +50,13 @@ class Stabilizing(NamedTuple):
 
     P: (n, n)
     gains: of P, (m, n), in discrete time (m + k, n)
+    near: P and the gains, `Near`, if the proof is by doubles
     """
 
     equation: Equation
     P: arb_mat
     gains: arb_mat
+    near: tuple[Near, Near] | None
 
 
 def stabilizing(candidate: Candidate) -> Stabilizing:
@@ -64,10 +66,10 @@ def stabilizing(candidate: Candidate) -> Stabilizing:
     """
     from flint import arb
 
-    equation, X, gains, residual, loop, Y, near_X = candidate
+    equation, X, gains, residual, loop, Y, near = candidate
     try:
-        judged = equation if near_X is None else equation.in_doubles
-        sensitivity = judged.sensitivity(near_X or X, loop)
+        judged, at = (equation, X) if near is None else (equation.in_doubles, near[0])
+        sensitivity = judged.sensitivity(at, loop)
     except ZeroDivisionError:
         raise NotProvedError("the weight at X may be singular") from None
     # The loop is stable if Y > 0 decreases along it.
@@ -96,7 +98,10 @@ def stabilizing(candidate: Candidate) -> Stabilizing:
     plus_minus = arb(0, 1)  # all numbers from -1 to 1
     ones = ball_matrix(np.ones((gains.nrows(), 1)))
     of_gains = ones * s * (sensitivity.gains * norm(s) * plus_minus)
-    return Stabilizing(equation, X + s.transpose() * s * plus_minus, gains + of_gains)
+    if near is not None:  # |Z| <= |s|² in the norm of Frobenius
+        of_X = norm(s) ** 2
+        near = near[0].widened(of_X), near[1].widened(sensitivity.gains * of_X)
+    return Stabilizing(equation, X + s.transpose() * s * plus_minus, gains + of_gains, near)
 
 
 def prove_value(found: Stabilizing) -> None:
@@ -110,12 +115,13 @@ def prove_value(found: Stabilizing) -> None:
 
     Raises NotProvedError if the ball does not prove it.
     """
-    equation, P, gains = found
-    if not any(map(_is_value, (equation.in_doubles, equation), (P, P), (gains, gains))):
+    equation, P, gains, near = found
+    is_near = near is not None and _is_value(equation.in_doubles, *near)
+    if not (is_near or _is_value(equation, P, gains)):
         raise NotProvedError("a player pays, or the loop without disturbance is not stable")
 
 
-def _is_value(equation: Equation, P: arb_mat, gains: arb_mat) -> bool:
+def _is_value(equation: Equation, P: Any, gains: Any) -> bool:
     """Return whether both conditions of `prove_value` are proved by the matrices of an equation."""
     if not all(weight is None or is_positive_definite(weight) for weight in equation.weights(P)):
         return False
@@ -251,7 +257,7 @@ def _why_not_the_value(found: Stabilizing) -> str:
     """Return why the stabilizing solution is proved not to be the value, or "": an input or the
     disturbance gains cost in one step, or A - B K is unstable.
     """
-    equation, P, gains = found
+    equation, P, gains, _ = found
     of_inputs, of_disturbances = equation.weights(P)
     if is_positive_definite(of_inputs) is False:
         return "in one step, an input gains cost: R + B'P B is indefinite"

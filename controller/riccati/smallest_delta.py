@@ -114,7 +114,7 @@ def minimum_delta(game: Game) -> DeltaMin:
         raise NoSolutionError(undisturbed)
     if disturbance_costs_nothing(game):
         return DeltaMin(0.0, 0.0)
-    equation, P, gains = undisturbed.proved
+    equation, P, gains, _ = undisturbed.proved
     with precision(undisturbed.bits):
         search = Search(equation, midpoints(P), midpoints(equation.loop(P, gains)))
     return _bracket(search, estimate(search))
