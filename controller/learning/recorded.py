@@ -170,8 +170,6 @@ def _of_columns(columns: Sequence[Column], names: PlantNames) -> dict[str, Any]:
 
     They are in the units of the plant, if it has any, and otherwise in those of the columns.
     """
-    if len({len(column.cells) for column in columns}) > 1:
-        raise BadInputError("the columns differ in length; give x and u, or columns of one length")
     signals = (*names.states, *names.inputs)  # before words such as time
     units = dict(zip(signals, (*names.state_units, *names.input_units), strict=False))
     named = matched(columns, _NO_SIGNALS | dict.fromkeys(signals, ""))
@@ -201,6 +199,8 @@ def _of_columns(columns: Sequence[Column], names: PlantNames) -> dict[str, Any]:
                 label = f"{end or state + suffixes[-1]} [{unit}]".removesuffix(" []")
                 raise BadInputError(f"there is no column {label}; add it, or remove the others")
             block.append((named[end], unit))
+    if len({len(column.cells) for block in blocks.values() for column, _ in block}) > 1:
+        raise BadInputError("the columns differ in length; give x and u, or columns of one length")
     matrices: dict[str, Any] = {
         key: np.column_stack([column.numbers(unit) for column, unit in block])
         for key, block in blocks.items()

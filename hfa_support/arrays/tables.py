@@ -222,10 +222,15 @@ def _loaded(path: Path) -> Any:
 
 def _entries_of_group(group: Any) -> dict[str, Any]:
     """Return the arrays of a group of an HDF5 file, and its groups as nested mappings."""
-    return {
-        name: item[()] if hasattr(item, "shape") else _entries_of_group(item)
-        for name, item in group.items()
-    }
+    import h5py
+
+    entries: dict[str, Any] = {}
+    for name, item in group.items():
+        if isinstance(item, h5py.Group):
+            entries[name] = _entries_of_group(item)
+        else:
+            entries[name] = (item.asstr() if h5py.check_string_dtype(item.dtype) else item)[()]
+    return entries
 
 
 def _columns_of_text(where: str, content: bytes) -> list[Column]:

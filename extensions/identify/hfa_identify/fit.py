@@ -42,6 +42,8 @@ _STUCK = 0.05
 #: A decrease of L below this value may be a rounding error and is not counted.
 _NO_GAIN = 1e-6
 MOST_STEPS = 30
+#: Least standard deviation of the noise, in nominal values: the error of the integration.
+_LEAST = 1e-6
 #: An unknown is kept constant if its range is smaller than this fraction of its standard deviation.
 _LOOSE = 0.1
 #: Trials of a step, in this order: damping, and fraction of the step that is made.
@@ -215,7 +217,7 @@ class OutputError:
             np.where(flags, table, 0.0) for flags, table in zip(self.present, tables, strict=True)
         )
         self.samples = np.sum([flags.sum(axis=0) for flags in self.present], axis=0)
-        self.least = (1e-9 * responses.model.nominal(responses.measured)) ** 2
+        self.least = (_LEAST * responses.model.nominal(responses.measured)) ** 2
 
     def fit(self, progress: Callable[[float, float], None] | None, begin: Fit | None = None) -> Fit:
         """Return the fit with the least L that Gauss-Newton steps reach.

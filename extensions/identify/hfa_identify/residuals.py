@@ -257,10 +257,11 @@ def misfits(fit: Fit) -> list[Misfit]:
     - Otherwise, the residuals follow the inputs.
     - Otherwise, the residuals are noise, and nothing is returned.
     """
+    shows_noise = fit.noise > fit.search.least  # more than rounding
     measured = [
         (number, int(place))
         for number, present in enumerate(fit.present)
-        for place in np.flatnonzero(present.any(axis=0))
+        for place in np.flatnonzero(present.any(axis=0) & shows_noise)
     ]
     candidates = [_candidate(fit, number, place) for number, place in measured]
     # Divided by the number of tests, so that one of them fails by chance with at most `_CHANCE`.

@@ -154,21 +154,24 @@ def test_the_command_writes_an_aircraft(words):
 
 
 def test_the_command_refuses_in_one_line(folder):
-    """A held quantity of another name is refused in one line, with exit code 2."""
+    """A held quantity of another name is refused in one line, with exit code 2, and no file."""
     Path("record.csv").write_text("time,alpha\n0,1")
     options = ("--aircraft", UAV, "--free", "Cm_q", "--hold", "elevater=0")
-    done = run("identify", "record.csv", *options)
-    assert done.code == 2
+    done = run("identify", "record.csv", *options, "-o", "found.toml")
+    assert (done.code, Path("found.toml").exists()) == (2, False)
     (line,) = done.err.strip().splitlines()
     assert "'elevater'" in line
 
 
 def test_a_file_of_a_flight_is_a_record(folder):
-    """The text and the arrays that `hfa fly -o` writes have the same times, inputs and states."""
-    words = ("fly", "--aircraft", UAV, "--initial", "alpha=2", "--duration", "0.2", "-o")
+    """The text and the arrays that `hfa fly -o` writes have the same times, inputs and states, which
+    the aircraft explains, also those that are 0 up to rounding.
+    """
+    words = ("fly", "--aircraft", UAV, "--initial", "alpha=2", "--duration", "2", "-o")
     reads = []
     for file in ("flown.csv", "flown.npz"):
         assert run(*words, file).code == 0
         read = read_record(file, AIRCRAFT, {})
         reads.append(np.hstack([read.time[:, None], read.inputs, read.table([*AIRCRAFT.states])]))
     np.testing.assert_allclose(*reads, rtol=1e-9, atol=1e-12)
+    assert hfa.identify(AIRCRAFT, "flown.csv", ["Cm_q"]).ok
