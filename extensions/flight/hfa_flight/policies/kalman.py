@@ -52,23 +52,6 @@ _LEAST_OBSERVABILITY = 1e-7
 _LARGEST_RESIDUAL = 1e-8
 
 
-class _Plant(NamedTuple):
-    """Aircraft and air, x' = A x + B u + G ν with white noise ν, y = C x.
-
-    x are the k linear states and the states of the turbulence filter; scale (n,) are their units.
-    The winds are W times the latter.
-    """
-
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    noise: np.ndarray  # G G', of the turbulence
-    drift: np.ndarray  # (n,), standard deviation of the drift in one second
-    scale: np.ndarray
-    winds: tuple[str, ...]
-    W: np.ndarray
-
-
 @dataclass(frozen=True, eq=False)
 class KalmanFilter(Result):
     """Stationary filter x⁺ = Φ x̂ + Γ u, x̂ = x + L (y - C x) of the deviations from a trim.
@@ -88,6 +71,7 @@ class KalmanFilter(Result):
         sample. The change of the winds within a sample is left out, because its effect on the
         aircraft depends on the states: with that at the trim, a fast gain leaves its limits in
         severe turbulence.
+    climate: stationary covariance of the states of the air and of the biases, (n - k, n - k).
     P: covariance of the error of the predicted states x.
     L: gain, (n, p).
     residual: residual of the Riccati equation of P, relative to P, in balanced units.
@@ -109,6 +93,7 @@ class KalmanFilter(Result):
     Q: np.ndarray
     R: np.ndarray
     air: np.ndarray
+    climate: np.ndarray
     P: np.ndarray
     L: np.ndarray
     residual: float
@@ -146,60 +131,70 @@ class KalmanFilter(Result):
             turbulence = turbulence_of(turbulence)
         in_order = {name: sensors[name] for name in measurable(point.model) if name in sensors}
         drifts = {**_default_drifts(point, in_order), **drift}
-        plant = _plant(linear, in_order, drifts, turbulence, dt)
-        return cls._solved(plant, point, dt, in_order, drifts, turbulence)
+        return cls._solved(linear, dt, in_order, drifts, turbulence)
 
     @classmethod
     def _solved(
         cls,
-        plant: _Plant,
-        point: OperatingPoint,
+        linear: LinearModel,
         dt: float,
         sensors: Mapping[str, Sensor],
         drift: Mapping[str, float],
         turbulence: Turbulence | None,
     ) -> Self:
-        """Return the filter of a plant.
+        """Return the filter. It is computed in units of the states, and of the noise."""
+        point, (k, m) = linear.point, linear.B.shape
+        air = _with_biases(_air(point, turbulence, dt), sensors)
+        of_linear, of_air = slice(None, k), slice(k, None)  # the states of air and biases
+        A, noise = _in_air(linear, air)
+        B = np.vstack([linear.B, np.zeros((len(air.A), m))])
+        x = ca.SX.sym("x", len(A))
+        y = _sensed(point, sensors, air, x)
+        C = ca.Function("slopes", [x], [ca.densify(ca.jacobian(y, x))])(0.0).full()
 
-        It is computed in units of the states, `plant.scale`, and of the noise, `sigma`.
-        """
         sigma = np.array([sensor.noise for sensor in sensors.values()])
-        units = np.outer(plant.scale, plant.scale)
-        A = plant.A * plant.scale / plant.scale[:, None]
-        C = plant.C * plant.scale / sigma[:, None]
-        unobservable = _unobservable(plant, A, C, tuple(drift), tuple(sensors))
+        scale = np.append([*_sizes(point, sensors).values()], np.sqrt(np.diag(air.covariance)))
+        units, drifts = np.outer(scale, scale), np.append([*drift.values()], np.zeros(len(air.A)))
+        A_in_units, C_in_units = A * scale / scale[:, None], C * scale / sigma[:, None]
+        unobservable = _unobservable(
+            A_in_units[of_linear, of_linear],
+            C_in_units[:, of_linear],
+            tuple(drift),
+            tuple(sensors),
+        )
 
         # Covariance that drift and turbulence add in a sample.
-        Phi_in_units, of_drift = of_step(A, np.diag((plant.drift / plant.scale) ** 2), dt)
-        of_air = np.zeros_like(A)
-        if len(A) > len(drift):  # only the states of air and biases, after the linear states
-            block = (slice(len(drift), None),) * 2
-            _, of_air[block] = of_step(A[block], (plant.noise / units)[block], dt)
-        Q = of_air + of_drift
+        Phi_in_units, of_drift = of_step(A_in_units, np.diag((drifts / scale) ** 2), dt)
+        by_air = np.zeros_like(A)
+        if len(A) > k:
+            block = of_air, of_air
+            _, by_air[block] = of_step(A_in_units[block], (noise / units)[block], dt)
+        Q = by_air + of_drift
         Q = 0.5 * (Q + Q.T)
-        P, L, residual = _stationary(Phi_in_units, C, Q)
+        P, L, residual = _stationary(Phi_in_units, C_in_units, Q)
 
-        Phi, Gamma = zero_order_hold(plant.A, plant.B, dt)
+        Phi, Gamma = zero_order_hold(A, B, dt)
         return cls(
             point=point,
             dt=dt,
             sensors=sensors,
             drift=drift,
             turbulence=turbulence,
-            A=plant.A,
-            B=plant.B,
+            A=A,
+            B=B,
             Phi=Phi,
             Gamma=Gamma,
-            C=plant.C,
+            C=C,
             Q=Q * units,
             R=np.diag(sigma**2),
-            air=of_air * units,
+            air=by_air * units,
+            climate=air.covariance,
             P=P * units,
-            L=L * plant.scale[:, None] / sigma,
+            L=L * scale[:, None] / sigma,
             residual=residual,
             unobservable=unobservable,
-            winds=plant.winds,
-            W=plant.W,
+            winds=air.winds,
+            W=air.W,
         )
 
     @property
@@ -209,7 +204,7 @@ class KalmanFilter(Result):
 
     def sensed(self, x: ca.SX) -> ca.SX:
         """Return the measured values at the states of the filter, (p,), as deviations from trim."""
-        return _sensed(self.point, self.states, self.sensors, self.winds, self.winds_at(x), x)
+        return _sensed(self.point, self.sensors, self, x)
 
     @cached_property
     def at_trim(self) -> np.ndarray:
@@ -243,14 +238,6 @@ class KalmanFilter(Result):
         P = self.P - self.L @ self.C @ self.P  # covariance of the error of x̂
         # The linear states come first; the states of the air are left out.
         return dict(zip(self.states, np.sqrt(np.diag(P)).tolist(), strict=False))
-
-    @cached_property
-    def climate(self) -> np.ndarray:
-        """Stationary covariance of the states of the air, (n - k, n - k)."""
-        from scipy.linalg import solve_discrete_lyapunov
-
-        air = slice(len(self.states), None)
-        return np.asarray(solve_discrete_lyapunov(self.Phi[air, air], self.air[air, air]))
 
     def winds_at(self, x: ca.SX) -> ca.SX:
         """Return the winds of some states (n,), (w,)."""
@@ -362,36 +349,36 @@ def _default_drifts(point: OperatingPoint, sensors: Mapping[str, Sensor]) -> dic
 
 
 def _sensed(
-    point: OperatingPoint,
-    states: tuple[str, ...],
-    sensors: Mapping[str, Sensor],
-    names_of_winds: tuple[str, ...],
-    winds: ca.SX,
-    x: ca.SX,
+    point: OperatingPoint, sensors: Mapping[str, Sensor], air: _Air | KalmanFilter, x: ca.SX
 ) -> ca.SX:
     """Return the measured values, (p,), at states x of a filter, as deviations from the trim.
 
-    winds: (w,), at x
+    air: what has the winds
     """
-    model, names = point.model, tuple(sensors)
+    model, linear = point.model, point.model.linear
     X = ca.SX.zeros(len(point.x))
-    X[model.state_places(states)] = x[: len(states)]
+    X[model.state_places(linear)] = x[: len(linear)]
     # Symbols, on which no measured value may depend: the filter does not know what acts.
     U = ca.SX.sym("U", len(model.inputs))
-    by_name = dict(zip(names_of_winds, ca.vertsplit(winds), strict=True))
-    values = ca.vertsplit(measured(point, names, X, U, model.p, by_name))
-    for name, value in zip(names, values, strict=True):
+    winds = ca.vertsplit(ca.mtimes(ca.DM(air.W), x[len(linear) :]))
+    by_name = dict(zip(air.winds, winds, strict=True))
+    values = dict(
+        zip(
+            sensors,
+            ca.vertsplit(measured(point, tuple(sensors), X, U, model.p, by_name)),
+            strict=True,
+        )
+    )
+    for name, value in values.items():
         if ca.depends_on(value, U):
             raise BadInputError(
                 f"the sensor of {name} depends on the inputs; add --servo, whose positions are "
                 "states"
             )
-    biased = [name for name in names if sensors[name].bias]
-    states_of_biases = ca.vertsplit(x)[x.numel() - len(biased) :]
-    biases = dict(zip(biased, states_of_biases, strict=True))
-    return ca.vertcat(
-        *(value + biases.get(name, 0.0) for name, value in zip(names, values, strict=True))
-    )
+    biased = [name for name, sensor in sensors.items() if sensor.bias]
+    for name, bias in zip(biased, ca.vertsplit(x)[x.numel() - len(biased) :], strict=True):
+        values[name] += bias
+    return ca.vertcat(*values.values())
 
 
 def _stationary(
@@ -463,17 +450,18 @@ def _air(point: OperatingPoint, turbulence: Turbulence | None, dt: float) -> _Ai
 _BIAS_TIME = 3600.0
 
 
-def _with_biases(air: _Air, sizes: np.ndarray) -> _Air:
+def _with_biases(air: _Air, sensors: Mapping[str, Sensor]) -> _Air:
     """Return the air with a first-order process for each bias of a sensor, which no wind has."""
     from scipy.linalg import block_diag
 
+    sizes = np.array([sensor.bias for sensor in sensors.values() if sensor.bias])
     count, variances = len(sizes), np.diag(sizes**2)
     return air._replace(
         A=block_diag(air.A, -np.eye(count) / _BIAS_TIME),
         noise=block_diag(air.noise, variances * 2.0 / _BIAS_TIME),
         covariance=block_diag(air.covariance, variances),
-        W=np.hstack([air.W, np.zeros((len(air.W), count))]),
-        E=np.hstack([air.E, np.zeros((len(air.E), count))]),
+        W=np.pad(air.W, [(0, 0), (0, count)]),
+        E=np.pad(air.E, [(0, 0), (0, count)]),
     )
 
 
@@ -500,35 +488,6 @@ def _in_air(linear: LinearModel, air: _Air) -> tuple[np.ndarray, np.ndarray]:
     return A, noise
 
 
-def _plant(
-    linear: LinearModel,
-    sensors: Mapping[str, Sensor],
-    drift: Mapping[str, float],
-    turbulence: Turbulence | None,
-    dt: float,
-) -> _Plant:
-    """Return aircraft and air in continuous time: the linear states above those of the air."""
-    point = linear.point
-    biases = np.array([sensor.bias for sensor in sensors.values() if sensor.bias])
-    air = _with_biases(_air(point, turbulence, dt), biases)
-    A, noise = _in_air(linear, air)
-    (k, m), of_air = linear.B.shape, len(air.A)
-    x = ca.SX.sym("x", len(A))
-    winds = ca.mtimes(ca.DM(air.W), x[k:])
-    y = _sensed(point, tuple(linear.states), sensors, air.winds, winds, x)
-    slopes = ca.Function("slopes", [x], [ca.densify(ca.jacobian(y, x))])
-    return _Plant(
-        A=A,
-        B=np.vstack([linear.B, np.zeros((of_air, m))]),
-        C=slopes(0.0).full(),
-        noise=noise,
-        drift=np.append([*drift.values()], np.zeros(of_air)),
-        scale=np.append([*_sizes(point, sensors).values()], np.sqrt(np.diag(air.covariance))),
-        winds=air.winds,
-        W=air.W,
-    )
-
-
 def _reaching(A: np.ndarray, C: np.ndarray) -> np.ndarray:
     """Return the indices of the states of x' = A x that act on the outputs C x."""
     reaching = (C != 0.0).any(axis=0)
@@ -539,26 +498,21 @@ def _reaching(A: np.ndarray, C: np.ndarray) -> np.ndarray:
 
 
 def _unobservable(
-    plant: _Plant,
-    A: np.ndarray,
-    C: np.ndarray,
-    states: tuple[str, ...],
-    sensors: tuple[str, ...],
+    A: np.ndarray, C: np.ndarray, states: tuple[str, ...], sensors: tuple[str, ...]
 ) -> tuple[str, ...]:
     """Return the dominant states of the aircraft's decaying modes that the sensors do not observe.
 
-    A, C: matrices of the plant in the units in which the filter is computed
+    A, C: of the linear states, in the units in which the filter is computed
 
     Raises BadInputError for such a mode that does not decay.
     """
-    k = len(states)
-    size = np.linalg.norm(A[:k, :k], 2)
+    size = np.linalg.norm(A, 2)
     names = []
-    for mode in modes_of(plant.A[:k, :k], states):
+    for mode in modes_of(A, states):
         # A mode s is observable unless [A - s I; C] has a zero singular value (Popov, Hautus). C
         # times the size of A is comparable with A.
-        shifted = A[:k, :k] - mode.eigenvalue * np.eye(k)
-        observed = np.linalg.svd(np.vstack([shifted, size * C[:, :k]]), compute_uv=False)[-1]
+        shifted = A - mode.eigenvalue * np.eye(len(A))
+        observed = np.linalg.svd(np.vstack([shifted, size * C]), compute_uv=False)[-1]
         if observed > _LEAST_OBSERVABILITY * size:
             continue
         if mode.eigenvalue.real >= -_LEAST_OBSERVABILITY * size:
