@@ -361,23 +361,15 @@ class FilteredPolicy(SampledPolicy):
         policy, late = super().in_scenario(replace(with_tick, delay=delay))
         return replace(policy, ahead=scenario.delay), late
 
-    def loop(self, further: float = 0.0) -> FilterLoop | None:
-        """Return the linear loop with a further delay, s, or None for a law without a gain."""
-        late = self.delay - self.ahead + further
-        return (
-            None if self.gain is None else FilterLoop.of(self.filter, self.gain, self.ahead, late)
-        )
+    def loop(self) -> FilterLoop | None:
+        """Return the linear loop, or None for a law without a gain."""
+        K, unknown = self.gain, self.delay - self.ahead
+        return None if K is None else FilterLoop.of(self.filter, K, self.ahead, unknown)
 
     def sampled_modes(self) -> np.ndarray | None:
-        """Return the eigenvalues of the loop near the trim, 1/s, or None without a linear law.
-
-        A mode that vanishes after one sample, z = 0, has no eigenvalue s, and is left out.
-        """
+        """Return the eigenvalues of the loop near the trim, 1/s, or None without a linear law."""
         loop = self.loop()
-        if loop is None:
-            return None
-        of_samples = np.linalg.eigvals(loop.closed)
-        return np.log(of_samples[of_samples != 0.0].astype(complex)) / self.dt  # s = ln(z) / dt
+        return None if loop is None else loop.modes
 
     @cached_property
     def margins(self) -> FilterMargins | None:

@@ -11,7 +11,10 @@ from typing import Any, ClassVar, NamedTuple, Self
 import casadi as ca
 import numpy as np
 
+from controller.critic.critic import from_functions
+from controller.critic.features import symbols_for
 from controller.critic.network.declared import NOTHING, Declared
+from controller.game.zero_sum import Game
 from hfa_aircraft.batch_simulation import saturated
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
@@ -192,12 +195,13 @@ class FunctionPolicy(Policy):
         sizes = self.function.numel_out(0), self.function.numel_in(0)
         object.__setattr__(self, "sizes", sizes)
 
-    @property
+    @cached_property
     def gain(self) -> np.ndarray:
-        """Gain K (m, k) = -∂π/∂z at z = 0."""
-        z = ca.SX.sym("z", self.function.numel_in(0))
-        slope = ca.Function("slope", [z], [ca.jacobian(self.function(z), z)])
-        return -slope(np.zeros(z.numel())).full()
+        """Gain K (m, k) at z = 0, that of a critic with this policy, whatever its game."""
+        m, k = self.function.numel_out(0), self.function.numel_in(0)
+        game = Game(-np.eye(k), np.zeros((k, m)), Q=np.ones(k), R=np.ones(m))
+        z = symbols_for([self.function], k)
+        return from_functions(game, z, {"policy": self.function(z)}, self.name).K
 
     @cached_property
     def limited(self) -> ca.Function:

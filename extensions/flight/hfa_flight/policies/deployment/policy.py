@@ -128,9 +128,7 @@ class DeployedPolicy(Policy):
         equilibrium = EquilibriumSearch(self.deployed, self.point).equilibrium()
         if equilibrium is None:
             return None
-        values = np.linalg.eigvals(chain_of(equilibrium.nominal, timing.dt, timing.delay).closed)
-        # s = ln(z) / dt; a mode with z = 0 vanishes after one sample and has no s
-        return np.log(values[values != 0.0].astype(complex)) / timing.dt
+        return chain_of(equilibrium.nominal, timing.dt, timing.delay).modes
 
     def notes(self) -> tuple[str, ...]:
         """Return contradictions between the policy's files, and what it does not use of them."""

@@ -275,6 +275,12 @@ class Chain:
         """Closed-loop matrix F + G C."""
         return self.F + self.G @ self.C
 
+    @property
+    def modes(self) -> np.ndarray:
+        """Eigenvalues of the closed loop, ln(z) / dt, 1/s, without z = 0: it ends in a sample."""
+        of_samples = np.linalg.eigvals(self.closed)
+        return np.log(of_samples[of_samples != 0.0].astype(complex)) / self.dt
+
     @cached_property
     def radius(self) -> float:
         """Spectral radius of the closed loop, inf if its matrix is not finite."""
