@@ -130,7 +130,8 @@ def updated(
     values = _values(kalman, before.x, y)
     gate = _gate(before, values)
     x, P, P_of_gain = _corrected_by_values(before, values, gate.is_used)
-    impossible, given = sum(gate.is_impossible, ca.SX(0)), sum(gate.is_given, ca.SX(0))
+    given, used = ca.sum1(gate.is_given), ca.sum1(gate.is_used)
+    impossible = given - used
 
     # Samples in a row with impossible values. One without any value does not change the number.
     missed = ca.if_else(impossible > 0, before.missed + 1, ca.if_else(given > 0, 0, before.missed))
@@ -160,79 +161,71 @@ def updated(
         share=ca.if_else(ca.logic_or(begins, waits), share_at_begin, share_later),
         last=ca.if_else(ca.fabs(y) <= _LARGEST_FINITE, y, before.last),
     )
-    return estimate, ca.if_else(begins, 0, sum(gate.is_used) < len(kalman.sensors))
+    return estimate, ca.if_else(begins, 0, used < len(kalman.sensors))
 
 
 class _Gate(NamedTuple):
-    """Of each measured value, 1 or 0: whether it is given, used, or given and impossible."""
+    """Of each measured value, 1 or 0, (p,): whether it is given, and whether it is used."""
 
-    is_given: list[ca.SX]
-    is_used: list[ca.SX]
-    is_impossible: list[ca.SX]
+    is_given: ca.SX
+    is_used: ca.SX
 
 
-class _Value(NamedTuple):
-    """A measured value, the one expected at the prediction, its slopes (1, n) and its variance."""
+class _Values(NamedTuple):
+    """Measured values, those expected at the prediction, (p,), with their slopes (p, n), and the
+    variances of the noise.
+    """
 
     y: ca.SX
     expected: ca.SX
     slopes: ca.SX
-    variance: float
+    variances: ca.DM
 
 
-def _values(kalman: KalmanFilter, x: ca.SX, y: ca.SX) -> list[_Value]:
+def _values(kalman: KalmanFilter, x: ca.SX, y: ca.SX) -> _Values:
     """Return the measured deviations y, (p,), with what is expected at predicted states x."""
     at = ca.SX.sym("at", x.numel())
     sensed = kalman.sensed(at)
-    slopes = ca.densify(ca.jacobian(sensed, at))
-    expected, slopes = ca.substitute([sensed, slopes], [at], [x])
-    variances = np.diag(kalman.R).tolist()
-    return [
-        _Value(y[place], expected[place], slopes[place, :], variance)
-        for place, variance in enumerate(variances)
-    ]
+    both = [sensed, ca.densify(ca.jacobian(sensed, at))]
+    return _Values(y, *ca.substitute(both, [at], [x]), ca.DM(np.diag(kalman.R)))
 
 
-def _gate(before: Estimate, values: list[_Value]) -> _Gate:
+def _gate(before: Estimate, values: _Values) -> _Gate:
     """Return which of the measured values are used."""
-    gate = _Gate(is_given=[], is_used=[], is_impossible=[])
-    for place, value in enumerate(values):
-        variance = ca.mtimes([value.slopes, before.P, value.slopes.T]) + value.variance
-        innovation = ca.fabs(value.y - value.expected)
-        is_new = ca.logic_or(before.begun == 0, value.y != before.last[place])  # not frozen
-        is_given = ca.logic_and(is_new, innovation <= _LARGEST_FINITE)  # false for NaN
-        is_used = ca.logic_and(is_given, innovation <= IMPOSSIBLE * ca.sqrt(variance))
-        gate.is_given.append(is_given)
-        gate.is_used.append(is_used)
-        gate.is_impossible.append(ca.logic_and(is_given, ca.logic_not(is_used)))
-    return gate
+    predicted = ca.diag(ca.mtimes([values.slopes, before.P, values.slopes.T]))
+    innovation = ca.fabs(values.y - values.expected)
+    is_new = ca.logic_or(before.begun == 0, values.y != before.last)  # not frozen
+    is_given = ca.logic_and(is_new, innovation <= _LARGEST_FINITE)  # false for NaN
+    is_possible = innovation <= IMPOSSIBLE * ca.sqrt(predicted + values.variances)
+    return _Gate(is_given, ca.logic_and(is_given, is_possible))
 
 
 def _corrected_by_values(
-    before: Estimate, values: list[_Value], is_used: list[ca.SX]
+    before: Estimate, values: _Values, is_used: ca.SX
 ) -> tuple[ca.SX, ca.SX, ca.SX]:
     """Return x, P and P_of_gain after the measured values that are used, one after the other.
 
     Without any value, P_of_gain is corrected as if all were used.
     """
     x, P, P_of_gain = before.x, before.P, before.P_of_gain
-    is_blind = sum(is_used, ca.SX(0)) == 0
+    is_blind = ca.sum1(is_used) == 0
     correction = _correction(x.numel())
-    for value, used in zip(values, is_used, strict=True):
-        with_value = ca.mtimes(P_of_gain, value.slopes.T)
-        gain = with_value / (ca.mtimes(value.slopes, with_value) + value.variance)
-        expected = value.expected + ca.mtimes(value.slopes, x - before.x)
-        x = x + gain * ca.if_else(used, value.y - expected, 0.0)
-        P = _corrected(correction, P, value, used * gain)
-        P_of_gain = _corrected(correction, P_of_gain, value, ca.logic_or(used, is_blind) * gain)
+
+    def corrected(P: ca.SX, gain: ca.SX) -> ca.SX:
+        """Return the covariance after the correction by a value, with any gain."""
+        PC = ca.mtimes(P, slopes.T)
+        given = ca.vertcat(_triangle(P), PC, ca.mtimes(slopes, PC) + variance, gain)
+        return _symmetric(correction(given), P.shape[0])
+
+    for place in range(is_used.numel()):
+        slopes, variance, used = values.slopes[place, :], values.variances[place], is_used[place]
+        PC = ca.mtimes(P_of_gain, slopes.T)
+        gain = PC / (ca.mtimes(slopes, PC) + variance)
+        expected = values.expected[place] + ca.mtimes(slopes, x - before.x)
+        x = x + gain * ca.if_else(used, values.y[place] - expected, 0.0)
+        P = corrected(P, used * gain)
+        P_of_gain = corrected(P_of_gain, ca.logic_or(used, is_blind) * gain)
     return x, P, P_of_gain
-
-
-def _corrected(correction: ca.Function, P: ca.SX, value: _Value, gain: ca.SX) -> ca.SX:
-    """Return the covariance after the correction by a value, with any gain."""
-    with_value = ca.mtimes(P, value.slopes.T)
-    variance = ca.mtimes(value.slopes, with_value) + value.variance
-    return _symmetric(correction(ca.vertcat(_triangle(P), with_value, variance, gain)), P.shape[0])
 
 
 def _correction(n: int) -> ca.Function:
@@ -250,7 +243,7 @@ def _correction(n: int) -> ca.Function:
 
 
 def _at_values(
-    kalman: KalmanFilter, before: Estimate, y: ca.SX, is_given: list[ca.SX]
+    kalman: KalmanFilter, before: Estimate, y: ca.SX, is_given: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
     """Return x and P of an estimate that begins in flight at the values that are given.
 
@@ -287,10 +280,9 @@ def _at_values(
             P[row, :] = 0.0
             P[:, row] = 0.0
             P[row, row] = states[name].nominal ** 2
-    wide, values = before._replace(x=x, P=P, P_of_gain=P), _values(kalman, x, y)
-    x, P, _ = _corrected_by_values(
-        wide, [values[place] for place in indirect], [is_given[place] for place in indirect]
-    )
+    wide = before._replace(x=x, P=P, P_of_gain=P)
+    values = _Values(*(part[indirect, :] for part in _values(kalman, x, y)))
+    x, P, _ = _corrected_by_values(wide, values, is_given[indirect])
     return x, P
 
 
