@@ -176,10 +176,10 @@ class OneMinusCosine(Gust):
         return self.begin + self.length / self.speed
 
     def winds(self, t: Any, held: ca.SX) -> dict[str, Any]:
-        """Return the updraft at time t."""
-        return {UPDRAFT: ca.SX(self.updraft(t))}
+        """Return the updraft w at time t, positive up, of the length and the peak in `held`."""
+        phase = 2 * np.pi * self.speed * (t - self.begin) / held[0]
+        return {UPDRAFT: held[1] / 2 * (1 - ca.cos(ca.fmin(ca.fmax(phase, 0.0), 2 * np.pi)))}
 
-    def updraft(self, t: Any) -> Any:
-        """Return the updraft w at t, positive up, as a number or an expression."""
-        phase = 2 * np.pi * self.speed * (t - self.begin) / self.length
-        return self.peak / 2 * (1 - ca.cos(ca.fmin(ca.fmax(phase, 0.0), 2 * np.pi)))
+    def held_inputs(self, sample: int) -> np.ndarray:
+        """Return the length and the peak."""
+        return np.array([self.length, self.peak])

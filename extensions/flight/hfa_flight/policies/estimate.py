@@ -179,7 +179,7 @@ class _Values(NamedTuple):
     y: ca.SX
     expected: ca.SX
     slopes: ca.SX
-    variances: ca.DM
+    variances: ca.SX
 
 
 def _values(kalman: KalmanFilter, x: ca.SX, y: ca.SX) -> _Values:
@@ -187,7 +187,8 @@ def _values(kalman: KalmanFilter, x: ca.SX, y: ca.SX) -> _Values:
     at = ca.SX.sym("at", x.numel())
     sensed = kalman.sensed(at)
     both = [sensed, ca.densify(ca.jacobian(sensed, at))]
-    return _Values(y, *ca.substitute(both, [at], [x]), ca.DM(np.diag(kalman.R)))
+    expected, slopes = ca.substitute(both, [at], [x])
+    return _Values(y, expected, slopes, ca.SX(ca.DM(np.diag(kalman.R))))
 
 
 def _gate(before: Estimate, values: _Values) -> _Gate:

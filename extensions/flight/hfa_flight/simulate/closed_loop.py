@@ -1,7 +1,7 @@
 """Plant, policy and scenario as one differential equation y' = f(t, y, held).
 
 `held` contains the inputs of the loop that are constant during a tick. Only this module defines the
-order of the parts of y (`StateParts`) and of the held inputs (`HeldParts`).
+order of the parts of the held inputs (`HeldParts`).
 """
 
 from __future__ import annotations
@@ -162,17 +162,6 @@ class LoopSignals(NamedTuple):
     measured: ca.SX
 
 
-class StateParts(NamedTuple):
-    """Parts of the state y, or their sizes, in the order in which y contains them.
-
-    plant: deviations of the plant's states from trim, (n,)
-    cost: cost from the start of the flight, (1,), or size 0 without a cost
-    """
-
-    plant: Any
-    cost: Any
-
-
 class HeldParts(NamedTuple):
     """Parts of the held inputs, or their sizes, in the order of the vector `held`.
 
@@ -248,14 +237,6 @@ class FlightLoop:
         return tuple(self.scenario.sensors) or self.plant.point.model.linear
 
     @cached_property
-    def state_sizes(self) -> StateParts:
-        """Sizes of the parts of the loop's state y: plant and cost."""
-        return StateParts(
-            plant=len(self.plant.point.model.states),
-            cost=0 if self.cost is None else 1,
-        )
-
-    @cached_property
     def held_sizes(self) -> HeldParts:
         """Numbers of held inputs for the plant and the other parts."""
         scenario, model = self.scenario, self.plant.point.model
@@ -271,15 +252,15 @@ class FlightLoop:
 
     def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Return new symbols for t, y and the held inputs."""
-        y = ca.SX.sym("y", sum(self.state_sizes))
+        y = ca.SX.sym("y", len(self.plant.point.x) + (self.cost is not None))
         held = ca.SX.sym("held", sum(self.held_sizes))
         return ca.SX.sym("t"), y, held
 
     def at(self, t: ca.SX, y: ca.SX, held: ca.SX) -> LoopSignals:
         """Return the expressions of the loop at t, y and the held inputs."""
-        scenario, plant = self.scenario, self.plant
-        rows = plant.point.model.state_places(plant.point.model.linear)
-        state = StateParts(*(y[part] for part in slices_of(self.state_sizes)))
+        scenario, plant, model = self.scenario, self.plant, self.plant.point.model
+        rows = model.state_places(model.linear)
+        x = y[: len(plant.point.x)]
         inputs = HeldParts(*(held[part] for part in slices_of(self.held_sizes)))
         winds = {} if scenario.gust is None else scenario.gust.winds(t, inputs.gust)
         for name, waveform in scenario.air.items():
@@ -287,30 +268,26 @@ class FlightLoop:
         reference = self._reference(t, inputs)
 
         # The states with the errors of their sensors, and the command that follows from them.
-        states = state.plant[rows]
+        states = x[rows]
         noise = ca.vertsplit(inputs.noise) if inputs.noise.numel() else ()
         errors = dict(zip(self._sensed, noise, strict=False))
-        sensed = states + _by_name(errors, plant.point.model.linear)
+        sensed = states + _by_name(errors, model.linear)
         measurements = Measurements(sensed - reference, sensed)
         command = self.policy.control(t, measurements, inputs.policy)
 
         u = _delayed_command(t, inputs.delay) if inputs.delay.numel() else command
-        model = plant.point.model
         if positions_of_servos(model):  # what a servo receives
             limits, trim = Limits.of(model, tuple(model.inputs)), plant.point.u
             u = saturated(u, limits.lowest - trim, limits.highest - trim)
-        plant_rate, limited = plant.at(state.plant, u, winds, inputs.parameters)
-        values = state.plant + _by_name(errors, tuple(plant.point.model.states))
-        if names := self.policy.sensors:
-            values = plant.measured(names, state.plant, u, winds, inputs.parameters)
-            values += _by_name(errors, names)
+        plant_rate, limited = plant.at(x, u, winds, inputs.parameters)
+        names = self.policy.sensors or tuple(model.states)
+        values = plant.measured(names, x, u, winds, inputs.parameters) + _by_name(errors, names)
         if scenario.disturbance is not None:
             plant_rate[rows] += scenario.disturbance.at(t)
         error = states - reference
         cost_rate = ca.SX(0, 1) if self.cost is None else self.cost.rate(error, u)
-        rates = StateParts(plant_rate, cost_rate)
         return LoopSignals(
-            rate=ca.vertcat(*rates),
+            rate=ca.vertcat(plant_rate, cost_rate),
             error=error,
             inputs=u,
             limited=limited,
@@ -362,20 +339,8 @@ class FlightLoop:
         return reference.at(inputs.begin if is_held else t)
 
     def start(self) -> np.ndarray:
-        """Return y at time 0: initial condition of the scenario.
-
-        Raises BadInputError if the initial condition does not have the size of the plant.
-        """
-        parts = StateParts(
-            plant=self.scenario.initial,
-            cost=np.zeros(self.state_sizes.cost),
-        )
-        if parts.plant.size != self.state_sizes.plant:
-            raise BadInputError(
-                f"the initial state has {parts.plant.size} elements; give"
-                f" {self.state_sizes.plant}, one for each state"
-            )
-        return np.concatenate(parts)
+        """Return y at time 0: the initial condition of the scenario, and the cost."""
+        return np.append(self.scenario.initial, [] if self.cost is None else [0.0])
 
     def hold(self, tick: int, held: HeldParts, time: float | None = None) -> None:
         """Write the held inputs of a tick into the parts of the vector of all held inputs.

@@ -17,7 +17,7 @@ from hfa_flight.air.held_step import slices_of
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.signals import Deviations
 from hfa_flight.policies.policy import SAME_TIME, Policy
-from hfa_flight.simulate.closed_loop import FlightLoop, HeldParts, StateParts
+from hfa_flight.simulate.closed_loop import FlightLoop, HeldParts
 from hfa_support.errors import NoSolutionError
 from hfa_support.native.bound import BoundFunction, RowFunction
 from hfa_support.native.row_code import machine_code
@@ -253,13 +253,10 @@ class CompiledLoop:
         self._now = now = loop.at(t, y, held)
         observed = (now.error, now.inputs, now.limited, ca.vertcat(*now.winds.values()))
         is_long = flights * loop.scenario.ticks >= COMPILE_FROM_TICKS
-        model, sizes = loop.plant.point.model, loop.state_sizes
-        nominal = StateParts(
-            plant=model.nominal(model.states),
-            cost=np.zeros(sizes.cost),
-        )
+        model = loop.plant.point.model
+        nominal = model.nominal(model.states).tolist() + [0.0] * (loop.cost is not None)
         rate = self._function("loop_rate", now.rate)
-        step = step_function(rate, tuple(np.concatenate(nominal).tolist()), is_long)
+        step = step_function(rate, tuple(nominal), is_long)
         self.step = BoundFunction(step)
         self.observed = _row_function(self._function("loop_observed", ca.vertcat(*observed)))
         self.places = _Observed(*slices_of([part.numel() for part in observed]))
@@ -347,11 +344,11 @@ class CompiledLoop:
 
     def _flight(self, times: np.ndarray, y: np.ndarray, observed: np.ndarray) -> Deviations:
         """Return the time history of the rows of a flight, whose arrays are those of `_Rows`."""
-        state = StateParts(*(y[:, place] for place in slices_of(self.loop.state_sizes)))
+        states, cost = np.split(y, [len(self.loop.plant.point.x)], axis=1)
         errors, inputs, limited, winds = (observed[:, place] for place in self.places)
         air = dict(zip(self._now.winds, winds.T, strict=True))
-        cost = state.cost[:, 0] if state.cost.size else None
-        return Deviations(times, state.plant, errors, inputs, limited, air, cost)
+        flown_cost = cost[:, 0] if cost.size else None
+        return Deviations(times, states, errors, inputs, limited, air, flown_cost)
 
 
 #: Functions of rows; equal functions are the same object (`_of_text`).

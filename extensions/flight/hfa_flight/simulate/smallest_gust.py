@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-import casadi as ca
 import numpy as np
 
 from hfa_aircraft.limits import Limits
@@ -14,7 +13,6 @@ from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.gusts import (
     UPDRAFT,
-    Gust,
     OneMinusCosine,
     foot_in_length_unit,
     gust_speed,
@@ -48,27 +46,6 @@ ACCURACY = 1.005
 _FLIGHTS_OF_A_LENGTH = 200
 #: Time after a gust in which a flight must stay inside, s.
 AFTER = 5.0
-
-
-class _HeldGust(Gust):
-    """1-cosine updraft at the start of a flight, whose length and peak are held inputs."""
-
-    def __init__(self, gust: OneMinusCosine) -> None:
-        self.gust = gust
-
-    @property
-    def until(self) -> float:
-        """Time at which the gust ends, s."""
-        return self.gust.until
-
-    def winds(self, t: Any, held: ca.SX) -> dict[str, Any]:
-        """Return the updraft at time t, with the length and the peak in `held`."""
-        phase = ca.fmin(2 * np.pi * self.gust.speed * t / held[0], 2 * np.pi)
-        return {UPDRAFT: held[1] / 2 * (1 - ca.cos(phase))}
-
-    def held_inputs(self, sample: int) -> np.ndarray:
-        """Return the length and the peak."""
-        return np.array([self.gust.length, self.gust.peak])
 
 
 class GustThreshold(NamedTuple):
@@ -213,7 +190,7 @@ def smallest_gusts(
     within = envelope if isinstance(envelope, Limits) else flight_envelope(model, point, envelope)
     if not is_limited(within):
         raise BadInputError("the envelope has no limit that a gust could leave; give a limit")
-    first_gust = _HeldGust(OneMinusCosine(float(gust_lengths[0]), 0.0, speed))
+    first_gust = OneMinusCosine(float(gust_lengths[0]), 0.0, speed)
     own_scenario = replace(
         scenario or Scenario(sample=0.01),
         gust=first_gust,
@@ -291,5 +268,5 @@ class _Search:
         gust = replace(self.gust, peak=peak)
         scenario = self.loop.loop.scenario
         ticks = np.ceil((gust.until + AFTER) / scenario.tick)
-        in_gust = replace(scenario, gust=_HeldGust(gust), duration=float(ticks) * scenario.tick)
+        in_gust = replace(scenario, gust=gust, duration=float(ticks) * scenario.tick)
         return fly_within(self.loop, self.envelope, in_gust)
