@@ -470,12 +470,12 @@ def single_parts(
         raise BadInputError(
             f"the file contains no W, P or K; add one of these matrices{entries_found(entries)}"
         )
+    if "K" in parts and parts["K"].ndim == 3:
+        raise BadInputError(
+            "K is a table of gains; give one K of m x n, or judge the table by `hfa assess FILE "
+            "--sample-time S`"
+        )
     for name, values in parts.items():
-        if name == "K" and values.ndim == 3:
-            raise BadInputError(
-                "K has three dimensions, as scheduled gains have; hfa fly reads those with "
-                "--policy FILE, other commands a K of m x n"
-            )
         is_row = max(values.shape, default=1) == values.size
         if values.ndim == DIMENSIONS[name] + 1 and not is_row:
             raise BadInputError(

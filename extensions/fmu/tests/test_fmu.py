@@ -547,10 +547,13 @@ def test_a_file_that_is_no_archive_is_refused():
 
 @pytest.mark.slow
 def test_costs_of_a_gain_are_compared_without_best_flights():
-    """`assess` prints the mean costs of flights with K and with the LQR. Optimal flights need symbolic
-    equations, which an FMU does not have, so that their costs are left out.
+    """`assess` compares the costs of flights with K with those of the exact gain, by the Q and R of the file
+    of K.
     """
     weights = ("--Q", "1,1", "--R", "1")
     run("solve", "--aircraft", fmu(), *weights, "-o", "K.npz", "-q")
     words = ("--sample-time", "0.05", "--samples", "2")
-    assert "mean cost" in run("assess", "K.npz", "--aircraft", fmu(), *words).out
+    assert (
+        "cost of K.npz: Q diag(1, 1), R diag(1)"
+        in run("assess", "K.npz", "--aircraft", fmu(), *words).out
+    )

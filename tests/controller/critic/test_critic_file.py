@@ -41,7 +41,7 @@ SKEW = np.eye(4) + np.triu(np.ones((4, 4)), 1)  # not symmetric
         (GAME, {"W": [[1.0, 2.0], [3.0, 4.0]]}, r"W has shape .2, 2., one for each time"),
         (GAME, {"P": [1.0, 2.0]}, "the number of dimensions of P is 1; give 2"),
         (GAME, {"P": np.ones((4, 2, 2))}, "one for each time; give one"),
-        (GAME, {"K": np.ones((4, 2, 2))}, "K has three dimensions"),
+        (GAME, {"K": np.ones((4, 2, 2))}, "K is a table of gains"),
         (GAME, {"P": I2, "policy_weights": np.ones((2, 4))}, "give a column for each monomial"),
         (GAME, {"P": I2, "policy_weights": np.ones((1, 2))}, "give one for each of the 2 inputs"),
         (GAME, {"W": [1.0], "basis": "__import__('os')"}, "is not supported; use x1 to x2"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,6 @@ from hfa.options.command import Outcome, ProgressLine, Request, command
 from hfa.options.parser import is_given, option
 from hfa.options.plants import aircraft_help
 from hfa.options.trims import GivenTrims, SeveralTrims, at_name, given_trims
-from hfa_aircraft.model import Model
 from hfa_flight.needs import ALL, SAMPLES, SHARE, needed_share
 from hfa_support.errors import BadInputError, choice_of
 from hfa_support.files import POSITIVE, Number
@@ -53,7 +52,7 @@ class AssessRequest(Request, SeveralTrims):
     aircraft: str | None = option(aircraft_help, "FILE.py:NAME")
     file: Path | None = option(
         "deployment file (observations, actions and timing of a policy), or, with "
-        "--sample-time, file with a policy u(x): a gain K or a network",
+        "--sample-time, file with a policy u(x): a gain K, a table of gains or a network",
         "DEPLOYMENT.toml",
         _deployment_path,
         names="file",
@@ -90,9 +89,10 @@ class AssessRequest(Request, SeveralTrims):
     )
 
 
-def _deployment(request: AssessRequest, model: Model) -> Deployment:
+def _deployment(request: AssessRequest, points: Sequence[OperatingPoint]) -> Deployment:
     """Load the deployment, or the policy u(x) of an aircraft with the sample time of the option."""
-    from hfa_flight.policies.deployment.deployment import Deployment, sampled_policy
+    from hfa_flight.policies.deployment.deployment import Deployment
+    from hfa_flight.policies.given import sampled_policy
 
     file = request.file
     if file is None:
@@ -109,7 +109,7 @@ def _deployment(request: AssessRequest, model: Model) -> Deployment:
             f"{file}: a policy u(x) requires a sample time; add --sample-time S, or give a "
             "deployment file, if its inputs are not the deviations from the trim"
         )
-    return sampled_policy(file, model, request.sample_time)
+    return sampled_policy(file, points[0].model, request.sample_time, points)
 
 
 def _assumed_trim(request: AssessRequest, point: OperatingPoint) -> str:
@@ -140,9 +140,9 @@ def assess(request: AssessRequest, given: GivenTrims) -> Outcome:
     from hfa_flight.policies.deployment.deployed import Deployed
 
     model = given.trims[0].model
-    deployed = Deployed(_deployment(request, model), model)
     box = each_of("--box", model, request.box, partial(linear_state, declared=POSITIVE))
     points = tuple(map(trimmed, given.trims))
+    deployed = Deployed(_deployment(request, points), model)
     share = request.need.get(SHARE, ALL)
     assessor = Assessor(deployed, points, request.samples, request.seed, box, share)
     assessment = assessment_of(assessor, needs=request.need, progress_of=ProgressLine)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from controller.game.linear_game import matrix_text
 from hfa_flight.judge.assessed_point import AssessedPoint, schedule_entry
 from hfa_flight.judge.flight_costs import weights_at
 from hfa_flight.judge.outcomes import BALL, Outcomes
@@ -271,7 +272,11 @@ def report_parts(deployed: Deployed, points: Sequence[AssessedPoint]) -> list[An
 def _weights_text(deployed: Deployed, point: AssessedPoint) -> str:
     """Return the weights of the cost as text."""
     signals = (*deployed.model.linear, *deployed.commanded)
-    return f"cost: {cost_text(deployed.model, signals, *weights_at(deployed, point.point))}"
+    weights = weights_at(deployed, point.point)
+    if deployed.deployment.cost is None:
+        return f"cost: {cost_text(deployed.model, signals, *weights)}"
+    shown = (f"{name} {matrix_text(each)}" for name, each in zip("QR", weights, strict=True))
+    return f"cost of {deployed.deployment.origin}: {', '.join(shown)}"
 
 
 def loop_rows(point: AssessedPoint) -> list[Row]:

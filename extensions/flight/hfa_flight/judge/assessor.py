@@ -12,7 +12,6 @@ import numpy as np
 from hfa_aircraft.batch_simulation import Figures, IntegrationError, ReportedFigure, resolved
 from hfa_flight.air.held_step import parts_of_a_sample
 from hfa_flight.judge.assessed_point import AssessedPoint
-from hfa_flight.judge.flight_costs import refuse_wrong_weights
 from hfa_flight.judge.outcomes import (
     BALL,
     ExactFlights,
@@ -37,7 +36,7 @@ from hfa_flight.policies.deployment.sampled_loop import (
 )
 from hfa_flight.simulate.envelope import flight_envelope
 from hfa_flight.simulate.sampled_flights import SampledFlight
-from hfa_support.errors import BadInputError, NoSolutionError
+from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 from trim.point.operating_point import OperatingPoint
 
@@ -140,7 +139,6 @@ class Assessor:
         depends on the inputs, or if an observation, the policy or a map is not finite at a trim.
         """
         refuse_edges(self.points)
-        refuse_wrong_weights(self.deployed)
         self.deployed.refuse_undefined_at(self.points)
         cases = [self._case(point) for point in self.points]
         with ThreadPoolExecutor() as pool:  # a loop that tolerates all delays takes seconds
@@ -154,7 +152,7 @@ class Assessor:
             try:
                 shrinks = not self.box
                 exact.append(exact_flights(flight, case, self.samples, self.seed, shrinks))
-            except (BadInputError, NoSolutionError) as failure:
+            except NoSolutionError as failure:
                 exact.append(None)
                 remark = f"no costs are compared: {failure}"
                 points[number] = replace(points[number], remarks=(*points[number].remarks, remark))

@@ -19,7 +19,7 @@ from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.sampled_loop import Equilibrium, EquilibriumSearch
 from hfa_flight.simulate.sampled_flights import SampledFlight
-from hfa_support.errors import BadInputError, numbers_in, prefix_errors
+from hfa_support.errors import BadInputError, NoSolutionError, numbers_in, prefix_errors
 from hfa_support.matrices import power_of_two
 from trim.point.operating_point import OperatingPoint
 
@@ -37,15 +37,6 @@ def refuse_cross_weights(model: Model) -> None:
             f"{model.name} has cross weights N, which are not supported; remove N, or give a "
             "deployment file with Q and R in [cost]"
         )
-
-
-def refuse_wrong_weights(deployed: Deployed) -> None:
-    """Raise BadInputError if a plant file has cross weights, or Q or R of a wrong shape."""
-    model = deployed.model
-    if deployed.deployment.cost is None:
-        refuse_cross_weights(model)
-        for matrix in ("Q", "R"):
-            default_weight(matrix, model, model.linear, tuple(model.inputs))
 
 
 def cost_weights(deployed: Deployed) -> tuple[Mapping[str, float], Mapping[str, float]]:
@@ -70,12 +61,10 @@ def usual_weights(matrix: str, model: Model) -> dict[str, float]:
 
     Raises BadInputError if the matrix in a plant file is not diagonal.
     """
-    names = tuple(model.linear if matrix == "Q" else model.inputs)
-    if matrix not in model.about.weights:
-        return {name: model.signals[name].nominal ** -2.0 for name in names}
-    weight = default_weight(matrix, model, model.linear, tuple(model.inputs))
+    states, inputs = tuple(model.linear), tuple(model.inputs)
+    weight = default_weight(matrix, model, states, inputs)
     with prefix_errors(model.name):
-        return diagonal_weights(matrix, weight, names)
+        return diagonal_weights(matrix, weight, states if matrix == "Q" else inputs)
 
 
 def diagonal_weights(matrix: str, given: Any, names: Sequence[str]) -> dict[str, float]:
@@ -102,18 +91,19 @@ def weights_at(
     The weights are those of the deployment file; an output with the weight q and the slopes c
     contributes q c c' to Q. Without them, they are the default weights of the model.
 
-    Raises BadInputError for an output that depends on the inputs, and for cross weights.
+    Raises BadInputError for an output that depends on the inputs, and for cross weights, and
+    NoSolutionError without Q and R.
 
     place: point at which the outputs are linearized
     """
     model, linear = deployed.model, deployed.model.linear
     if deployed.deployment.cost is None:
-        refuse_cross_weights(model)
         if not has_weights(deployed):
-            raise BadInputError(
-                f"{deployed.deployment.origin} has no table [cost] with Q and R, and neither has "
-                f"the file of {model.title}"
+            raise NoSolutionError(
+                f"{deployed.deployment.origin} has no cost with diagonal Q and R alone, and the "
+                f"file of {model.title} has no Q and R"
             )
+        refuse_cross_weights(model)
         usual = partial(default_weight, model=model, states=linear, inputs=deployed.commanded)
         return usual("Q"), usual("R")
     of_states, of_inputs = cost_weights(deployed)

@@ -7,7 +7,8 @@ steps or a Python function.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -17,14 +18,26 @@ import casadi as ca
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.critic.critic_file import critic_in, entries_in, is_network, sample_time
+from controller.critic.critic_file import (
+    critic_file,
+    critic_in,
+    entries_in,
+    gain_in,
+    is_network,
+    sample_time,
+)
 from controller.critic.network.declared import NOTHING
+from controller.critic.network.network_file import refuse_normalizer
 from controller.critic.reading import Reading
 from controller.game.linear_game import names_of_linear
 from controller.game.zero_sum import Game
+from hfa_aircraft.model import Model
 from hfa_aircraft.servos import positions_of_servos
+from hfa_aircraft.signals import PlantNames
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.signals import CommandSteps
+from hfa_flight.policies.deployment.actor import gain_function
+from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.laws import DEPLOYMENT, GAIN, NETWORK, TABLE
 from hfa_flight.policies.policy import (
     GainPolicy,
@@ -33,7 +46,10 @@ from hfa_flight.policies.policy import (
     function_policy,
     open_loop,
 )
-from hfa_support.errors import BadInputError, numbers_in, refuse_unknown, shown
+from hfa_flight.policies.scheduled_gains import gain_at, refuse_unscheduled, scheduled_gains
+from hfa_flight.schedule.gain_schedule import GainSchedule, load_gain_schedule
+from hfa_support.errors import BadInputError, numbers_in, prefix_errors, refuse_unknown, shown
+from hfa_support.matrices import shape_text
 from trim.linear.linear_model import LinearModel
 from trim.point.condition import TrimCondition, usual_condition
 from trim.point.operating_point import OperatingPoint
@@ -47,6 +63,89 @@ def kind_of_file(path: Path) -> str:
         return NETWORK
     # A gain table has a matrix for each breakpoint, (G, m, n). Other arrays are a gain or a critic.
     return TABLE if np.ndim(entries_in(path).get("K", 0.0)) == 3 else GAIN
+
+
+def sampled_policy(
+    path: Path, model: Model, dt: float, points: Sequence[OperatingPoint]
+) -> Deployment:
+    """Return the deployment of a file with a policy u(x) of all inputs: a gain K, a table of gains,
+    or a network.
+
+    x are the deviations of all linear states from the trim, sampled every dt seconds, in the units
+    of the model. The gain of a table is that of the scheduling variable of the sample. A cost with
+    diagonal Q and R in the file is that of the deployment.
+
+    points: trims, of which a table must contain all
+
+    Raises BadInputError if K has another shape, other units that cannot be converted, or another
+    sample time, if a network was trained behind a normalizer, or if the file contains neither.
+    """
+    kind = kind_of_file(path)
+    inputs = tuple(model.inputs)
+    names = PlantNames(model.linear, inputs, model.units(model.linear), model.units(inputs))
+    observation: dict[str, dict[str, Any]] = {name: {} for name in model.linear}
+    policy: Any = path.name
+    if kind == TABLE:
+        observation["scheduling variable"] = {"formula": model.schedule, "about": 0.0}
+        refuse_unscheduled(model)
+        schedule = load_gain_schedule(path, model)
+        at = [point.values[model.schedule] for point in points]
+        with prefix_errors(path):
+            schedule.refuse_beyond(min(at), max(at))
+        o = ca.SX.sym("o", len(observation))  # x, and the scheduling variable
+        policy = ca.Function("table", [o], [-gain_at(schedule, o[-1]) @ o[:-1]])
+    elif kind != NETWORK:
+        policy = _sampled_gain(path, names, dt)
+    deployment = Deployment(
+        policy={"file": policy},
+        observation=observation,
+        action={name: {} for name in inputs},
+        timing={"dt": dt},
+        cost=_cost_of_file(path, names),
+        folder=path.parent,
+        origin=str(path),
+    )
+    if kind == NETWORK:
+        with prefix_errors(path):
+            refuse_normalizer(deployment.actor.declared)
+    return deployment
+
+
+def _cost_of_file(path: Path, names: PlantNames) -> dict[str, Any] | None:
+    """Return the cost of the game in a file in continuous time, if Q and R are diagonal."""
+    game = critic_file(path).game(names)
+    if "dt" in game or np.any(game.get("N", 0.0)) or not {"Q", "R"} <= game.keys():
+        return None
+    cost = {}
+    for matrix, signals in (("Q", names.states), ("R", names.inputs)):
+        diagonal = np.diagonal(game[matrix])
+        if len(diagonal) != len(signals) or np.any(game[matrix] != np.diag(diagonal)):
+            return None
+        cost[matrix] = dict(zip(signals, diagonal.tolist(), strict=True))
+    return cost
+
+
+def _sampled_gain(path: Path, names: PlantNames, dt: float) -> ca.Function:
+    """Return the policy -K x of the gain in a critic's file."""
+    shape = len(names.inputs), len(names.states)
+    wanted = (
+        f"give a K of {shape_text(shape)} (inputs {', '.join(names.inputs)} by states "
+        f"{', '.join(names.states)}), or a deployment file"
+    )
+    entries = entries_in(path)
+    with prefix_errors(path):
+        if "K" not in entries or "policy_weights" in entries:
+            raise BadInputError(f"the file contains no linear policy u = -K x; {wanted}")
+        K = gain_in(entries, names)
+        if K.shape != shape:
+            raise BadInputError(f"K is {shape_text(K.shape)}; {wanted}")
+        designed = sample_time(entries)  # None: continuous time; True: an unknown sample time
+        if designed not in (None, True) and not math.isclose(designed, dt, rel_tol=1e-6):
+            raise BadInputError(
+                f"K is a gain for dt = {designed:g} s; give --sample-time {designed:g}, or remove "
+                "dt from the file"
+            )
+    return gain_function(K)
 
 
 def policy_of_file(
@@ -75,9 +174,6 @@ def policy_of_file(
 
         return behind_own_filter(path, point)
     if kind == TABLE:
-        from hfa_flight.policies.scheduled_gains import scheduled_gains
-        from hfa_flight.schedule.gain_schedule import load_gain_schedule
-
         schedule = load_gain_schedule(path, point.model)
         at = condition or usual_condition(point.model).at
         return scheduled_gains(f"gains of {path}", schedule, point, at, commands)
@@ -143,10 +239,7 @@ def _policy_of_object(
     from controller.expansion.expansion import Expansion
     from controller.riccati.gare import Solution
     from controller.tracking import Tracking
-    from hfa_flight.policies.deployment.deployment import Deployment
     from hfa_flight.policies.filtered_policy import behind_own_filter
-    from hfa_flight.policies.scheduled_gains import scheduled_gains
-    from hfa_flight.schedule.gain_schedule import GainSchedule
 
     if isinstance(given, Critic) and not given.has_linear_policy:
         return function_policy(given.origin, given.policy, point, given.declared), scenario

@@ -41,6 +41,13 @@ def table_expression(table: LinearTable, where: ca.SX) -> ca.SX:
     return ca.mtimes(ca.DM(levels).T, chosen) + offset * ca.mtimes(ca.DM(slopes).T, chosen)
 
 
+def gain_at(schedule: GainSchedule, where: ca.SX) -> ca.SX:
+    """Return the gain K of a schedule at a value of its scheduling variable, (m, n)."""
+    model = schedule.model
+    rows = table_expression(schedule.table, where)
+    return ca.reshape(rows, len(model.linear), len(model.inputs)).T
+
+
 #: Number of trims along a command, with linear interpolation between them.
 _TRIMS = 41
 
@@ -126,9 +133,7 @@ class ScheduledGainPolicy(Policy):
         model = self.schedule.model
         row = model.linear.index(model.schedule)
         measured = self.path.base.values[model.schedule] + measurements.states[row]
-        entries = table_expression(self.schedule.table, measured)
-        K = ca.reshape(entries, len(model.linear), len(model.inputs)).T
-        return self.path.inputs_at(t) - ca.mtimes(K, measurements.error)
+        return self.path.inputs_at(t) - gain_at(self.schedule, measured) @ measurements.error
 
     def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
         """Return the policy, and the scenario with the trims along the commands as reference.
@@ -145,6 +150,15 @@ class ScheduledGainPolicy(Policy):
             model.schedule_key: self.schedule.file_breakpoints,
             "K": self.schedule.gains,
         }
+
+
+def refuse_unscheduled(model: Model) -> None:
+    """Raise BadInputError unless a model is scheduled over a state of its linear model."""
+    if model.schedule not in model.linear:
+        raise BadInputError(
+            f"the scheduling variable of {model.name} is {model.schedule or 'not declared'}; "
+            "declare a state of the linear model as the scheduling variable"
+        )
 
 
 def scheduled_gains(
@@ -167,11 +181,7 @@ def scheduled_gains(
     Raises NoSolutionError if a trim does not exist.
     """
     model = schedule.model
-    if model.schedule not in model.linear:
-        raise BadInputError(
-            f"the scheduling variable of {model.name} is {model.schedule or 'not declared'}; "
-            "declare a state of the linear model as the scheduling variable"
-        )
+    refuse_unscheduled(model)
     for commanded in commands.names if commands is not None else ():
         if commanded != model.schedule:
             raise BadInputError(

@@ -34,8 +34,8 @@ FILES = {
     "A": {"A": _PLANT["A"]},
     "steps": {**_PLANT, "time": "discrete"},
     "nan": {**_PLANT, "A": _PLANT["A"] * np.nan},
-    "Q": {**_PLANT, "Q": np.eye(3)},
-    "N": {**_PLANT, "Q": np.eye(2), "N": np.ones((2, 1))},
+    "Q": {**_PLANT, "Q": np.eye(3), "R": np.eye(1)},
+    "N": {**_PLANT, "Q": np.eye(2), "R": np.eye(1), "N": np.ones((2, 1))},
 }
 
 
@@ -101,6 +101,28 @@ def test_a_gain_is_assessed_without_a_deployment_file(folder):
         told = answer("assess", *named, *words)
         radii.append(told["points"][0]["spectral_radius"])
     assert radii[0] == radii[1] == pytest.approx(radii[2], rel=1e-12)
+
+
+def test_a_table_of_gains_has_the_loop_and_cost_of_its_gain_at_the_trim(folder):
+    """At 10 deg, halfway between gains of 5 and 15 deg, the loop is that of their mean; at 20 deg there is
+    no gain. The cost is that of Q and R in the files. `verify` leads to `assess`.
+    """
+    hfa(*["solve", "--dihedral", "5,15", "-o", "table.npz"])
+    with np.load("table.npz") as table:
+        mean = {name: table[name] for name in ("Q", "R", "states", "inputs")}
+        np.savez("mean.npz", K=table["K"].mean(axis=0), **mean)
+    words = ["--sample-time", ".01", "--dihedral", "10"]
+    radii = [
+        answer("assess", file, *words, "--samples", "0")["points"][0]["spectral_radius"]
+        for file in ("table.npz", "mean.npz")
+    ]
+    assert radii[0] == pytest.approx(radii[1], rel=1e-9)
+    assert (
+        "cost of table.npz: Q diag(1000,"
+        in hfa("assess", "table.npz", *words, "--samples", "1").out
+    )
+    assert_refused(hfa("assess", "table.npz", *words[:2], "--dihedral", "20"), 2, "5 deg to 15 deg")
+    assert_refused(hfa("verify", "--dihedral", "10", "--weights", "table.npz"), 2, "hfa assess")
 
 
 @pytest.mark.parametrize(

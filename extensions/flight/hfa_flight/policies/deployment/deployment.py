@@ -14,20 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.critic.critic_file import entries_in, gain_in, is_network
 from controller.critic.network.declared import Normalizer
-from controller.critic.network.network_file import refuse_normalizer
-from hfa_aircraft.readers.matrices_file import sample_time
-from hfa_aircraft.signals import PlantNames
-from hfa_flight.policies.deployment.actor import Actor, Wanted, box_of, gain_function, read_actor
+from hfa_flight.policies.deployment.actor import Actor, Wanted, box_of, read_actor
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, refuse_unknown, shown
 from hfa_support.files import NUMBER, POSITIVE, Number, checked, read_toml, write_text
-from hfa_support.matrices import shape_text
 from hfa_support.reporting.report import Reported
 
 if TYPE_CHECKING:
-    import casadi as ca
-
     from hfa_aircraft.model import Model
 
 
@@ -359,54 +352,6 @@ class Deployment(Reported):
         if "policy" not in changes and "actor" in self.__dict__:  # the cached property
             changed.__dict__["actor"] = self.__dict__["actor"]
         return changed
-
-
-def sampled_policy(path: Path, model: Model, dt: float) -> Deployment:
-    """Return the deployment of a file with a policy u(x) of all inputs: a gain K, or a network.
-
-    x are the deviations of all linear states from the trim, sampled every dt seconds, in the units
-    of the model.
-
-    Raises BadInputError if K has another shape, other units that cannot be converted, or another
-    sample time, if a network was trained behind a normalizer, or if the file contains neither.
-    """
-    has_network = is_network(path)
-    deployment = Deployment(
-        policy={"file": path.name if has_network else _sampled_gain(path, model, dt)},
-        observation={name: {} for name in model.linear},
-        action={name: {} for name in model.inputs},
-        timing={"dt": dt},
-        folder=path.parent,
-        origin=str(path),
-    )
-    if has_network:
-        with prefix_errors(path):
-            refuse_normalizer(deployment.actor.declared)
-    return deployment
-
-
-def _sampled_gain(path: Path, model: Model, dt: float) -> ca.Function:
-    """Return the policy -K x of the gain in a critic's file."""
-    inputs, m, n = tuple(model.inputs), len(model.inputs), len(model.linear)
-    names = PlantNames(model.linear, inputs, model.units(model.linear), model.units(inputs))
-    wanted = (
-        f"give a K of {m} x {n} (inputs {', '.join(inputs)} by states "
-        f"{', '.join(model.linear)}), or a deployment file"
-    )
-    entries = entries_in(path)
-    with prefix_errors(path):
-        if "K" not in entries or "policy_weights" in entries:
-            raise BadInputError(f"the file contains no linear policy u = -K x; {wanted}")
-        K = gain_in(entries, names)
-        if K.shape != (m, n):
-            raise BadInputError(f"K is {shape_text(K.shape)}; {wanted}")
-        designed = sample_time(entries)  # None: continuous time; True: an unknown sample time
-        if designed not in (None, True) and not math.isclose(designed, dt, rel_tol=1e-6):
-            raise BadInputError(
-                f"K is a gain for dt = {designed:g} s; give --sample-time {designed:g}, or remove "
-                "dt from the file"
-            )
-    return gain_function(K)
 
 
 def _plain(value: Any) -> Any:
