@@ -2,7 +2,6 @@
 
 from .critic.critic_file import critic_in as critic_in
 from .expansion.expansion_report import (
-    expansion_figure as expansion_figure,
     expansion_report as expansion_report,
 )
 from .expansion.radius import Radius as Radius, radii_of as radii_of

@@ -11,7 +11,7 @@ import numpy as np
 
 from controller.critic.critic import Critic
 from controller.expansion.expansion import HIGHEST, LOWEST, Expansion, expand
-from controller.expansion.series import homogeneous, middle, name_of
+from controller.expansion.series import homogeneous, name_of
 from controller.expansion.taylor import PowerSeries
 from controller.riccati.gare import Solution
 from hfa_support.cached import cached_property
@@ -300,4 +300,4 @@ def _terms_of_function(function: ca.Function, degrees: range) -> dict[int, np.nd
         raise BadInputError("the network is too wide for its power series")
     ring = PowerSeries(function.numel_in(0), degrees[-1])
     results = ring.values(function, ring.variables())
-    return {d: middle(np.array([ring.of_degree(row, d) for row in results])) for d in degrees}
+    return {d: results[:, ring.of[d]].astype(float) for d in degrees}

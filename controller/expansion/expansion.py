@@ -12,8 +12,8 @@ import numpy as np
 
 from controller.expansion.series import (
     BITS_OF_SERIES,
+    balls,
     in_coordinates,
-    middle,
     nominal_size,
     polynomial,
     relative_radius,
@@ -31,8 +31,6 @@ from trim.linear.linear_model import LinearModel
 from trim.linear.nonsmooth import near_switches, rates_of
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from controller import Radius
 
 
@@ -92,8 +90,7 @@ def refuse_nonsmooth(linear: LinearModel) -> None:
     """
     model = linear.model
     rates = rates_of(model.layout)
-    operations = {rates.instruction_id(k) for k in range(rates.n_instructions())}
-    if ca.OP_CALL in operations:
+    if ca.OP_CALL in {rates.instruction_id(k) for k in range(rates.n_instructions())}:
         raise BadInputError(
             f"{model.title}: the equations call a table or another function, which has no power "
             "series; use an aircraft with smooth equations, or leave out the order"
@@ -112,8 +109,7 @@ def refuse_nonsmooth(linear: LinearModel) -> None:
 #: Permitted degrees of a value.
 LOWEST = min(TO_DEGREE)
 HIGHEST = max(TO_DEGREE)
-#: Largest bound of the errors of coefficients that are returned as doubles, relative to the largest
-#: of their degree.
+#: Largest `error` of coefficients that are returned as doubles.
 LARGEST_ERROR = 1e-9
 #: Share of the cost of a flight by which a value may differ from it in `Expansion.radii`.
 PERMITTED_ERROR = 0.05
@@ -141,8 +137,8 @@ class Expansion(Result, Reported):
     policy_weights: weights of u, (m, M), of all monomials of degree 1 to `order` - 1, sorted by
         degree, and in a degree as by `homogeneous` (z1², z1 z2, z2²)
     nominal: nominal values of the states, (n,)
-    error: proved bound of the error of the terms before they are rounded, relative to the largest
-        of their degree, or to V2 and u1 at nominal deviations
+    error: proved bound of the errors of the terms of V and u before they are rounded, at nominal
+        deviations, relative to the largest term there
 
     >>> import hfa, numpy as np
     >>> linear = hfa.paper.level_model(hfa.aircraft(), np.radians(15.0))
@@ -204,12 +200,6 @@ class Expansion(Result, Reported):
         import controller
 
         return controller.expansion_report(self)
-
-    def figure(self) -> Figure:
-        """Return a figure of the errors of V2, V2 + V3, ... over the distance from the trim."""
-        import controller
-
-        return controller.expansion_figure(self)
 
     def value_to(self, degree: int) -> ca.Function:
         """Return the CasADi Function z (n,) -> V2 + ... up to a degree."""
@@ -277,15 +267,12 @@ def expand(linear: LinearModel, solution: Solution, order: int) -> Expansion:
     with prefix_errors(linear.model.title):
         value, policy = series_of_game(solution, rates, order)
     with precision(BITS_OF_SERIES):
-        z_of_y = ball_matrix(root.T).inv()
+        z_of_y = balls(ball_matrix(root.T).inv())
         value_in_y = [in_coordinates(term[None], d, z_of_y) for d, term in enumerate(value, LOWEST)]
         policy_in_y = [in_coordinates(term, d, z_of_y) for d, term in enumerate(policy, 1)]
-    # V2 = |y|² and u1 are the least of what matters where a state has its nominal value.
     nominal = linear.model.nominal(linear.states)
-    size, gain = nominal_size(root, nominal), float(np.abs(middle(policy_in_y[0])).max())
-    errors = [relative_radius(w, size**-k) for k, w in enumerate(value_in_y)]
-    errors += [relative_radius(w, gain * size**-k) for k, w in enumerate(policy_in_y)]
-    error = max(errors)
+    size = nominal_size(root, nominal)
+    error = max(relative_radius(value_in_y, size), relative_radius(policy_in_y, size))
     if not error <= LARGEST_ERROR:
         raise NoSolutionError(
             f"the coefficients to degree {order} are not decided: they are enclosed within "
@@ -296,10 +283,10 @@ def expand(linear: LinearModel, solution: Solution, order: int) -> Expansion:
         solution,
         rates,
         root,
-        tuple(middle(w)[0] for w in value_in_y),
-        tuple(map(middle, policy_in_y)),
-        weights=middle(np.concatenate(value)),
-        policy_weights=middle(np.hstack(policy)),
+        tuple(w[0].astype(float) for w in value_in_y),
+        tuple(w.astype(float) for w in policy_in_y),
+        weights=np.concatenate(value).astype(float),
+        policy_weights=np.hstack(policy).astype(float),
         error=error,
         nominal=nominal,
     )

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
-from controller.expansion.expansion import PERMITTED_ERROR, Expansion
+from controller.expansion.expansion import LOWEST, PERMITTED_ERROR, Expansion
 from controller.expansion.series import directions, homogeneous, nominal_size
-from controller.game.basis import TO_DEGREE
 from hfa_aircraft.batch_simulation import (
     FAR_OF_EXPANSION,
     OF_EXPANSION,
@@ -34,51 +34,6 @@ _TIME_CONSTANTS = 6.0
 STEPS_PER_TEST = 10
 #: Function of rows, with a list of one array of rows.
 RateOfRows = Callable[[np.ndarray], list[np.ndarray]]
-
-
-class Flights:
-    """Simulated flights z' = F(z, u) + E d of both players of an expansion, by Runge-Kutta steps.
-
-    The cost ∫ z'Qz + 2z'Nu + u'Ru - δ² d'd dt is integrated with the state.
-
-    step: step of the integration, s; the relative error of a cost is about 1e-4
-    longest: time after which a flight that still lasts does not converge, s
-    """
-
-    def __init__(self, expansion: Expansion) -> None:
-        """Compile the rates of the state and of the cost, and choose the step.
-
-        expansion: value and policies of both players
-        """
-        game = expansion.game
-        self.expansion = expansion
-        self.step, self.longest = scales_of_time(game.worst_case_loop(expansion.solution.P))
-        z = ca.SX.sym("z", expansion.states)
-        u = expansion.policy(z)
-        rates = expansion.rates(z, u)
-        cost = Cost(game.Q, game.R, game.N).rate(z, u)
-        if np.isfinite(game.delta):
-            d = expansion.disturbance(z)
-            rates += ca.DM(game.E) @ d
-            cost -= game.delta**2 * ca.dot(d, d)
-        both = ca.densify(ca.vertcat(rates, cost))
-        self._rates = RowFunction(machine_code(ca.Function("rates", [z], [both])))
-        self._V = RowFunction(expansion.V)
-
-    def costs(self, z0: np.ndarray) -> np.ndarray:
-        """Return the cost of the flights from N initial states, (N,), inf if one does not converge.
-
-        z0: (N, n), initial deviations from the trim
-        """
-        ticks = (1 + int(self.longest / self.step)) // STEPS_PER_TEST
-        P = self.expansion.solution.P
-        final, ended = flown_until_decayed(self._rates, z0, P, self.step, ticks)
-        costs = np.full(len(z0), np.inf)
-        if ended.any():
-            z_end, cost_to_end = final[ended, :-1], final[ended, -1]
-            (V_end,) = self._V(z_end)  # the cost after the end, (N, 1)
-            costs[ended] = cost_to_end + V_end[:, 0]
-        return costs
 
 
 def scales_of_time(loop: np.ndarray) -> tuple[float, float]:
@@ -126,13 +81,14 @@ def flown_until_decayed(
         return final, has_decayed(quadratic_forms(final[:, :-1], P), initial, OF_EXPANSION)
 
 
-#: Degree of the value of the linear game.
-_QUADRATIC = min(TO_DEGREE)
 #: Number of random directions, of which those with the largest terms are flown.
 _CANDIDATES = 2000
 #: Number of directions with the largest terms of each degree, and of further random directions.
 _DIRECTIONS_OF_TERM = 6
 _RANDOM_DIRECTIONS = 8
+#: Sizes that are flown, relative to that of nominal values, and those between two of them.
+_SIZES = 2.0 ** np.arange(-20, 31)
+_BETWEEN = 2.0 ** (np.arange(8) / 8)
 #: Number and seed of the flights that confirm a radius. Further flights begin near the states with
 #: the largest errors, at these distances.
 _CONFIRMING_FLIGHTS = 200
@@ -140,13 +96,8 @@ _STATES_OF_LARGEST_ERRORS = 5
 _STATES_NEAR_THEM = 55
 _DISTANCES = (0.5, 0.25, 0.12)
 _SEED = 2015
-#: Ratio of two sizes between which the search stops, and the factor if a flight contradicts.
-_RATIO_AT_END = 1.1
+#: Factor of the size if a flight that confirms contradicts.
 _REDUCTION = 0.95
-#: Size, relative to that of nominal values, from which flights need not be flown inward.
-_SMALLEST = 0.01
-#: Largest ratio of the found size to the first one, and its inverse.
-_LARGEST_RATIO = 2.0**30
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,140 +119,96 @@ class Radius(Result):
 def radii_of(expansion: Expansion) -> tuple[Radius, ...]:
     """Return the radius of V2 and that of the whole value, for errors up to `PERMITTED_ERROR`.
 
-    All flights use the policies of the expansion. For each value, the set is found by bisection
-    with flights from its boundary in the directions of the largest terms and in random directions,
-    and from sets inside it, at each of which those of the next larger one end,
-    and then confirmed by flights from 200 random states on its boundary, and from states ever
-    closer to those with the largest errors.
+    All flights use the policies of the expansion. They begin at sizes √(z'Pz) that grow by the
+    factor 2, in the directions of the largest terms and in random directions. The set ends before
+    the first size at which a flight disagrees, and is confirmed by flights from 200 random states
+    on its boundary, and from states ever closer to those with the largest errors.
 
     expansion: value and policies of both players
     """
-    search = _Search(expansion)
-    degrees = sorted({_QUADRATIC, expansion.order})
-    return tuple(search.radius(degree) for degree in degrees)
+    search = Search(expansion)
+    return tuple(search.radius(degree) for degree in sorted({LOWEST, expansion.order}))
 
 
-def largest_errors(expansion: Expansion, sizes: np.ndarray) -> np.ndarray:
-    """Return the largest difference from the cost of flights at each size, relative to the cost.
-
-    The result has a row for each of V2, V2 + V3, ... up to the whole value, (D - 1, N) for
-    the degree D, with inf where a flight does not converge. The flights are those of the search for
-    the radius.
-
-    expansion: value and policies of both players
-    sizes: square roots of z'Pz, (N,)
-    """
-    search = _Search(expansion)
-    y = (sizes[:, None, None] * search.directions).reshape(-1, expansion.states)
-    z = np.linalg.solve(expansion.root.T, y.T).T  # z'Pz = |y|², P = root root'
-    costs = search.flights.costs(z)
-    rows = []
-    for degree in range(_QUADRATIC, expansion.order + 1):
-        values = np.array(expansion.value_to(degree)(z.T))[0]
-        errors = _relative_errors(values, costs).reshape(len(sizes), -1)
-        rows.append(errors.max(axis=1))
-    return np.array(rows)
-
-
-def _relative_errors(values: np.ndarray, costs: np.ndarray) -> np.ndarray:
-    """Return |value - cost| / |cost|, (N,), inf unless the cost is positive and finite."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        errors = np.abs(values - costs) / np.abs(costs)
-    return np.where((costs > 0.0) & np.isfinite(errors), errors, np.inf)
-
-
-class _Search:
+class Search:
     """Search for the radius of values of one expansion.
 
     States are given by y = root'z, so that z'Pz = |y|². Flights agree with a value if its errors
     are at most `PERMITTED_ERROR`.
 
-    flights: simulated costs of both players
     directions: unit vectors y, along which flights begin, (N, n)
+    sizes: sizes √(z'Pz) that are flown first, (N,)
     """
 
     def __init__(self, expansion: Expansion) -> None:
-        """Choose the directions of the flights: random ones, and those of the largest terms."""
+        """Compile the flights, and choose their directions: random ones, and those of the largest
+        terms.
+        """
+        game = expansion.game
         self.expansion = expansion
-        self.flights = Flights(expansion)
+        z = ca.SX.sym("z", expansion.states)
+        u, d = expansion.policy(z), expansion.disturbance(z)
+        rates = expansion.rates(z, u) + ca.DM(game.E) @ d
+        cost = Cost(game.Q, game.R, game.N).rate(z, u)
+        if np.isfinite(game.delta):
+            cost -= game.delta**2 * ca.dot(d, d)
+        both = ca.densify(ca.vertcat(rates, cost))
+        self._rates = RowFunction(machine_code(ca.Function("rates", [z], [both])))
         n = expansion.states
         drawn = directions(n, _CANDIDATES, _SEED)
         flown = [drawn[:_RANDOM_DIRECTIONS]]
-        self._nominal = nominal_size(expansion.root, expansion.nominal)
-        self._largest_terms: dict[int, float] = {}  # degree -> largest |V_d| on z'Pz = 1
-        for degree, term in enumerate(expansion.value_terms[1:], _QUADRATIC + 1):  # V3, V4, ...
+        for degree, term in enumerate(expansion.value_terms[1:], LOWEST + 1):  # V3, V4, ...
             values = np.abs(homogeneous(n, degree).psi(drawn) @ term)
-            self._largest_terms[degree] = float(values.max())
             flown.append(drawn[np.argsort(values)[-_DIRECTIONS_OF_TERM:]])
         # The opposite directions too, in which terms of an odd degree have the other sign.
         self.directions = np.vstack([*flown, *(-rays for rays in flown)])
+        self.sizes = _SIZES * nominal_size(expansion.root, expansion.nominal)
+
+    @cached_property
+    def _errors_at_sizes(self) -> np.ndarray:
+        return self.largest_errors(self.sizes)
+
+    def largest_errors(self, sizes: np.ndarray) -> np.ndarray:
+        """Return the largest difference from the cost of flights at each size, relative to it.
+
+        The result has a row for each of V2, V2 + V3, ... up to the whole value, (D - 1, N) for the
+        degree D, with inf where a flight does not converge.
+
+        sizes: square roots of z'Pz, (N,)
+        """
+        y = (sizes[:, None, None] * self.directions).reshape(-1, self.expansion.states)
+        return self._errors(y).reshape(-1, len(sizes), len(self.directions)).max(axis=2)
 
     def radius(self, degree: int) -> Radius:
-        """Return the radius of V2 + ... + V_degree.
-
-        The size √(z'Pz) is found by flights along fixed directions, and reduced until random states
-        of this size agree too.
-        """
-        size = self._largest_agreeing(degree)
+        """Return the radius of V2 + ... + V_degree."""
+        row = degree - LOWEST
+        count = _agreeing(self._errors_at_sizes[row])
+        size = [0.0, *self.sizes][count] if count < len(self.sizes) else math.inf
+        if 0.0 < size < math.inf:
+            between = size * _BETWEEN
+            size = between[_agreeing(self.largest_errors(between)[row]) - 1]
         while 0.0 < size < math.inf and not self._agrees_at_random(size, degree):
             size *= _REDUCTION
         z_of_y = np.linalg.inv(self.expansion.root.T)  # z'Pz = |y|²
         extents = size * np.linalg.norm(z_of_y, axis=1)  # largest |z_i| for |y| <= size
         return Radius(degree, share=PERMITTED_ERROR, c=size**2, extents=extents)
 
-    def _largest_agreeing(self, degree: int) -> float:
-        """Return the largest size s = √(z'Pz) whose flights agree, 0 if none do, inf if all do.
-
-        The size is doubled while flights agree, or halved until they do, and then bisected.
+    def _errors(self, y: np.ndarray) -> np.ndarray:
+        """Return the errors of V2, V2 + V3, ... for each flight from y, (D - 1, N): of its cost
+        ∫ z'Qz + 2z'Nu + u'Ru - δ² d'd dt, inf if it does not converge.
         """
-        size = first = min(self._guess(degree), self._nominal)
-        first_agrees = self._agrees(first, degree)
-        factor = 2.0 if first_agrees else 0.5
-        while self._agrees(size * factor, degree) == first_agrees:
-            size *= factor
-            if not first / _LARGEST_RATIO < size < first * _LARGEST_RATIO:
-                return math.inf if first_agrees else 0.0
-        agreeing, disagreeing = sorted((size, size * factor))
-        while disagreeing > agreeing * _RATIO_AT_END:
-            middle = math.sqrt(agreeing * disagreeing)
-            if self._agrees(middle, degree):
-                agreeing = middle
-            else:
-                disagreeing = middle
-        return agreeing
-
-    def _guess(self, degree: int) -> float:
-        """Return the size s = √(z'Pz) at which the next term of V has the permitted share of V2.
-
-        V2 is s², and the term of degree d is at most largest s^d. The error of the whole V, which
-        has no next term, is guessed from its last term.
-        """
-        nonzero = {d: largest for d, largest in self._largest_terms.items() if largest > 0.0}
-        if not nonzero:
-            return math.inf
-        d = min((d for d in nonzero if d > degree), default=max(nonzero))
-        return (PERMITTED_ERROR / nonzero[d]) ** (1.0 / (d - 2))
-
-    def _agrees(self, size: float, degree: int) -> bool:
-        """Return whether all flights from states of a size, along the directions, agree, and from
-        smaller ones, which those from the size end at.
-        """
-        sizes = self._inward(size)
-        y = (sizes[:, None, None] * self.directions).reshape(-1, self.expansion.states)
-        return bool(np.all(self._errors(y, degree) <= PERMITTED_ERROR))
-
-    def _inward(self, size: float) -> np.ndarray:
-        """Return sizes from a size inward, each of which flights from the one before end at."""
-        smallest = min(size, _SMALLEST * self._nominal)
-        count = 1 + math.ceil(math.log(smallest / size) / (0.5 * math.log(OF_EXPANSION)))
-        return size * OF_EXPANSION ** (0.5 * np.arange(count))
-
-    def _errors(self, y: np.ndarray, degree: int) -> np.ndarray:
-        """Return the error of the value for each flight from y, (N,), inf if it diverges."""
-        z = np.linalg.solve(self.expansion.root.T, y.T).T  # z'Pz = |y|²
-        costs = self.flights.costs(z)
-        values = np.array(self.expansion.value_to(degree)(z.T))[0]
-        return _relative_errors(values, costs)
+        expansion, P = self.expansion, self.expansion.solution.P
+        z = np.linalg.solve(expansion.root.T, y.T)  # z'Pz = |y|²
+        step, longest = scales_of_time(expansion.game.worst_case_loop(P))
+        ticks = (1 + int(longest / step)) // STEPS_PER_TEST
+        final, ended = flown_until_decayed(self._rates, z.T, P, step, ticks)
+        cost_to_go = np.array(expansion.V(final[:, :-1].T))[0]  # after the end
+        costs = np.where(ended, final[:, -1] + cost_to_go, np.inf)
+        degrees = range(LOWEST, expansion.order + 1)
+        values = np.vstack([np.array(expansion.value_to(degree)(z)) for degree in degrees])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            errors = np.abs(values - costs) / np.abs(costs)
+        return np.where((costs > 0.0) & np.isfinite(errors), errors, np.inf)
 
     def _agrees_at_random(self, size: float, degree: int) -> bool:
         """Return whether flights agree from random states of a size, and from ones near the worst.
@@ -311,7 +218,7 @@ class _Search:
         """
         n = self.expansion.states
         unit_y = directions(n, _CONFIRMING_FLIGHTS, _SEED + degree)
-        errors = self._errors(size * unit_y, degree)
+        errors = self._errors(size * unit_y)[degree - LOWEST]
         for distance in _DISTANCES:
             if not np.all(errors <= PERMITTED_ERROR):
                 return False
@@ -319,5 +226,10 @@ class _Search:
             random = directions(n, _STATES_NEAR_THEM, _SEED + degree)
             near = np.resize(worst, random.shape) + distance * random  # the worst, repeated
             unit_y = np.vstack([worst, near / np.linalg.norm(near, axis=1, keepdims=True)])
-            errors = self._errors(size * unit_y, degree)
+            errors = self._errors(size * unit_y)[degree - LOWEST]
         return bool(np.all(errors <= PERMITTED_ERROR))
+
+
+def _agreeing(errors: np.ndarray) -> int:
+    """Return the number of sizes before the first at which flights disagree."""
+    return int(np.argmax(np.append(errors > PERMITTED_ERROR, True)))

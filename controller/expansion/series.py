@@ -6,16 +6,16 @@ import math
 import operator
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from itertools import combinations_with_replacement
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from flint import arb, arb_mat
 
-from controller.expansion.taylor import PowerSeries, Terms
+from controller.expansion.taylor import PowerSeries
 from controller.game.basis import Basis, monomials
-from controller.riccati.balls import above, ball_matrix, midpoints, precision
+from controller.game.zero_sum import Game
+from controller.riccati.balls import above, ball_matrix, precision
 from controller.riccati.gare import Solution
 from hfa_support.errors import BadInputError, NoSolutionError
 
@@ -28,15 +28,14 @@ def homogeneous(n: int, degree: int) -> Basis:
     return Basis(f"degree {degree}", exponents)
 
 
-def in_coordinates(weights: np.ndarray, degree: int, T: arb_mat) -> np.ndarray:
+def in_coordinates(weights: np.ndarray, degree: int, T: np.ndarray) -> np.ndarray:
     """Return the weights in y of k homogeneous polynomials that are given in z = T y, (k, M).
 
     weights: (k, M), balls
     """
-    ring = PowerSeries(T.ncols(), degree)
-    z = [ring.linear(row, ring.variables()) for row in T.tolist()]
-    psi = products_of(z, degree, ring.product, {0: arb(1)})
-    return np.array([ring.of_degree(ring.linear(row, psi), degree) for row in weights])
+    ring = PowerSeries(len(T), degree)
+    psi = products_of([*T @ ring.variables()], degree, ring.product, ring.constant(1))
+    return weights @ np.array(psi)[:, ring.of[degree]]
 
 
 def polynomial(y: ca.SX, degree: int, weights: np.ndarray) -> ca.SX:
@@ -81,23 +80,22 @@ def name_of(exponents: Sequence[int], names: Sequence[str]) -> str:
     return "*".join(factors)
 
 
-class SeriesOfGame(NamedTuple):
-    """Terms of a value and of its policy, in balls that contain the exact ones.
-
-    value: V2, V3, ..., weights of all monomials of the degree, (M,) each
-    policy: u1, u2, ..., weights of all monomials, (m, M) each
-    """
-
-    value: list[np.ndarray]
-    policy: list[np.ndarray]
+#: Largest difference between A or B of the game and of the aircraft, relative to the largest entry
+#: of its row and column.
+TOLERANCE = 1e-8
+#: Least number of bits of the balls.
+BITS_OF_SERIES = 256
 
 
-def series_of_game(solution: Solution, rates: ca.Function, order: int) -> SeriesOfGame:
+def series_of_game(
+    solution: Solution, rates: ca.Function, order: int
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Return the terms V2, ..., VD of a value and u1, ..., u_{D-1} of its policy.
 
     The terms of degree d of the equation of `Expansion` are linear in V_d:
     ∂V_d/∂z'(A - B K + E L) z = -(terms of V2 ... V_{d-1}), which is solved for the weights of V_d.
-    The stationarity with respect to u then gives u_{d-1}. A and B are those of the game.
+    The stationarity with respect to u then gives u_{d-1}. A and B are those of the game. All
+    weights are balls that contain the exact ones, (M,) of V_d and (m, M) of u_d.
 
     solution: exact solution of the linear game
     rates: CasADi Function (z, u) -> F(z, u)
@@ -106,143 +104,93 @@ def series_of_game(solution: Solution, rates: ca.Function, order: int) -> Series
     Source: E. G. Al'brekht, On the optimal stabilization of nonlinear systems, J. Appl. Math. Mech.
     25 (1961); A. J. van der Schaft, IEEE Trans. Automatic Control 37 (1992) 770-784.
     """
-    with precision(max(BITS_OF_SERIES, solution.enclosure.bits)):
-        game = _Game(solution, rates)
-        found = SeriesOfGame([], [])
-        for degree in range(2, order + 1):
-            value, policy = game.terms(found, degree)
-            found.value.append(value)
-            found.policy.append(policy)
+    game, proved = solution.game, solution.enclosure
+    n, m = rates.size1_in(0), rates.size1_in(1)
+    with precision(max(BITS_OF_SERIES, proved.bits)):
+        A, B, E, N, R = map(balls, (game.A, game.B, game.E, game.N, game.R))
+        P, K = balls(proved.P), balls(proved.K)
+        w = arb(1) / arb(game.delta) ** 2 if math.isfinite(game.delta) else arb(0)
+        loop = A - B @ K + w * (E @ (E.T @ P))
+        both = _rates_and_slope(rates)
+        exact = _linear_part(both, game)
+        change = np.hstack([A, B]) - exact
+        rows, columns = np.triu_indices(n)
+        value, policy = [P[rows, columns] * np.where(rows == columns, 1, 2)], [-K]
+        for degree in range(3, order + 1):
+            ring = PowerSeries(n, degree)
+            of_degree, V, z = ring.of[degree], ring.constant(0), ring.variables()
+            V[ring.of[2].start : of_degree.start] = np.concatenate(value)
+            u = np.full((m, len(V)), arb(0))
+            u[:, 1 : ring.of[degree - 2].stop] = np.hstack(policy)
+            slope = ring.gradient(V)
+            f = ring.values(both, np.vstack([z, u, slope]))[:n] + change @ np.vstack([z, u])
+            # λ'F + u'Ru + 2 z'Nu + λ'E E'λ / 4δ²; u_{d-1} has no share: it is times ∂H/∂u = 0
+            worst = E.T @ slope
+            one = np.vstack([slope, u, z, worst])
+            other = np.vstack([f, R @ u, 2 * N @ u, w / 4 * worst])
+            known = np.sum([*map(ring.product, one, other)], axis=0)[of_degree]
+            raised = np.array(ring.products[1 : 1 + n])[:, ring.of[degree - 1]]  # z_i z^a
+            of_V = np.full((len(V), len(V)), arb(0))  # weights of V_d -> those of ∂V_d/∂z' loop z
+            for i, j in np.ndindex(n, n):
+                of_V[raised[j], raised[i]] += ring.exponents[raised[i], i] * loop[i, j]
+            value.append(_solved(of_V[of_degree, of_degree], -known[:, None])[:, 0])
+            V[of_degree] = value[-1]
+            slope = ring.gradient(V)
+            of_u = ring.values(both, np.vstack([z, u, slope]))[n:] + change[:, n:].T @ slope
+            policy.append(_solved(R, of_u[:, ring.of[degree - 1]] / -2))
+    return value, policy
+
+
+def balls(matrix: np.ndarray | arb_mat) -> np.ndarray:
+    """Return a matrix of doubles or balls as an array of balls."""
+    exact = ball_matrix(matrix) if isinstance(matrix, np.ndarray) else matrix
+    return np.array(exact.entries(), dtype=object).reshape(exact.nrows(), exact.ncols())
+
+
+def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Return X of matrix X = right, of balls."""
+    return balls(arb_mat(matrix.tolist()).solve(arb_mat(right.tolist())))
+
+
+def _rates_and_slope(rates: ca.Function) -> ca.Function:
+    """Return the CasADi Function (z, u, λ) -> F and ∂(λ'F)/∂u, one vector -> one vector."""
+    z, u = rates.sx_in()
+    slope = ca.SX.sym("slope", z.numel())
+    f = rates(z, u)
+    results = ca.vertcat(f, ca.gradient(ca.dot(slope, f), u))
+    return ca.Function("rates", [ca.vertcat(z, u, slope)], [ca.densify(results)])
+
+
+def _linear_part(both: ca.Function, game: Game) -> np.ndarray:
+    """Return the derivatives [A B] of the rates, of which those of the game are rounded."""
+    n = len(game.A)
+    ring = PowerSeries(both.numel_in(0), 1)
+    found = ring.values(both, ring.variables())[:n, 1 : both.numel_in(0) - n + 1]
+    for name, given, exact in (("A", game.A, found[:, :n]), ("B", game.B, found[:, n:])):
+        sizes = np.abs(exact.astype(float))
+        # in any units, which scale rows and columns
+        least = np.minimum(sizes.max(axis=1, keepdims=True), sizes.max(axis=0))
+        if given.shape != exact.shape or np.any(abs(given - exact) > TOLERANCE * least):
+            raise BadInputError(
+                f"{name} of the game is not the linear model at this trim; give the linear model "
+                "of which the game was made"
+            )
     return found
 
 
-def _other_plant(name: str) -> BadInputError:
-    """Return the error of a game with another A or B than the derivatives of the rates."""
-    return BadInputError(
-        f"{name} of the game is not the linear model at this trim; give the linear model of which "
-        "the game was made"
-    )
-
-
-#: Largest difference between A or B of the game and of the aircraft, relative to the largest entry
-#: of its row and column.
-TOLERANCE = 1e-8
-#: Least number of bits of the balls.
-BITS_OF_SERIES = 256
-
-
-class _Game:
-    """The equation of a nonlinear game, whose terms are evaluated in balls."""
-
-    def __init__(self, solution: Solution, rates: ca.Function) -> None:
-        game, enclosure = solution.game, solution.enclosure
-        self.n, self.m = rates.size1_in(0), rates.size1_in(1)
-        self.A, self.B, self.E, self.N = map(ball_matrix, (game.A, game.B, game.E, game.N))
-        self.Q, self.R = ball_matrix(game.Q), ball_matrix(game.R)
-        self.P, self.K, self.w = enclosure.P, enclosure.K, arb(1) / (arb(game.delta) ** 2)
-        if not math.isfinite(game.delta):
-            self.w = arb(0)
-        self.loop = self.A - self.B * self.K + self.E * self.E.transpose() * self.P * self.w
-        if game.B.shape != (self.n, self.m):
-            raise _other_plant("B")
-        z, u = rates.sx_in()
-        gradient = ca.SX.sym("gradient", self.n)
-        f = rates(z, u)
-        slope = ca.densify(ca.gradient(ca.dot(gradient, f), u))
-        self.rates = ca.Function("rates", [z, u], [ca.densify(f)])
-        self.slope = ca.Function("slope", [z, u, gradient], [slope])
-        # A and B of the game are the derivatives of the rates, rounded.
-        ring = PowerSeries(self.n + self.m, 1)
-        rows = [ring.of_degree(row, 1) for row in ring.values(self.rates, ring.variables())]
-        exact = [ball_matrix([row[part] for row in rows]) for part in np.s_[: self.n, self.n :]]
-        self.A_change, self.B_change = self.A - exact[0], self.B - exact[1]
-        for name, change, matrix in zip("AB", (self.A_change, self.B_change), exact, strict=True):
-            sizes = np.abs(midpoints(matrix))
-            # in any units, which scale rows and columns
-            least = np.minimum(sizes.max(axis=1)[:, None], sizes.max(axis=0))
-            if not (np.abs(midpoints(change)) <= TOLERANCE * least).all():
-                raise _other_plant(name)
-
-    def terms(self, found: SeriesOfGame, degree: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return V_d, (M,), and u_{d-1}, (m, M), from the terms of lower degrees."""
-        low, ring = PowerSeries(self.n, degree - 1), PowerSeries(self.n, degree)
-        z = ring.variables()
-        if degree == 2:
-            return self._quadratic(ring)
-        V: Terms = {}
-        for known, weights in enumerate(found.value, 2):
-            V |= dict(zip(ring.monomials(known), weights, strict=True))
-        u: list[Terms] = [{} for _ in range(self.m)]
-        for known, rows in enumerate(found.policy, 1):
-            for series, weights in zip(u, rows, strict=True):
-                series |= dict(zip(ring.monomials(known), weights, strict=True))
-        slopes = ring.gradient(V)
-        f = low.values(self.rates, [*z, *u])
-        changes = zip(self.A_change.tolist(), self.B_change.tolist(), strict=True)
-        f = [
-            ring.sum(row, ring.linear([*of_z, *of_u], [*z, *u]))
-            for row, (of_z, of_u) in zip(f, changes, strict=True)
-        ]
-        # λ'F + u'Ru + 2 z'Nu + λ'E E'λ / 4δ²; u_{d-1} has no share, because it is times ∂H/∂u = 0
-        pairs = [*zip(slopes, f, strict=True)]
-        R_u = [ring.linear(row, u) for row in self.R.tolist()]
-        N_u = [ring.linear([2 * entry for entry in row], u) for row in self.N.tolist()]
-        pairs += [*zip(u, R_u, strict=True), *zip(z, N_u, strict=True)]
-        for row in self.E.transpose().tolist():
-            worst = ring.linear(row, slopes)
-            pairs.append((worst, ring.linear([self.w / 4], [worst])))
-        known_terms: Terms = {}
-        for one, other in pairs:
-            known_terms = ring.sum(known_terms, ring.product(one, other))
-        right = arb_mat([[-term] for term in ring.of_degree(known_terms, degree)])
-        new = self._slope_of_monomials(ring, degree).solve(right).entries()
-        V |= dict(zip(ring.monomials(degree), new, strict=True))
-        slopes = ring.gradient(V)
-        of_u = low.values(self.slope, [*z, *u, *slopes])
-        B_change = self.B_change.transpose().tolist()
-        of_u = [
-            low.sum(row, low.linear(change, slopes))
-            for row, change in zip(of_u, B_change, strict=True)
-        ]
-        right = ball_matrix([low.of_degree(row, degree - 1) for row in of_u]) * arb(-0.5)
-        return np.array(new), np.array(self.R.solve(right).tolist())
-
-    def _quadratic(self, ring: PowerSeries) -> tuple[np.ndarray, np.ndarray]:
-        """Return V2 = z'Pz and u1 = -K z."""
-        rows = self.P.tolist()
-        pairs = combinations_with_replacement(range(self.n), 2)
-        value = [rows[i][j] * (1 if i == j else 2) for i, j in pairs]
-        return np.array(value), np.array((-self.K).tolist())
-
-    def _slope_of_monomials(self, ring: PowerSeries, degree: int) -> arb_mat:
-        """Return the matrix of the weights of V_d -> those of ∂V_d/∂z' (loop z)."""
-        loop = [ring.linear(row, ring.variables()) for row in self.loop.tolist()]
-        monomials = ring.monomials(degree)
-        rows = {monomial: row for row, monomial in enumerate(monomials)}
-        entries = [[arb(0)] * len(monomials) for _ in monomials]
-        for column, monomial in enumerate(monomials):
-            for slope, rate in zip(ring.gradient({monomial: arb(1)}), loop, strict=True):
-                for key, coefficient in ring.product(slope, rate).items():
-                    entries[rows[key]][column] += coefficient
-        return arb_mat(entries)
-
-
-def relative_radius(balls: np.ndarray, least: float) -> float:
-    """Return the largest radius of balls relative to their largest midpoint, or to `least`."""
-    largest = max(abs(float(ball)) for ball in balls.flat)
-    radius = max(0.0 if arb(ball).is_exact() else above(arb(ball).rad()) for ball in balls.flat)
-    return radius / max(largest, least) if radius else 0.0
+def relative_radius(terms: Sequence[np.ndarray], size: float) -> float:
+    """Return the largest radius of the terms of degree d, d + 1, ... where |y| = size, relative to
+    the largest of them.
+    """
+    there = [(ball, size**k) for k, term in enumerate(terms) for ball in term.flat]
+    largest = max(abs(float(ball)) * by for ball, by in there)
+    return max(above(ball.rad()) * by for ball, by in there) / largest
 
 
 def nominal_size(root: np.ndarray, nominal: np.ndarray) -> float:
     """Return the size |y|, y = root'z, of the set that reaches the nominal value of a state."""
     farthest = np.linalg.norm(np.linalg.inv(root.T), axis=1)  # largest |z_i| for |y| = 1
     return float(np.min(nominal / farthest))
-
-
-def middle(balls: np.ndarray) -> np.ndarray:
-    """Return the midpoints of balls as doubles, in the same shape."""
-    return np.vectorize(float, otypes=[float])(balls)
 
 
 def directions(n: int, count: int, seed: int) -> np.ndarray:

@@ -109,25 +109,17 @@ def solve(request: SolveRequest, given: GivenGames) -> Outcome:
     reference = reference_of(request.reference, named) if request.reference else None
     solution = gare.solve(named.game)
     report = solution.report()
-    figure = None
     # A game without a linear model is that of --model, with which --order is refused.
     if request.order is not None and named.linear is not None:
         from controller.expansion.expansion import expand
 
-        expansion = expand(named.linear, solution, request.order)
-        figure = expansion.figure
-        expanded = expansion.report()
+        expanded = expand(named.linear, solution, request.order).report()
         parts = (*report.parts, expanded.title, *expanded.parts)
         report = replace(report, parts=parts).with_data(expanded.data)
     report = replace(report, parts=(*named.sizes_line(), *report.parts))
     if reference is not None:
         report = with_tracking(report, reference, named, solution, solution.K)
-    return Outcome(
-        report=report.with_data(named),
-        source=named.source,
-        notes=named.warnings,
-        figure=figure,
-    )
+    return Outcome(report=report.with_data(named), source=named.source, notes=named.warnings)
 
 
 def _gain_table(games: list[NamedGame], at: np.ndarray, source: Mapping[str, Any]) -> Outcome:

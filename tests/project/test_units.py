@@ -486,7 +486,6 @@ WITHOUT = {
         "trim.trim_figure",
         "trim.draw_point",
         "trim.draw_bode",
-        "controller.expansion_figure",
         "controller.expansion_report",
         "controller.solution_report",
         "verification.verdict_figure",

@@ -1,7 +1,5 @@
 """`hfa prove --check` compares every option of the subject with the statement."""
 
-import math
-from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
@@ -9,12 +7,8 @@ import numpy as np
 import pytest
 from cli import answer, hfa
 
-from hfa import load_model
 from hfa.options.parser import options_of
-from hfa_prove.commands import given
 from hfa_prove.commands.check_request import CheckRequest
-from hfa_prove.commands.schedule import ScheduleRequest
-from hfa_prove.fields import close_to
 from hfa_support.errors import NoSolutionError
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -122,32 +116,6 @@ def check_case(path, words, entry, usual, monkeypatch):
     found = hfa("prove", *certificate, *changed)
     assert (found.code == 0) == (entry == SAME)
     assert found.code == 0 or (found.out == "" and len(found.err.splitlines()) == 1)
-
-
-@pytest.mark.parametrize("size", [1e-9, 1.0, math.degrees(1.0), 1e12])
-def test_gains_are_compared_in_any_units(size):
-    """A gain that differs by 1 % in one entry is another gain, whatever the unit of the rate: entries are
-    compared in nominal values of the states, here `size` for the rate.
-    """
-    pendulum = load_model(f"{ROOT}/examples/pendulum.py:PENDULUM")
-    states = dict(pendulum.states)
-    states["rate"] = states["rate"]._replace(nominal=size)
-    model = replace(pendulum, states=states)
-    same = close_to(given.SAME_GAIN, given.sizes_of_gain(model))
-    gain = np.array([[2.0, 1.5 / size]])
-    assert same((gain * (1.0 + 1e-10)).tolist(), gain)
-    assert not same((gain * [1.0, 1.01]).tolist(), gain)
-    assert not same((gain * [1.01, 1.0]).tolist(), gain)
-    assert not same((gain * [1.0, 0.99]).tolist(), gain)
-    assert not same((-gain).tolist(), gain)
-
-
-def test_the_table_of_changed_options_is_complete():
-    """`CHANGED` lists each option of `hfa prove schedule` and of --check, with at least one change of
-    it, and no other option.
-    """
-    assert set(options_of(ScheduleRequest)) | set(options_of(CheckRequest)) == set(CHANGED)
-    assert all(CHANGED.values())
 
 
 def test_the_options_of_the_proof_give_the_subject():

@@ -86,100 +86,10 @@ def test_proved_rates_do_not_depend_on_units(few_samples):
 TABLE = Gains(np.array([1.0, 2.0]), np.array([[[1.0, 2.0]], [[3.0, 4.0]]]))
 
 
-def test_gains_are_interpolated_linearly():
-    """For K (1, 2) at the pull 1 and (3, 4) at 2, the exact decay rate at the pulls 1.2 to 1.8 is proved
-    within 0.1 %.
-
-    With K = (2 pull - 1, 2 pull), all eigenvalues are complex. Their real part -(0.1 + 2 pull) / 2 is
-    largest at the pull 1.2: -1.25.
-    """
-    assert proved(1.2, 1.8, TABLE, decay_rate=0.999 * 1.25).size > 0
-    with pytest.raises(NoSolutionError, match="not below"):
-        proved(1.2, 1.8, TABLE, decay_rate=1.001 * 1.25)
-
-
 def test_pulls_beyond_the_table_of_gains_are_refused():
     """No proof extrapolates gains that are given at pulls from 1 to 2 to the pull 2.5."""
     with pytest.raises(BadInputError, match="table of gains covers 1 to 2"):
         proved(1.0, 2.5, TABLE)
-
-
-@pytest.mark.parametrize(("high", "is_proved"), [(1.89, True), (1.91, False)])
-def test_outputs_are_within_their_limits_at_every_pull(high, is_proved):
-    """For an output -pull with a lower limit of -1.9 N, a proof up to the pull 1.89 is found, and one up
-    to 1.91 is refused.
-    """
-
-    def equations(x, u, p, w):
-        rates, outputs = float_equations(x, u, p, w)
-        return rates, {**outputs, "rest": -p.pull}
-
-    outputs = {**FLOAT.outputs, "rest": Signal("N", 1.0, -1.9)}
-    family = Family(replace(FLOAT, equations=equations, outputs=outputs))
-    with decided(is_proved, "rest is not proved"):
-        assert prove_schedule(family, CONSTANT, 1.0, high, decay_rate=0.5).size > 0
-
-
-def test_a_trim_curved_in_the_scheduling_variable_is_within_its_limits():
-    """The trim u = p² of x' = u - p² - x, with slope 0 at p = 0, is proved to be at most 0.9 from
-    p = -0.9 to 0.9, and refused up to p = 1.
-    """
-    model = Model(
-        "bowl", {"x": Signal()}, {"u": Signal("1", 1.0, -9.0, 0.9)},
-        lambda x, u, p, w: ({"x": u.u - p.p * p.p - x.x}, {}),
-        parameters={"p": Signal(start=0.0)}, schedule="p", trim={"x": 0.0},
-    )  # fmt: skip
-    gains = Gains(np.array([0.0]), np.zeros((1, 1, 1)))
-    flight = Family(model).flight(-0.9, 0.9)
-    witness = without_p(n=1)
-    assert check_schedule(ScheduleStatement(flight, gains, decay_rate=0.5), witness) > 0
-    # At the first p, -0.94, the trim u = p² = 0.88 is within its limit.
-    beyond = replace(flight, range=(-0.94, 1.0), first={"u": 0.94**2})
-    with pytest.raises(NoSolutionError, match="u is not proved to be within its limits"):
-        check_schedule(ScheduleStatement(beyond, gains, decay_rate=0.5), witness)
-
-
-@pytest.mark.parametrize(("balance", "is_proved"), [(0.0, True), (1.0, False)])
-def test_an_equation_without_free_variable_holds_at_every_pull(balance, is_proved):
-    """In the trim equation 0 = depth' = heave + balance (pull - 1.5), with heave imposed as 0, no
-    variable is free. It holds at every pull for balance 0, and is refused for 1, where it holds at the
-    pull 1.5 alone.
-    """
-
-    def equations(x, u, p, w):
-        rates, outputs = float_equations(x, u, p, w)
-        return rates | {"depth": x.heave + balance * (p.pull - 1.5)}, outputs
-
-    flight = Family(FLOAT).flight(1.0, 2.0)
-    statement = ScheduleStatement(
-        replace(flight, model=replace(FLOAT, equations=equations)), CONSTANT, decay_rate=0.5
-    )
-    with decided(is_proved, "no values of the free"):
-        assert check_schedule(statement, without_p()) > 0
-
-
-@pytest.mark.parametrize(
-    ("ends", "is_proved"), [((-57, 57), True), ((-57, 58), False), ((-58, 57), False)]
-)
-def test_the_interval_is_within_the_limits_of_its_variable(ends, is_proved):
-    """The model limits its scheduling variable, the angle, to ±1 rad = ±57.3 deg: a certificate of an
-    interval with one end beyond is refused.
-    """
-
-    def equations(x, u, p, w):
-        return {"angle": x.turn, "turn": u.push - x.angle - x.turn}, {}
-
-    states = {"angle": Signal("rad", min=-1.0, max=1.0), "turn": Signal("rad/s")}
-    still = {"angle": 0.0, "turn": 0.0}
-    model = Model("tilt", states, {"push": Signal()}, equations, schedule="angle", trim=still)
-    found = prove_schedule(Family(model), NO_GAIN, -57.0, 57.0, decay_rate=0.1)
-    made = changed(
-        certificate(found.statement, found.witness.content()),
-        statement__flight__range=list(ends),
-        statement__flight__first={"push": math.radians(ends[0])},
-    )
-    with decided(is_proved, "angle beyond its limits"):
-        assert check_schedule(*read_content(made, model)) > 0
 
 
 def folded(rate, least):
@@ -219,38 +129,6 @@ def test_a_trim_is_claimed_only_where_krawczyks_test_holds():
         assert float(u.rad()) < 0.1
     with pytest.raises(NoSolutionError, match="not proved to exist"):
         fold(0.01, 1.0).flight.trims(0.01, 1.0, guess)
-
-
-def test_trims_and_loop_of_two_unknowns_are_enclosed():
-    """For the trim equations u² + v / 2 = p and v = 0.3 u p, the balls of u, of v and of the matrix C of
-    the loop x' = C x overlap their closed forms, and have radii below 2e-3.
-    """
-    inputs = {name: Signal("1", 1.0, -9.0, 9.0) for name in "uv"}
-
-    def equations(x, u, p, w):
-        rate_a = u.u**2 + 0.5 * u.v - p.p - x.a * u.u + x.b * u.v**2
-        return {"a": rate_a, "b": u.v - 0.3 * u.u * p.p - x.b * u.v - x.a * u.u * u.v}, {}
-
-    model = Model(
-        "two", {"a": Signal(), "b": Signal()}, inputs, equations,
-        parameters={"p": Signal(start=1.0)}, schedule="p", trim={"a": 0.0, "b": 0.0},
-    )  # fmt: skip
-    no_gain = Gains(np.array([1.0]), np.zeros((1, 2, 2)))
-    statement = ScheduleStatement(Family(model).flight(1.0, 1.1), no_gain, decay_rate=0.1)
-    proof = ScheduleProof(statement, without_p(10**4))
-    trims = proof.flight.trims(1.0, 1.1, np.array([0.93, 0.29]))  # a guess of u and v
-    loop = proof.loop(trims)
-    for s in (1.0, 1.02, 1.05, 1.1):
-        p = arb(s)
-        # the positive root of u² + 0.15 p u - p = 0
-        u = (-arb("0.15") * p + (arb("0.0225") * p * p + 4 * p).sqrt()) / 2
-        v = arb("0.3") * u * p
-        C = loop.at(p - trims.middle).entries()  # of the position in the piece, p - middle
-        exact_C = (-u, v * v, -u * v, -v)  # the derivatives of a' and of b' by a and b at the trim
-        balls = (*trims.at(s, trims.offset), *C)
-        for ball, value in zip(balls, (u, v, *exact_C), strict=True):
-            assert ball.overlaps(value)
-            assert float(ball.rad()) < 2e-3
 
 
 def test_a_jump_to_another_branch_is_refused(monkeypatch):
@@ -434,35 +312,6 @@ def test_each_clause_refuses_its_forgery(changes, said, content):
     assert checked(copy.deepcopy(content)) > 0
     with pytest.raises((NoSolutionError, BadInputError), match=said):
         checked(changed(content, **changes))
-
-
-@pytest.mark.parametrize(("off", "is_proved"), [(2e-9, True), (2e-7, False), (-2e-7, False)])
-def test_distances_of_trims_are_measured_in_nominal_values(off, is_proved, content):
-    """For a nominal lift of 0.01 N, a lift of the certificate's first trim that is 2e-7 N off is
-    refused, and one that is 2e-9 N off is not.
-    """
-    model = replace(FLOAT, inputs={"lift": Signal("N", nominal=0.01, min=-9.0, max=4.0)})
-    # Nominal values are listed in the order depth, heave, lift.
-    changes = {f"{_MODEL}__nominal__2": 0.01, f"{_FLIGHT}__first__lift": lambda lift: lift + off}
-    with decided(is_proved, "first trim"):
-        assert checked(changed(content, **changes), model) > 0
-
-
-def test_balls_of_given_numbers_contain_the_decimals_of_the_file():
-    """The balls of a parameter (drag) and of an imposed value (depth) contain the decimal 0.1, which no
-    double equals; the ball of a degree in rad contains π / 180.
-
-    The constants are the imposed values, the parameters, and the unit of the scheduling variable.
-    """
-    flight = proved(1.0, 1.5).statement.flight
-    *_, drag, _ = SteadyFlight(flight).constants
-    assert drag.contains(arb("0.1"))
-    assert not drag.contains(arb("0.1000000000000002"))
-    depth, *_ = SteadyFlight(replace(flight, imposed={"depth": 0.1, "heave": 0.0})).constants
-    assert depth.contains(arb("0.1"))
-    angle = planar(lambda s: ((-1.0, 0.0), (0.0, -1.0))).flight(0.0, 1.0)
-    *_, degree = SteadyFlight(angle).constants
-    assert (180 * degree).overlaps(arb.pi())
 
 
 def game_at(degrees):

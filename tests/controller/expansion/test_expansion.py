@@ -176,7 +176,7 @@ REFUSED = {
     "table": (lambda: scalar_expansion(TABLE), "table"),
     "nonsmooth": (lambda: scalar_expansion(lambda x: ca.fabs(x) * x), "x switches"),
     "root": (lambda: scalar_expansion(lambda x: x + x**1.5), "finite"),
-    "power": (lambda: scalar_expansion(lambda x: x + (x**2) ** 1.25), "no finite power series"),
+    "power": (lambda: scalar_expansion(lambda x: x + (x**2) ** 1.25), "not finite"),
     "degree 1": (lambda: scalar_expansion(lambda x: x, degree=1), "2 to 5"),
     "degree 6": (lambda: scalar_expansion(lambda x: x, degree=6), "2 to 5"),
     "game": (lambda: expand(model_at(15.0), hfa.solve(game_at(10.0)), order=3), "A of the game"),
@@ -209,7 +209,7 @@ def test_a_switch_away_from_the_trim_is_permitted():
     [
         lambda a, b: ca.atan2(0.3 + a, 0.5 - b) + ca.atan2(0.3 + a, b - 0.1) + ca.atan2(b - 0.4, a),
         lambda a, b: (1.2 + a) ** (0.7 + b) + (a - 2.0) ** 3 + (3.0 + b) ** -2.0 + 2.0 ** (a * b),
-        lambda a, b: ca.tanh(a - b) + ca.sinh(a) * ca.cosh(b) + ca.exp(a) / (2.0 + ca.sin(b)),
+        lambda a, b: ca.tanh(a - b) + ca.erf(a) * ca.cos(b) + ca.exp(a) / (2.0 + ca.sin(b)),
         lambda a, b: (
             ca.fmax(a, 0.5) * b + ca.fmin(b, a - 1.0) + ca.fabs(b - 0.3) + ca.sign(a - 1.0)
         ),
@@ -225,8 +225,5 @@ def test_the_power_series_of_an_operation_is_near_it(f):
     ring = PowerSeries(2, 4)
     (series,) = ring.values(function, ring.variables())
     for at in ((0.01, -0.02), (-0.02, -0.01), (0.02, 0.02)):
-        found = sum(
-            float(term) * at[0] ** ring.exponent(key, 0) * at[1] ** ring.exponent(key, 1)
-            for key, term in series.items()
-        )
-        assert found == pytest.approx(float(function(at)), abs=1e-6)
+        found = sum(series * np.prod(np.array(at) ** ring.exponents, axis=1))
+        assert float(found) == pytest.approx(float(function(at)), abs=1e-6)
