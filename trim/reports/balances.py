@@ -29,25 +29,15 @@ from hfa_support.matrices import ROUNDING
 from hfa_support.reporting.rows import Row
 from hfa_support.reporting.text import digits_with_unit, shown_unit
 from hfa_support.units import KNOT, STANDARD_GRAVITY, conversion_factor, units_like
-from trim.reports.trimmed import LATERAL, OUTPUTS, QUANTITIES, Trimmed
+from trim.reports.trimmed import QUANTITIES, ROLES, Known, Trimmed
 
 #: Angle, rad, rate, rad/s, or share of the speed by which a derivative changes two sides.
 _SMALL = 0.1
 #: Share of the tolerances within which all hold with the one change that explains failures.
 _EXPLAINED = 0.25
-#: Role of a state, whose rate is ROLE_dot -> unit.
-_ROLES = {
-    **dict.fromkeys(("alpha", "beta", "phi", "theta", "yaw"), "rad"),
-    **dict.fromkeys("pqr", "rad/s"),
-    **dict.fromkeys(("speed", *"uvw"), "m/s"),
-    "altitude": "m",
-}
-#: Quantity that follows -> what of.
-_OF_AIR = {
-    **dict.fromkeys(("standard_pressure", "standard_density"), "altitude"),
-    **{"kcas_of_mach": "mach", "keas_of_pressure": "dynamic_pressure"},
-}
-_NAMES = (*_ROLES, *(f"{role}_dot" for role in _ROLES), *QUANTITIES, *_OF_AIR)
+#: Quantities that follow from the altitude, and from Mach number and dynamic pressure.
+_OF_AIR = ("standard_pressure", "standard_density", "kcas_of_mach", "keas_of_pressure")
+_NAMES = (*ROLES, *(f"{role}_dot" for role in ROLES), *QUANTITIES, *_OF_AIR)
 
 
 class Balance(NamedTuple):
@@ -152,92 +142,42 @@ def _equations(in_body_axes: bool) -> _Equations:
     return _Equations(ca.Function("balances", [quantities], [rows, slopes]), reads)
 
 
-class _Known(NamedTuple):
-    """Quantity of a model in SI units.
-
-    name: name in the model, "" of a constant
-    unit: its unit there, "" of a rate
-    value: its value
-    slopes: derivatives by the states and inputs, (n + m,)
-    """
-
-    name: str
-    unit: str
-    value: float
-    slopes: np.ndarray
-
-
-def _known_of(trimmed: Trimmed) -> dict[str, _Known]:
+def _known_of(trimmed: Trimmed) -> dict[str, Known]:
     """Return the quantities of `_NAMES` that a model has."""
-    model, roles = trimmed.model, trimmed.roles
-    names = tuple(name for name in OUTPUTS if name in model.outputs)
-    # At a nonsmooth point, the slopes of all are those of one side.
-    at = model.at(trimmed.coherent.states, trimmed.coherent.inputs, names)
-    columns = (*model.states, *model.inputs)
-    none = np.zeros(len(columns))
-    slopes = dict(zip(columns, np.eye(len(columns)), strict=True))
-    slopes |= zip(names, np.hstack([at.C, at.D]), strict=True)
-    rates = dict(zip(model.states, zip(at.f, np.hstack([at.A, at.B]), strict=True), strict=True))
-    known: dict[str, _Known] = {}
-
-    def add(symbol: str, name: str, of: str, unit: str, value: float, by: np.ndarray) -> None:
-        factor = conversion_factor(of, unit)
-        if factor is not None:
-            known[symbol] = _Known(name, of, value * factor, by * factor)
-
-    for role, unit in _ROLES.items():
-        state = role if role == "yaw" else roles.get(role, "")
-        if state in rates:
-            add(role, state, trimmed.unit(state), unit, trimmed[state], slopes[state])
-            rate, by = rates[state]
-            second = trimmed.per_second * (conversion_factor(trimmed.unit(state), unit) or math.nan)
-            known[f"{role}_dot"] = _Known(f"{state}_dot", "", rate * second, by * second)
-        elif role in LATERAL and roles.keys().isdisjoint(LATERAL):
-            known |= {name: _Known("", "", 0.0, none) for name in (role, f"{role}_dot")}
-    for name, unit in QUANTITIES.items():
-        declared = trimmed.thrust_name if name == "thrust" else name
-        parameters = trimmed.point.model.parameters
-        if declared in trimmed.known:
-            by = slopes[declared]
-            add(name, declared, trimmed.unit(declared), unit, trimmed[declared], by)
-        elif name in trimmed.configuration:
-            value, of = trimmed.configuration[name]
-            if not isinstance(value, str):
-                add(name, name, of, unit, float(value), none)
-        elif name in parameters:
-            add(name, name, parameters[name].unit, unit, parameters[name].start, none)
-    known.setdefault("gravity", _Known("", "", STANDARD_GRAVITY, none))
-    if model.about.equations == "JSBSim":  # further forces of a file are in no output
-        for name in ("drag", "pitching_moment"):
-            known.pop(name, None)
+    known = trimmed.quantities | {}
+    none = np.zeros(len(trimmed.model.states) + len(trimmed.model.inputs))
+    excluded: list[str] = []
+    if trimmed.model.about.equations == "JSBSim":  # further forces of a file are in no output
+        excluded += ["drag", "pitching_moment"]
     if trimmed.in_wind:  # these may be relative to the ground
-        for name in ("gamma", "climb_rate", "altitude_dot"):
-            known.pop(name, None)
-    constants: dict[str, float] = {}
+        excluded += ["gamma", "climb_rate", "altitude_dot"]
+    for name in excluded:
+        known.pop(name, None)
+    constants: dict[str, float] = {"gravity": STANDARD_GRAVITY}
     if "altitude" in known:
         air = air_at(known["altitude"].value, "si")
         constants |= {"standard_pressure": air.pressure, "standard_density": air.density}
-    values = [known[name].value if name in known else 0.0 for name in ("dynamic_pressure", "mach")]
-    if "kcas" in known and min(values) > 0.0:
-        constants["kcas_of_mach"] = KNOT * calibrated_airspeed(*values)
-    if "keas" in known and values[0] > 0.0:
-        constants["keas_of_pressure"] = KNOT * equivalent_airspeed(values[0])
-    return known | {name: _Known("", "", float(each), none) for name, each in constants.items()}
+    pressure, mach = (
+        known[name].value if name in known else 0.0 for name in ("dynamic_pressure", "mach")
+    )
+    if pressure > 0.0:
+        constants["keas_of_pressure"] = KNOT * equivalent_airspeed(pressure)
+        if mach > 0.0:
+            constants["kcas_of_mach"] = KNOT * calibrated_airspeed(pressure, mach)
+    return {name: Known("", "", float(each), none) for name, each in constants.items()} | known
 
 
 class Balances(NamedTuple):
     """Balances at a point.
 
     evaluated: number of those whose quantities the model has
-    failed: number of those that fail
-    sentences: a sentence on each that fails
-    lacking: name of one that was not evaluated -> quantities that the model does not have
+    sentences: a sentence on each of them that fails
+    lacking: names of those that were not evaluated
     """
 
     evaluated: int
-    failed: int
     sentences: list[str]
-    lacking: dict[str, list[str]]
+    lacking: list[str]
 
 
 class _Failure(NamedTuple):
@@ -258,13 +198,13 @@ class _Evaluation:
         self.in_body_axes = "speed" not in trimmed.roles and "w" in trimmed.roles
         self.function, self.reads = _equations(self.in_body_axes)
         self.columns = (*trimmed.model.states, *trimmed.model.inputs)
-        blank = _Known("", "", 1.0, np.zeros(len(self.columns)))
+        blank = Known("", "", 1.0, np.zeros(len(self.columns)))
         self.quantities = [self.known.get(name, blank) for name in _NAMES]
-        self.lacking = [[n for n in names if n not in self.known] for names in self.reads]
         self.evaluated = [
             number
             for number, each in enumerate(BALANCES)
-            if not self.lacking[number] and (trimmed.point.ok or not each.is_steady)
+            if self.known.keys() >= {*self.reads[number]}
+            and (trimmed.point.ok or not each.is_steady)
         ]
 
     def failures(
@@ -374,20 +314,9 @@ def balances_of(trimmed: Trimmed) -> Balances:
 def _balances_at(trimmed: Trimmed) -> Balances:
     """Return the balances of a point for the first time."""
     if trimmed.fault or is_linear_plant(trimmed.model):
-        return Balances(0, 0, [], {})
+        return Balances(0, [], [])
     evaluation = _Evaluation(trimmed)
-    has = {*trimmed.known, *trimmed.roles}
-
-    def comparable(name: str) -> str:
-        """Return what is missing: a quantity, or one without further parts, wind or odd unit."""
-        return f"comparable {name}" if name.removesuffix("_dot") in has else name
-
-    lacking = {
-        balance.name: [comparable(name) for name in names if name not in _OF_AIR]
-        or [_OF_AIR[name] for name in names]
-        for balance, names in zip(BALANCES, evaluation.lacking, strict=True)
-        if names
-    }
+    lacking = [each.name for i, each in enumerate(BALANCES) if i not in evaluation.evaluated]
     failures = [*evaluation.failures()]
     sentences = []
     if failures:
@@ -401,16 +330,14 @@ def _balances_at(trimmed: Trimmed) -> Balances:
         cures = evaluation.cures(names)
         advice = f"{' or '.join(cures)}?" if cures else f"check {', '.join(shared or names)}"
         sentences = [f"{evaluation.sentence(failure)}; {advice}" for failure in failures]
-    return Balances(len(evaluation.evaluated), len(failures), sentences, lacking)
+    return Balances(len(evaluation.evaluated), sentences, lacking)
 
 
 def balances_rows(trimmed: Trimmed) -> Iterator[Row]:
     """Yield the row of the balances of a point, and one of those that were not evaluated."""
-    balances = balances_of(trimmed)
-    if balances.evaluated:
-        holding = balances.evaluated - balances.failed
-        tone = "bad" if balances.failed else ""
-        yield Row("balances", f"{holding} of {balances.evaluated}", note="hold", tone=tone)
-    if balances.lacking:
-        texts = (f"{name} (no {', '.join(names)})" for name, names in balances.lacking.items())
-        yield Row("balances not evaluated", "; ".join(texts), rare=True)
+    evaluated, sentences, lacking = balances_of(trimmed)
+    if evaluated:
+        holding = f"{evaluated - len(sentences)} of {evaluated}"
+        yield Row("balances", holding, note="hold", tone="bad" if sentences else "")
+        if lacking:
+            yield Row("balances not evaluated", "; ".join(lacking), rare=True)

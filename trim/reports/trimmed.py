@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from hfa_aircraft.layout import Linearization
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import airspeed_output, recognized
 from hfa_support.errors import BadInputError, NoSolutionError, NotFiniteError
@@ -19,7 +20,7 @@ from hfa_support.reporting.rows import ByName, Row
 from hfa_support.reporting.text import Cell, Table, digits_with_unit, shown_value
 from hfa_support.units import conversion_factor, si_factor, si_unit
 from trim.linear.modes import Mode, modes_of
-from trim.linear.nonsmooth import linearization_at
+from trim.linear.nonsmooth import means_at_nonsmooth_points
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import STARTS, TrimProblem
 from trim.point.solve import MINOR, failure, trim
@@ -163,7 +164,15 @@ QUANTITIES = {
     **dict.fromkeys(("load_factor", "mach", "lift_coefficient", "drag_coefficient"), "1"),
     **{"gamma": "rad", "turn_rate": "rad/s", "climb_rate": "m/s", "kcas": "m/s", "keas": "m/s"},
     **{"dynamic_pressure": "N/m^2", "pitching_moment": "N m", "reference_area": "m^2"},
-    **{"gravity": "m/s^2", "mass": "kg"},
+    **{"gravity": "m/s^2", "mass": "kg", "reference_chord": "m", "reference_span": "m"},
+    **dict.fromkeys(("Izz", "Ixz"), "kg m^2"),
+}
+#: Role of a state, whose rate is ROLE_dot -> unit.
+ROLES = {
+    **dict.fromkeys(("alpha", "beta", "phi", "theta", "yaw"), "rad"),
+    **dict.fromkeys("pqr", "rad/s"),
+    **dict.fromkeys(("speed", *"uvw"), "m/s"),
+    "altitude": "m",
 }
 #: Outputs whose derivatives are computed, if the model has them.
 OUTPUTS = (*QUANTITIES, "thrust_force")
@@ -222,6 +231,21 @@ class Quantity(NamedTuple):
 
     value: Any
     unit: str
+
+
+class Known(NamedTuple):
+    """Quantity of a model in SI units.
+
+    name: name in the model, "" of a constant
+    unit: its unit there, "" of a rate
+    value: its value
+    slopes: derivatives by the states and inputs, (n + m,)
+    """
+
+    name: str
+    unit: str
+    value: float
+    slopes: np.ndarray
 
 
 class Slopes(NamedTuple):
@@ -418,15 +442,73 @@ class Trimmed:
         return ""
 
     @cached_property
+    def at(self) -> Linearization:
+        """Rates, outputs of `OUTPUTS` that the model has, and their derivatives, at a nonsmooth
+        point those of one side. Raises NotFiniteError at a point with a `fault`.
+        """
+        return self.model.at(self.coherent.states, self.coherent.inputs, self._outputs)
+
+    @property
+    def _outputs(self) -> list[str]:
+        """The outputs of `OUTPUTS` that the model has."""
+        return [name for name in OUTPUTS if name in self.model.outputs]
+
+    @cached_property
     def slopes(self) -> Slopes:
         """Derivatives of all rates and of some outputs, with mean slopes at nonsmooth points.
 
         Raises NotFiniteError at a point with a `fault`.
         """
-        names = [name for name in OUTPUTS if name in self.model.outputs]
-        found, _ = linearization_at(self.model, self.coherent.states, self.coherent.inputs, names)
-        outputs = zip(names, zip(found.C, found.D, strict=True), strict=True)
-        return Slopes(tuple(self.model.states), found.A, found.B, dict(outputs))
+        at, model, point = self.at, self.model, self.coherent
+        vectors = (np.array(each)[None] for each in (point.states, point.inputs, model.p))
+        A, B, _ = means_at_nonsmooth_points(model, *vectors, at.A[None], at.B[None])
+        outputs = zip(self._outputs, zip(at.C, at.D, strict=True), strict=True)
+        return Slopes(tuple(model.states), A[0], B[0], dict(outputs))
+
+    @cached_property
+    def quantities(self) -> dict[str, Known]:
+        """Role, ROLE_dot and name of `QUANTITIES` -> the quantity, as far as the model has it in a
+        known unit. At a nonsmooth point, the slopes of all are those of one side.
+
+        Raises NotFiniteError at a point with a `fault`.
+        """
+        at, model, roles = self.at, self.model, self.roles
+        columns = (*model.states, *model.inputs)
+        none = np.zeros(len(columns))
+        slopes = dict(zip(columns, np.eye(len(columns)), strict=True))
+        slopes |= zip(self._outputs, np.hstack([at.C, at.D]), strict=True)
+        rates = dict(
+            zip(model.states, zip(at.f, np.hstack([at.A, at.B]), strict=True), strict=True)
+        )
+        known: dict[str, Known] = {}
+
+        def add(symbol: str, name: str, of: str, unit: str, value: float, by: np.ndarray) -> None:
+            factor = conversion_factor(of, unit)
+            if factor is not None:
+                known[symbol] = Known(name, of, value * factor, by * factor)
+
+        for role, unit in ROLES.items():
+            state = role if role == "yaw" else roles.get(role, "")
+            if state in rates:
+                add(role, state, self.unit(state), unit, self[state], slopes[state])
+                rate, by = rates[state]
+                second = self.per_second * (conversion_factor(self.unit(state), unit) or math.nan)
+                known[f"{role}_dot"] = Known(f"{state}_dot", "", rate * second, by * second)
+            elif role in LATERAL and roles.keys().isdisjoint(LATERAL):
+                known |= {name: Known("", "", 0.0, none) for name in (role, f"{role}_dot")}
+        parameters = self.point.model.parameters
+        for name, unit in QUANTITIES.items():
+            declared = self.thrust_name if name == "thrust" else name
+            if declared in self.known:
+                by = slopes.get(declared, none)
+                add(name, declared, self.unit(declared), unit, self[declared], by)
+            elif name in self.configuration:
+                value, of = self.configuration[name]
+                if not isinstance(value, str):
+                    add(name, name, of, unit, float(value), none)
+            elif name in parameters:
+                add(name, name, parameters[name].unit, unit, parameters[name].start, none)
+        return known
 
     @cached_property
     def linear_A(self) -> np.ndarray:

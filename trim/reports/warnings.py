@@ -18,7 +18,6 @@ from trim.reports.balances import balances_of
 from trim.reports.trimmed import (
     ENTRIES,
     PARAMETER_OF_ENTRY,
-    Quantity,
     Trimmed,
     named_value_text,
     value_text,
@@ -99,6 +98,8 @@ def _lever_angle(model: Model, name: str, value: Any) -> str:
 
 #: Wings begin to stall at lift coefficients above this.
 _STALLING_CL = 0.7
+#: Entries with the sizes of a wing.
+_SIZES = ("reference_area", "reference_chord", "reference_span")
 #: Largest usual angle of attack, deg.
 _LARGEST_ALPHA = 60.0
 #: Outputs that are 0 without air.
@@ -172,47 +173,45 @@ def _steep(trimmed: Trimmed) -> str:
     return f"{warning}; hold a speed"
 
 
-def _is_unstable_in_yaw(trimmed: Trimmed) -> bool:
-    """Return whether the yawing moment N about the body's z-axis has a slope ∂N/∂β below 0."""
-    # Without angular rates, N = Izz dr/dt - Ixz dp/dt. An unknown Ixz is 0.
-    roles, states = trimmed.roles, trimmed.slopes.states
-    by_sideslip = trimmed.slopes.A[:, states.index(roles["beta"])]
-    yawing = float(by_sideslip[states.index(roles["r"])])
-    rolling = 0.0  # Ixz / Izz times ∂(dp/dt)/∂β
-    configuration = trimmed.configuration
-    if "p" in roles and {"Izz", "Ixz"} <= {*configuration}:
-        coupling = configuration["Ixz"].value / configuration["Izz"].value
-        rolling = coupling * float(by_sideslip[states.index(roles["p"])])
-    return yawing - rolling < -ROUNDING * (abs(yawing) + abs(rolling))
-
-
 def _unusual(trimmed: Trimmed) -> Iterator[str]:
     """Yield a sentence for each figure that no aircraft has, as a wrong unit or sign of data gives;
     the ranges are wide.
     """
-    roles = trimmed.roles
-    area, chord, span = (
-        float(value)
-        * (conversion_factor(unit, "m^2" if name == "reference_area" else "m") or math.nan)
-        for name in ("reference_area", "reference_chord", "reference_span")
-        for value, unit in [trimmed.configuration.get(name, Quantity(math.nan, "m"))]
+    known, roles = trimmed.quantities, trimmed.roles
+    area, chord, span, pressure, lift = (
+        known[name].value if name in known else math.nan
+        for name in (
+            "reference_area",
+            "reference_chord",
+            "reference_span",
+            "dynamic_pressure",
+            "lift",
+        )
     )
-    figures = {"S / c^2": (area / (chord or math.nan) ** 2, 0.1, 60.0)}
-    figures["S / (b c)"] = (area / (chord * span or math.nan), 0.3, 2.5)
-    factors = ("dynamic_pressure", "reference_area")
-    if "alpha" in roles and not trimmed.lacks("lift", nonzero=factors):
-        force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
-        by_states, _ = trimmed.slopes.outputs["lift"]
-        slope = float(by_states[trimmed.slopes.states.index(roles["alpha"])]) / force
-        # A stall reduces any CL_alpha to about 0 or less, which the first lines state.
-        if slope > 1.0 or (slope > 0.0 and trimmed["lift"] / force < _STALLING_CL):
-            figures["CL_alpha"] = (slope, 0.8, 15.0)
+
+    def slope(name: str, role: str) -> float:
+        """Return the derivative of a quantity by a state; nan if one of them is unknown."""
+        if name not in known or role not in roles:
+            return math.nan
+        return float(known[name].slopes[trimmed.model.state_places([roles[role]])[0]])
+
+    figures = {
+        "S / c^2": (area / (chord or math.nan) ** 2, 0.1, 60.0),
+        "S / (b c)": (area / (chord * span or math.nan), 0.3, 2.5),
+    }
+    force = pressure * area or math.nan
+    lift_slope = slope("lift", "alpha") / force
+    # A stall reduces any CL_alpha to about 0 or less, which the first lines state.
+    if lift_slope > 1.0 or (lift_slope > 0.0 and lift / force < _STALLING_CL):
+        figures["CL_alpha"] = (lift_slope, 0.8, 15.0)
     for name, (value, least, most) in figures.items():
         if value < least or value > most:  # nan, of an unknown figure, is neither
             yield f"{name} is {value:.3g}, of aircraft {least:g} to {most:g}; check units"
-    if {"p", "beta"} <= {*roles}:
-        place = trimmed.slopes.states.index(roles["p"])
-        if trimmed.slopes.A[place, place] > 0.0:
-            yield "a roll rate increases itself (Cl_p above 0); check its sign"
-    if {"beta", "r", "speed"} <= {*roles} and _is_unstable_in_yaw(trimmed):
+    if "beta" in roles and slope("p_dot", "p") > 0.0:
+        yield "a roll rate increases itself (Cl_p above 0); check its sign"
+    # Without angular rates, the yawing moment N = Izz dr/dt - Ixz dp/dt. An unknown Ixz is 0.
+    yawing, rolling = slope("r_dot", "beta"), 0.0
+    if {"p_dot", "Izz", "Ixz"} <= {*known}:
+        rolling = known["Ixz"].value / known["Izz"].value * slope("p_dot", "beta")
+    if "speed" in roles and yawing - rolling < -ROUNDING * (abs(yawing) + abs(rolling)):
         yield "sideslip turns the nose out of the wind (body-axis Cn_beta below 0); check it"
