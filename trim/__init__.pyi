@@ -13,7 +13,6 @@ from .linear.linearize import linearize as linearize
 from .linear.modes import Mode as Mode, modes_of as modes_of
 from .point.condition import release as release, usual_condition as usual_condition
 from .point.solve import TrimError as TrimError
-from .reports.book import draw_point as draw_point
 from .reports.levels import Airplane as Airplane, graded as graded
 from .reports.sheet import sheet_of as sheet_of
 from .sweeps.points import trim_points as trim_points

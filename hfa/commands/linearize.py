@@ -22,17 +22,16 @@ from hfa.options.parser import option, refuse
 from hfa.options.plants import aircraft_help
 from hfa.options.trims import GivenTrim, TrimInput, TrimOptions, trim_input
 from hfa_aircraft.model import Model
-from hfa_support.errors import BadInputError
 from hfa_support.reporting.figure import new_figure
 from trim.hfa.reports import linear_model_report
 from trim.linear.linearize import direct_disturbances
-from trim.reports.models import STORE, linear_models
+from trim.reports.models import linear_models
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-_PURPOSE = " (of --conditions without --row: all models, also in a folder)"
+_PURPOSE = " (of --conditions without --row: all models)"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,7 +39,7 @@ class LinearizeRequest(Request, TrimOptions):
     """Options of `hfa linearize`."""
 
     needs_dihedral: ClassVar = True
-    output: Path | None = output_option(".pdf", stores=(STORE,), folder=True, purpose=_PURPOSE)
+    output: Path | None = output_option(".pdf", purpose=_PURPOSE)
     aircraft: str | None = option(aircraft_help, "FILE.py:NAME")
     picture: Path | None = picture_option("Bode plots from each input to each output")
     states: tuple[str, ...] | None = option(
@@ -67,11 +66,6 @@ def linearize(request: LinearizeRequest, given: TrimInput) -> Outcome:
     With --conditions and without --row, the linear models of all conditions are written."""
     if given.rows and request.row is None:
         return _of_conditions(request, given)
-    if request.output is not None and request.output.suffix.lower() in ("", STORE):
-        raise BadInputError(
-            f"-o {request.output} is for the linear models of --conditions FILE without --row; "
-            "write .json, .npz or .mat"
-        )
     return _of_trim(request, given.single())
 
 

@@ -484,7 +484,6 @@ WITHOUT = {
         "trim.trim_report",
         "trim.linear_model_report",
         "trim.trim_figure",
-        "trim.draw_point",
         "trim.draw_bode",
         "controller.expansion_report",
         "controller.solution_report",

@@ -23,7 +23,6 @@ from trim.point.status import BALANCE, Status
 
 if TYPE_CHECKING:
     import xarray
-    from matplotlib.axes import Axes
 
     from hfa_support.reporting.rows import ByName, Sheet
     from trim import LinearModel, Mode
@@ -371,12 +370,6 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         import trim
 
         return trim.linearize(self.model, self, **options)
-
-    def plot(self) -> Axes:
-        """Draw the variables between their limits with pyplot, and return the Axes."""
-        import trim
-
-        return trim.draw_point(self)
 
     def to_xarray(self) -> xarray.Dataset:
         """Return each state, input and output with its unit. Requires xarray."""

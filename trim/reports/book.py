@@ -35,42 +35,37 @@ from trim.reports.sheet import result_of
 from trim.reports.trimmed import PARAMETER_OF_ENTRY, Quantity, Trimmed
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
-def draw_point(point: OperatingPoint) -> Axes:
-    """Draw the variables of a trim in percent of their ranges with pyplot, and return the Axes.
-
-    The lowest limit is at 0 %, the highest at 100 %. Variables without two different limits are
-    omitted.
+def point_figure(point: OperatingPoint) -> Figure:
+    """Return a figure of the variables of a trim in percent of their ranges: the lowest limit is at
+    0 %, the highest at 100 %. Variables without two different limits are omitted.
 
     Raises BadInputError if all variables are omitted.
     """
-    from hfa_support.reporting.figure import pyplot_figure
-
-    axes = pyplot_figure(7.0, _height(point)).subplots()
-    _draw_variables(axes, point)
-    return axes
-
-
-def point_figure(point: OperatingPoint) -> Figure:
-    """Return a figure of the variables of a trim in percent of their ranges, as in `draw_point`."""
     from hfa_support.reporting.figure import new_figure
 
-    figure = new_figure(7.0, _height(point))
-    _draw_variables(figure.subplots(), point)
-    return figure
-
-
-def _height(point: OperatingPoint) -> float:
-    """Return the height of the figure, inches. Raises BadInputError without a variable to draw."""
-    count = len(with_range(point))
-    if not count:
+    limited = with_range(point)
+    if not limited:
         raise BadInputError(
             "no variable has both a lower and an upper limit; declare min and max of a Signal"
         )
-    return 1.2 + 0.3 * count
+    figure = new_figure(7.0, 1.2 + 0.3 * len(limited))
+    axes = figure.subplots()
+    percents = [
+        100 * (margin.value - margin.lowest) / (margin.highest - margin.lowest)
+        for margin in limited
+    ]
+    names = [
+        beside_unit(f"{margin.name} {shown_value(margin.value, margin.unit)}", margin.unit)
+        for margin in limited
+    ]
+    axes.barh(names, 100.0, height=0.2, color="0.85")
+    axes.scatter(percents, names, color=["C3" if margin.at_limit else "C0" for margin in limited])
+    axes.set_xlabel("share of the range between the limits, %; at a limit red")
+    axes.set_title(wrapped(first_lines(Trimmed(point)), WIDTH), fontsize=10)
+    return figure
 
 
 def with_range(point: OperatingPoint) -> list[Margin]:
@@ -82,22 +77,6 @@ def with_range(point: OperatingPoint) -> list[Margin]:
         for margin in reversed(point.margins.values())
         if math.isfinite(margin.highest - margin.lowest) and margin.highest > margin.lowest
     ]
-
-
-def _draw_variables(axes: Axes, point: OperatingPoint) -> None:
-    """Draw a bar for the range of each variable, with a mark at its value."""
-    limited = with_range(point)
-    percents = [
-        100 * (margin.value - margin.lowest) / (margin.highest - margin.lowest)
-        for margin in limited
-    ]
-    rows = range(len(limited))
-    axes.hlines(rows, 0.0, 100.0, color="0.85", linewidth=5, zorder=1)
-    axes.scatter(percents, rows, color=["C3" if margin.at_limit else "C0" for margin in limited])
-    labels = [f"{margin.name} {shown_value(margin.value, margin.unit)}" for margin in limited]
-    axes.set_yticks(rows, map(beside_unit, labels, [margin.unit for margin in limited]))
-    axes.set_xlabel("share of the range between the limits, %; at a limit red")
-    axes.set_title(wrapped(first_lines(Trimmed(point)), WIDTH), fontsize=10)
 
 
 #: Column of the table of conditions -> row of a sheet.
@@ -418,25 +397,22 @@ def matrix_figure(conditions: Sequence[Condition]) -> Figure:
     panels = _panels(conditions)
     if not panels:
         raise BadInputError("no condition has an alpha, a used control or a static margin to draw")
-    count = len(conditions)
+    called = _called(conditions)
     # The label of a condition needs 0.2 inches, and a panel 1.3.
-    figure = new_figure(max(_FIGURE_WIDTH, 0.2 * count), 1.2 + 1.3 * len(panels))
+    figure = new_figure(max(_FIGURE_WIDTH, 0.2 * len(called)), 1.2 + 1.3 * len(panels))
     all_axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (heading, lines) in zip(all_axes, panels.items(), strict=True):
-        marks = cycle(_POINT_MARKS)
-        for name, values in lines.items():
-            axes.plot(range(count), values, next(marks), markersize=4, label=name)
+        for mark, (name, values) in zip(cycle(_POINT_MARKS), lines.items()):
+            axes.plot(called, values, mark, markersize=4, label=name)
         for place, condition in enumerate(conditions):
             if condition.result != TRIMMED:
                 color = "0.85" if condition.point is None else "#f4c7c3"  # light grey, light red
                 axes.axvspan(place - 0.5, place + 0.5, color=color, zorder=0)
         axes.set_ylabel(heading, fontsize=8)
-        axes.tick_params(labelsize=8)
         axes.grid(axis="y", linewidth=0.4)
         if len(lines) > 1:
             axes.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    all_axes[-1].set_xticks(range(count), _called(conditions), rotation=90, fontsize=8)
-    all_axes[-1].set_xlim(-0.5, count - 0.5)
+    all_axes[-1].tick_params(axis="x", rotation=90, labelsize=8)
     return figure
 
 
@@ -444,34 +420,17 @@ def _panels(conditions: Sequence[Condition]) -> dict[str, dict[str, list[float]]
     """Return label of an axis -> name of a line -> its value at each condition, nan if it is
     unknown. Lines without a known value and axes without a line are left out.
     """
-    points = [condition.point for condition in conditions]
-    first = next((point for point in points if point is not None), None)
-    alpha = None if first is None else recognized(first.model.states).get("alpha")
+    controls = _used_controls(conditions)
     panels: dict[str, dict[str, list[float]]] = {}
-    if first is not None and alpha:
-        unit = first.model.unit(alpha)
-        angles = [
-            math.nan if point is None else float(shown_values(point[alpha], unit))
-            for point in points
-        ]
-        panels[beside_unit(f"{alpha},", unit)] = {alpha: angles}
-    panels["travel used, %"] = {
-        control: [
-            math.nan if point is None else 100.0 * point.margins[control].used for point in points
-        ]
-        for control in _used_controls(conditions)
-    }
-    panels["static margin, chord"] = {
-        "static margin": [
-            math.nan
-            if condition.point is None or "static margin" not in condition.rows
-            else float(condition.rows["static margin"])
-            for condition in conditions
-        ]
-    }
-    drawn = {}
-    for label, lines in panels.items():
-        known = {name: line for name, line in lines.items() if not all(map(math.isnan, line))}
-        if known:
-            drawn[label] = known
-    return drawn
+    for place, condition in enumerate(conditions):
+        for heading, cell in _figure_cells(condition, controls).items():
+            name = heading.partition(" [")[0]
+            if not isinstance(cell, _Number) or name in ("n", "L/D"):
+                continue
+            panel, value = heading, float(shown_values(cell.value, cell.unit))
+            if name in controls:
+                panel, value = "travel used, %", cell.used
+            if math.isfinite(value):
+                line = panels.setdefault(panel, {}).setdefault(name, [math.nan] * len(conditions))
+                line[place] = value
+    return panels

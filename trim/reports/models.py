@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,11 +15,10 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
-from hfa_support.files import folder_written_whole, write_text
 from hfa_support.progress import Progress
 from hfa_support.reporting.parts import NO_RECORDS
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Entries, Result, Stack, json_text, save_data, storable
+from hfa_support.reporting.results import Entries, Result, Stack, save_data, storable
 from hfa_support.reporting.rows import stated_level, with_names
 from hfa_support.reporting.text import Table, eigenvalue_text, shown_values, with_shown_unit
 from trim.linear.linear_model import MATRICES, OFFSETS, LinearModel
@@ -33,14 +31,12 @@ from trim.point.status import CATEGORY, CLASS, NAME, RESULTS, STALLED, TRIMMED, 
 from trim.reports.levels import DEFAULT_AIRPLANE, Airplane, graded_modes
 from trim.reports.linear_report import report_of_linear, reported_matrices
 from trim.reports.trimmed import Trimmed
-from trim.tables import dataset, eigenvalue_headings, entry_headings
+from trim.tables import eigenvalue_headings, entry_headings
 
 if TYPE_CHECKING:
     import pandas
-    import xarray
 
-#: Suffix of a Zarr store, and suffixes of data that are no document.
-STORE = ".zarr"
+#: Suffixes of data that are no document.
 _DATA = (".json", ".mat", ".csv")
 
 
@@ -231,17 +227,15 @@ class Conditions(StatesAndInputs, Result, Reported):
         return self.signals._asdict() | trims | units
 
     def _entries(self) -> dict[str, Any]:
-        """Return the entries of the file, name -> value."""
-        models = [self._row_entries(row) for row in range(len(self))]
-        return {"dynamics": self.model.name, **self._named_signals(), "models": models}
-
-    def _row_entries(self, row: int) -> dict[str, Any]:
-        """Return what a file states about the condition with a number: its name, what it asks for,
-        and its row of `arrays`.
+        """Return the entries of the file, name -> value: what each condition asks for, and its row
+        of `arrays`.
         """
-        asked = self.asked[row]
-        found = {name: array[row] for name, (_, array) in self.arrays.items()}
-        return {"name": asked.name, "condition": asked.stated, **found}
+        models = [
+            {"name": asked.name, "condition": asked.stated}
+            | {name: array[row] for name, (_, array) in self.arrays.items()}
+            for row, asked in enumerate(self.asked)
+        ]
+        return {"dynamics": self.model.name, **self._named_signals(), "models": models}
 
     def report(self) -> Report:
         """Return a report with the status and the eigenvalues of the modes of each condition, and
@@ -360,55 +354,32 @@ class Conditions(StatesAndInputs, Result, Reported):
         arrays |= {name: (("mode",), array) for name, array in of_modes.items()}
         return {name: (("condition", *axes), array) for name, (axes, array) in arrays.items()}
 
-    def to_xarray(self) -> xarray.Dataset:
-        """Return `arrays` with the names of conditions and signals, and units. Requires xarray."""
-        model = self.model
-        words = partial(np.array, dtype=object)  # of any length
-        coordinates: dict[str, Any] = {
-            axis: (axis, words(names), {"units": [*model.units(names)]})
-            for axis, names in self._axes.items()
-        }
-        coordinates |= {"condition": words(self.names), "rate": words(self.signals.states)}
-        return dataset(self.arrays, coordinates, model.title)
-
     def save(self, path: str | Path, provenance: Mapping[str, Any] | None = None) -> None:
-        """Write the conditions to a file or folder.
+        """Write the conditions to a file.
 
         - .json, .mat: the linear models as a list, or an array of structs, `models`
         - .npz: `arrays`, with the names and units of the signals
-        - .zarr: `to_xarray`
-        - a folder: a file of each linear model, as `LinearModel.save` writes it
+        - .csv: `records`
         - .html, .pdf, .tex, .md: the report, with a page of A to F for each linear model
 
         provenance: provenance of the results, or None
 
-        Raises BadInputError for another suffix, and for a store or folder that has files.
+        Raises BadInputError for another suffix.
         """
-        path = Path(path)
-        suffix = path.suffix.lower()
+        suffix = Path(path).suffix.lower()
         origin = {"provenance": dict(provenance)} if provenance else {}
-        if suffix == STORE:
-            attributes = {name: json_text(entry) for name, entry in origin.items()}
-            with folder_written_whole(path) as folder:
-                self.to_xarray().assign_attrs(attributes).to_zarr(folder)
-        elif not suffix:
-            with folder_written_whole(path) as folder:
-                for row, name in enumerate(self.names):
-                    plain = re.sub(r"[^\w.-]+", "_", name)
-                    content = json_text(self._file(row) | origin)
-                    write_text(folder / f"{row + 1:02}_{plain}.json", content)
-        elif suffix == ".npz":
+        if suffix == ".npz":
             arrays = {name: array for name, (_, array) in self.arrays.items()}
             words = [name for name, array in arrays.items() if array.dtype == object]
             arrays |= {name: arrays[name].astype(str) for name in words}
             head = {"schema": self.schema, "names": [*self.names]} | self._named_signals()
             save_data(path, storable(head) | arrays | origin, records=Table((), ()))
-        else:
-            # Records serve .csv files alone, and take time: other files are of the report without.
-            report = self.report() if suffix == ".csv" else self._summary
-            if suffix not in _DATA:
-                report = replace(report, parts=(*report.parts, *self._pages()))
-            report.with_data(origin).save(path)
+            return
+        # Records serve .csv files alone, and take time: other files are of the report without.
+        report = self.report() if suffix == ".csv" else self._summary
+        if suffix not in _DATA:
+            report = replace(report, parts=(*report.parts, *self._pages()))
+        report.with_data(origin).save(path)
 
     def _pages(self) -> Iterator[Report]:
         """Yield the report of each linear model, with all matrices."""
@@ -416,14 +387,6 @@ class Conditions(StatesAndInputs, Result, Reported):
             if linear is not None:
                 page = report_of_linear(linear, responses=False, beside=None, whole=True)
                 yield replace(page, title=f"{number} {name}: {page.title}", records=NO_RECORDS)
-
-    def _file(self, row: int) -> dict[str, Any]:
-        """Return the content of the file of the condition with a number: a linear model, nan
-        without a trim.
-        """
-        linear = self.linear[row]
-        head = {"schema": LinearModel.schema} | self._named_signals()
-        return (head if linear is None else storable(linear)) | storable(self._row_entries(row))
 
 
 def stacked(

@@ -57,8 +57,8 @@ from trim.reports.levels import (
     level_lines,
     mode_rows,
 )
-from trim.reports.trimmed import Trimmed, balance_row, equations_of, equations_table
-from trim.reports.warnings import configuration_lines, configuration_rows, warnings_of
+from trim.reports.trimmed import Trimmed, balance_row, equations_group, equations_of
+from trim.reports.warnings import configuration_rows, warnings_of
 
 #: Number of nearest limits whose margins are named in data, in addition to those that bind.
 _NAMED_LIMITS = 3
@@ -284,7 +284,7 @@ def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
             [*flight_rows(trimmed), balance_row(point), *balances_rows(trimmed)],
             table_lines,
         ),
-        ("configuration", configuration_rows(trimmed), configuration_lines(trimmed)),
+        ("configuration", configuration_rows(trimmed), ()),
         (VARIABLES, variables, _meaning_of_stars(variables)),
         ("limits", limit_rows(nearest_first(trimmed)), ()),
     ]
@@ -385,9 +385,8 @@ def _parts(trimmed: Trimmed, sheet: Sheet, *, full: bool) -> list[Any]:
     """
     point, search = trimmed.point, trimmed.search
     parts: list[Any] = [*sheet.shown(full)]
-    equations = equations_of(point)
-    if full or not all(entry["ok"] for entry in equations.values()):
-        parts.append(equations_table(point, equations))
+    if full or point.residual > BALANCE:
+        parts.append(equations_group(point))
     if full and point.ok and trimmed.modes:
         parts.append(modes_table(trimmed.modes, point.model.time_unit))
     if search.sentences:
@@ -415,8 +414,6 @@ def _data(trimmed: Trimmed, sheet: Sheet) -> dict[str, Any]:
         "nearest_limits": [margin.name for margin in nearest],
         "binding": [margin.name for margin in nearest if margin.at_limit and margin.role != "held"],
         "equations": equations_of(point),
-        "scaled_residuals": point.scaled_residuals,
-        "balance_limit": BALANCE,
         "modes": trimmed.modes if point.ok else (),
         "search": trimmed.search.data,
         # Without warnings of the trim, the notes of the point; else the sheet has these in "notes".

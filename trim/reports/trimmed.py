@@ -16,8 +16,8 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import airspeed_output, recognized
 from hfa_support.errors import BadInputError, NoSolutionError, NotFiniteError
 from hfa_support.matrices import ROUNDING, balanced, spectral_abscissa
-from hfa_support.reporting.rows import ByName, Row
-from hfa_support.reporting.text import Cell, Table, digits_with_unit, shown_value
+from hfa_support.reporting.rows import ByName, Group, Row
+from hfa_support.reporting.text import digits_with_unit, shown_value
 from hfa_support.units import conversion_factor, si_factor, si_unit
 from trim.linear.modes import Mode, modes_of
 from trim.linear.nonsmooth import means_at_nonsmooth_points
@@ -51,42 +51,22 @@ def equations_of(point: OperatingPoint) -> dict[str, dict[str, Any]]:
     return equations
 
 
-def equations_table(point: OperatingPoint, equations: dict[str, dict[str, Any]]) -> Table:
-    """Return a table of the equations, with those that do not balance first.
-
-    The column of imposed rates is omitted if all imposed rates are 0.
-
-    equations: data of `equations_of`
-    """
-    states = point.model.states
-    with_rates = any(entry["imposed"] for name, entry in equations.items() if name in states)
-    scaled = point.scaled_residuals
+def equations_group(point: OperatingPoint) -> Group:
+    """Return a row for each equation with its residual, those that do not balance first."""
     rows = []
-    for name, entry in sorted(equations.items(), key=lambda item: item[1]["ok"]):
-        row = [f"rate of {name}" if name in states else name]
-        if with_rates:
-            rate = entry["imposed"] if name in states else 0.0
-            row.append(f"{rate:.6g}")
-        scale = entry["tolerance"] / BALANCE
-        row += [
-            _size_text(entry["residual"], least=_ROUNDING_RESIDUAL * scale),
-            f"{entry['tolerance']:.2e}",
+    for name, entry in sorted(equations_of(point).items(), key=lambda item: item[1]["ok"]):
+        row = Row(
+            f"rate of {name}" if name in point.model.states else name,
+            entry["residual"],
             entry["unit"],
-            _size_text(scaled[name], least=_ROUNDING_RESIDUAL),
-            Cell("PASS", "good") if entry["ok"] else Cell("FAIL", "bad"),
-        ]
-        rows.append(tuple(row))
-    columns = ["equation", "residual", "tolerance", "unit", "scaled", "verdict"]
-    if with_rates:
-        columns.insert(1, "imposed")
-    return Table(tuple(columns), rows)
-
-
-def _size_text(value: float, least: float) -> str:
-    """Return a residual as text, and one of at most `least`, which is rounding, as "<= 1e-14"."""
-    if not value:
-        return "0"
-    return f"{value:.2e}" if abs(value) > least else f"<= {least:.0e}"
+            f"{'PASS' if entry['ok'] else 'FAIL'}, tolerance {entry['tolerance']:.2e}",
+            digits=3,
+            least=_ROUNDING_RESIDUAL * entry["tolerance"] / BALANCE,
+            tone="good" if entry["ok"] else "bad",
+            in_degrees=False,
+        )
+        rows.append(row)
+    return Group("equations", tuple(rows))
 
 
 def balance_row(point: OperatingPoint) -> Row:
@@ -178,9 +158,8 @@ ROLES = {
 OUTPUTS = (*QUANTITIES, "thrust_force")
 #: Names of the output or input with the thrust; the first that a model declares is used.
 _THRUST_NAMES = ("thrust_force", "thrust")
-#: Number of angles of attack at which the largest lift is searched, and its accuracy, rad.
+#: Number of angles of attack at which the largest lift is searched.
 _ANGLE_COUNT = 200
-_ALPHA_ACCURACY = 1e-7
 #: Why a largest lift is unknown: neither is CL_max declared, nor has the lift a maximum over alpha.
 _NO_MAXIMUM = "no CL_max, and lift without a maximum"
 #: Change of the speed between a trim and its neighbors, kt.
@@ -730,65 +709,44 @@ class Trimmed:
         if "largest_lift_coefficient" in model.outputs:
             force = self["dynamic_pressure"] * self["reference_area"]
             largest = force * self["largest_lift_coefficient"]
-            reached_at = math.nan if above is None else _first_at(lift, above, largest)
+            reached_at = math.nan
+            if above is not None:
+                below_rounding = largest - ROUNDING * abs(largest)
+                reached_at = _first_below_zero(lambda at: below_rounding - lift(at)[0], above)
             return LargestLift(largest, reached_at)
 
         if above is None:
             return _NO_MAXIMUM
-        slopes = np.diff(lift(above))
-        is_stalled = bool(slopes.size and slopes[0] < 0.0)  # lift falls with alpha at the trim
-        # Downward from the trim, so that the first peak is the nearest one.
-        below = np.linspace(here, min(lowest, here), _ANGLE_COUNT)
-        peak = _first_peak(lift, below if is_stalled else above)
-        if peak is None:
+        (_, slope), sign = lift(here)[:, 0], 1.0
+        is_stalled = bool(slope < 0.0)
+        if is_stalled:  # downward from the trim, so that the first peak is the nearest one
+            above, sign = np.linspace(here, min(lowest, here), _ANGLE_COUNT), -1.0
+        peak = _first_below_zero(lambda at: sign * lift(at)[1], above)
+        if math.isnan(peak):
             return _NO_MAXIMUM
-        return LargestLift(float(lift(np.array([peak]))[0]), peak, is_stalled)
+        return LargestLift(float(lift(peak)[0, 0]), peak, is_stalled)
 
-    def _lift_over(self, alpha: str) -> Callable[[np.ndarray], np.ndarray]:
-        """Return the function angles of attack (N,) -> output `lift` (N,), with all other variables
-        as at the trim.
+    def _lift_over(self, alpha: str) -> Callable[[Any], np.ndarray]:
+        """Return the function angles of attack (N,) -> output `lift` and its slope by alpha (2, N),
+        with all other variables as at the trim.
         """
         model = self.model
         angle = ca.SX.sym(alpha)
         state = self.coherent.states._replace(**{alpha: angle})
         _, lift = model.layout.expressions((state, self.coherent.inputs, model.p), ("lift",))
-        function = ca.Function("lift", [angle], [lift])
-        return lambda angles: np.asarray(function(angles[None]).full()[0])
+        function = ca.Function("lift", [angle], [ca.vertcat(lift, ca.jacobian(lift, angle))])
+        return lambda angles: np.asarray(function(np.atleast_1d(angles)[None]).full())
 
 
-def _first_peak(lift: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) -> float | None:
-    """Return the angle of the first maximum of the lift inside a range of angles, or None.
-
-    angles: the range, from the end at which the search begins, (N,)
+def _first_below_zero(function: Callable[[Any], np.ndarray], angles: np.ndarray) -> float:
+    """Return the first angle in a range, (N,), at which a function passes 0 downward; nan if it is
+    below 0 at the first angle already, or at none, up to rounding.
     """
-    # A lift that remains constant, as beyond the last breakpoint of a table, has no maximum.
-    lifts = lift(angles)
-    falls = np.flatnonzero(np.diff(lifts) < -ROUNDING * np.abs(lifts).max())
-    if not falls.size or falls[0] == 0:
-        return None
-    from scipy.optimize import minimize_scalar
-
-    ends = sorted((angles[falls[0] - 1], angles[falls[0] + 1]))
-    found = minimize_scalar(
-        lambda angle: -float(lift(np.array([angle]))[0]),
-        bounds=ends,
-        method="bounded",
-        options={"xatol": _ALPHA_ACCURACY},
-    )
-    return float(found.x)
-
-
-def _first_at(
-    lift: Callable[[np.ndarray], np.ndarray], angles: np.ndarray, largest: float
-) -> float:
-    """Return the first angle in a range, (N,), at which the lift reaches a value; nan if the lift
-    has this value at the first angle already, or at none.
-    """
-    lifts = lift(angles)
-    reached = np.flatnonzero(lifts >= largest)
-    if not reached.size or reached[0] == 0:
+    values = function(angles)
+    below = np.flatnonzero(values < -ROUNDING * np.abs(values).max())
+    if not below.size or below[0] == 0:
         return math.nan
     from scipy.optimize import brentq
 
-    low, high = angles[reached[0] - 1], angles[reached[0]]
-    return float(brentq(lambda angle: float(lift(np.array([angle]))[0]) - largest, low, high))
+    ends = angles[below[0] - 1], angles[below[0]]
+    return float(brentq(lambda angle: function(angle).item(), *ends))

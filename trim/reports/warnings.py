@@ -70,12 +70,6 @@ def _known_rows(trimmed: Trimmed) -> dict[str, Row]:
     return rows
 
 
-def configuration_lines(trimmed: Trimmed) -> list[str]:
-    """Return a sentence on inertias that no rigid body has, unless `warnings_of` has it."""
-    line = _inertia_line(trimmed)
-    return [line] if line and line not in warnings_of(trimmed) else []
-
-
 def _inertia_line(trimmed: Trimmed) -> str:
     """Return a sentence if no rigid body has the inertias of the configuration, or ""."""
     entries = trimmed.configuration
@@ -115,10 +109,8 @@ def warnings_of(trimmed: Trimmed) -> list[str]:
     them, because several parts of a report have them.
     """
     if trimmed.warnings is None:
-        said = [*trimmed.point.model.warnings, *_warnings_at(trimmed)]
         # The model has warnings on inertias as loaded, which `--hold` may have changed.
-        if {"Ixx", "Iyy", "Izz"} <= {*trimmed.model.parameters}:
-            said.append(_inertia_line(trimmed))
+        said = [*trimmed.point.model.warnings, *_warnings_at(trimmed), _inertia_line(trimmed)]
         trimmed.warnings = [*dict.fromkeys(filter(None, said))]
     return trimmed.warnings
 
