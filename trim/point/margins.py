@@ -31,7 +31,6 @@ class Margin(Result):
     unit: unit of value, lowest, highest and scale
     scale: nominal size of the variable
     assumed: whether the limits are assumptions of the reader of the aircraft
-    highest_is: what the highest value is, if it is no declared limit: "that of the largest lift"
     """
 
     name: str
@@ -42,7 +41,6 @@ class Margin(Result):
     unit: str
     scale: float
     assumed: bool = False
-    highest_is: str = ""
 
     @property
     def distance(self) -> float:

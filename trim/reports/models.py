@@ -366,7 +366,8 @@ class Conditions(StatesAndInputs, Result, Reported):
 
         Raises BadInputError for another suffix.
         """
-        suffix = Path(path).suffix.lower()
+        path = Path(path)
+        suffix = path.suffix.lower()
         origin = {"provenance": dict(provenance)} if provenance else {}
         if suffix == ".npz":
             arrays = {name: array for name, (_, array) in self.arrays.items()}

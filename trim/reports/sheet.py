@@ -19,13 +19,9 @@ from hfa_support.reporting.rows import Group, Row, Sheet, matrix_of
 from hfa_support.reporting.text import (
     Table,
     beside_unit,
-    five_decimals,
     short_number,
-    shown_unit,
     shown_value,
-    shown_values,
 )
-from hfa_support.units import conversion_factor
 from trim.linear.modes import modes_table
 from trim.point.condition import stated_cells, stated_values
 from trim.point.margins import Margin
@@ -60,8 +56,6 @@ from trim.reports.levels import (
 from trim.reports.trimmed import Trimmed, balance_row, equations_group, equations_of
 from trim.reports.warnings import configuration_rows, warnings_of
 
-#: Number of nearest limits whose margins are named in data, in addition to those that bind.
-_NAMED_LIMITS = 3
 #: Verdict on a free variable at its limit.
 _BINDS = "BINDS"
 #: Meaning of the star beside a limit.
@@ -105,83 +99,50 @@ def _limits_text(margin: Margin, is_input: bool) -> str:
 
 
 def nearest_first(trimmed: Trimmed) -> list[Margin]:
-    """Return the variables whose limits matter, in the order of `_rank`.
+    """Return the variables whose limits matter: reached limits come first, then declared ones, then
+    limits of variables with two limits, and among equals the nearest in shares of the range.
 
     These are free variables and held inputs, whose travel is limited too; a held state is where the
-    condition demands it. The angle of attack is also limited by that of the largest lift.
+    condition demands it.
     """
-    inputs, margins = trimmed.model.inputs, trimmed.point.margins
+    inputs, margins = trimmed.model.inputs, trimmed.point.margins.values()
     limited = [
-        margin
-        for name, margin in margins.items()
-        if margin.nearer and (margin.role != "held" or name in inputs)
+        each for each in margins if each.nearer and (each.role != "held" or each.name in inputs)
     ]
-    alpha = margins.get(trimmed.roles.get("alpha", ""))
-    if alpha is not None and (stalling := _limit_of_the_largest_lift(trimmed, alpha)):
-        limited = [margin for margin in limited if margin.name != alpha.name] + [stalling]
-    return sorted(limited, key=lambda margin: _rank(margin, margin.name in inputs))
-
-
-def _limit_of_the_largest_lift(trimmed: Trimmed, alpha: Margin) -> Margin | None:
-    """Return the margin of alpha to its value at the largest lift, or None if that is unknown or
-    not the nearest limit.
-    """
-    if "speed" not in trimmed.roles or not trimmed.point.ok:
-        return None
-    # A stalled trim is beyond this limit, and `stall_lines` reports the stall.
-    largest = trimmed.largest_lift
-    if isinstance(largest, str) or largest.trim_is_beyond or not math.isfinite(largest.alpha):
-        return None
-    highest = largest.alpha * (conversion_factor("rad", alpha.unit) or 1.0)
-    if highest > alpha.highest:
-        return None
-    margin = replace(alpha, highest=highest, assumed=False, highest_is="alpha of the largest lift")
-    return margin if margin.nearer == "highest" else None
-
-
-def _rank(margin: Margin, is_input: bool) -> tuple[bool, bool, bool, float]:
-    """Return the key that sorts limits: reached limits come first, then declared ones, then limits
-    of variables with two limits, and among equals the nearest limit in shares of the range.
-    """
-    has_one_limit = math.isinf(margin.highest - margin.lowest)
-    share = margin.share
-    if margin.assumed and not is_input and margin.nearer == "lowest" and margin.lowest >= 0.0:
-        # Assumed limits of a positive state may be decades apart, so that a share of the range is
-        # always small: the distance is compared with the value too.
-        share = max(share, margin.distance / max(abs(margin.value), margin.scale))
-    return not margin.at_limit, margin.assumed, has_one_limit, share
+    return sorted(
+        limited,
+        key=lambda each: (
+            not each.at_limit,
+            each.assumed,
+            math.isinf(each.highest - each.lowest),
+            each.share,
+        ),
+    )
 
 
 def limit_rows(limited: Sequence[Margin]) -> list[Row]:
-    """Return a row for the nearest declared limit, one for the nearest assumed limit, and one for
-    the margin of each variable.
+    """Return a row for the nearest declared limit, and one for the margin of each variable. Only a
+    full sheet prints that of a limit that is not reached.
 
     limited: the variables, the nearest limit first (`nearest_first`)
     """
     rows = []
-    for kind, is_assumed in (("declared", False), ("assumed", True)):
-        of_kind = [margin for margin in limited if margin.assumed == is_assumed]
-        if of_kind:
-            nearest = of_kind[0]
-            note = _verdict(nearest) or _distance_text(nearest)
-            rows.append(Row(f"nearest {kind} limit", _limit_text(nearest), note=note))
-    return [*rows, *map(_margin_row, limited)]
-
-
-def _margin_row(margin: Margin) -> Row:
-    """Return the row of the margin of a variable to its nearer limit. Only a full sheet prints the
-    row of a limit that is not reached.
-    """
-    verdict = _verdict(margin)
-    note = [verdict, _limit_text(margin), "assumed" if margin.assumed else ""]
-    return Row(
-        f"{margin.name} margin",
-        margin.distance,
-        margin.unit,
-        ", ".join(filter(None, note)),
-        tone="far" if verdict == _BINDS else "",
-        rare=not verdict,
-    )
+    for nearest in [margin for margin in limited if not margin.assumed][:1]:
+        note = _verdict(nearest) or _distance_text(nearest)
+        rows.append(Row("nearest declared limit", _limit_text(nearest), note=note))
+    for margin in limited:
+        verdict = _verdict(margin)
+        words = [verdict, _limit_text(margin), "assumed" if margin.assumed else ""]
+        row = Row(
+            f"{margin.name} margin",
+            margin.distance,
+            margin.unit,
+            ", ".join(filter(None, words)),
+            tone="far" if verdict == _BINDS else "",
+            rare=not verdict,
+        )
+        rows.append(row)
+    return rows
 
 
 def _verdict(margin: Margin) -> str:
@@ -195,10 +156,8 @@ def _verdict(margin: Margin) -> str:
 
 def _limit_text(margin: Margin) -> str:
     """Return the nearer limit as text: "thrust lowest 0 N"."""
-    limit = f"{margin.name} {margin.nearer}"
-    if margin.highest_is and margin.nearer == "highest":  # alpha of the largest lift
-        limit = margin.highest_is
-    return beside_unit(f"{limit} {short_number(margin.nearer_limit, margin.unit, 6)}", margin.unit)
+    value = short_number(margin.nearer_limit, margin.unit, 6)
+    return beside_unit(f"{margin.name} {margin.nearer} {value}", margin.unit)
 
 
 def _distance_text(margin: Margin) -> str:
@@ -323,7 +282,7 @@ def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane) -> list[Row]:
         "assumed limits": [
             margin.name for margin in point.margins.values() if margin.nearer and margin.assumed
         ],
-        "search": [*trimmed.search.sentences, *trimmed.search.unlimited],
+        "search": [*trimmed.search, *trimmed.unlimited],
         "notes": without_line_numbers(point.warnings),
     }
     for title, _, lines in sheet.groups:
@@ -383,26 +342,20 @@ def _parts(trimmed: Trimmed, sheet: Sheet, *, full: bool) -> list[Any]:
     full: whether to add rare rows and the tables; that of the equations is always there if one does
         not balance
     """
-    point, search = trimmed.point, trimmed.search
+    point = trimmed.point
     parts: list[Any] = [*sheet.shown(full)]
     if full or point.residual > BALANCE:
         parts.append(equations_group(point))
     if full and point.ok and trimmed.modes:
         parts.append(modes_table(trimmed.modes, point.model.time_unit))
-    if search.sentences:
-        parts.append(tuple(search.sentences))
-    return [*parts, *search.unlimited]
+    if trimmed.search:
+        parts.append(tuple(trimmed.search))
+    return [*parts, *trimmed.unlimited]
 
 
 def _data(trimmed: Trimmed, sheet: Sheet) -> dict[str, Any]:
     """Return the entries of the file of a trim, name -> value."""
     point = trimmed.point
-    limited = nearest_first(trimmed)
-    # The nearest limits, and of the others those that are reached.
-    nearest = [
-        *limited[:_NAMED_LIMITS],
-        *(margin for margin in limited[_NAMED_LIMITS:] if margin.at_limit),
-    ]
     return {
         "schema": "hfa.trim/1",
         "dynamics": point.dynamics,
@@ -411,11 +364,8 @@ def _data(trimmed: Trimmed, sheet: Sheet) -> dict[str, Any]:
         "sheet": sheet.to_dict(),
         "not_in_model": sheet.lacking,
         "variables": point.margins,
-        "nearest_limits": [margin.name for margin in nearest],
-        "binding": [margin.name for margin in nearest if margin.at_limit and margin.role != "held"],
         "equations": equations_of(point),
         "modes": trimmed.modes if point.ok else (),
-        "search": trimmed.search.data,
         # Without warnings of the trim, the notes of the point; else the sheet has these in "notes".
         "warnings": warnings_of(trimmed) or point.warnings,
     } | without_empty(
@@ -445,24 +395,23 @@ def revision(model: Model) -> str:
 
 
 def saved_report(point: OperatingPoint) -> Report:
-    """Return a report of the states and inputs of a point that was not found by a search. Its
-    records have the residuals too.
+    """Return a report of the states and inputs of a point that was not found by a search, and of
+    its residuals.
     """
     unit_of = point.model.unit
-    rows: list[tuple[str, str, float, str]] = []
-    for kind, values in (("state", point.states), ("input", point.inputs)):
-        rows += [(kind, name, value, unit_of(name)) for name, value in values._asdict().items()]
-    shown = [(kind, name, *five_decimals(value, unit)) for kind, name, value, unit in rows]
-    for name, value in point.residuals.items():
-        rows.append(("residual", name, value, point.equation_unit(name)))
-    header = ("kind", "name", "value", "unit")
-    records = [
-        (kind, name, float(shown_values(value, unit)), shown_unit(unit))
-        for kind, name, value, unit in rows
+    rows = [
+        Row(name, value, unit_of(name), kind, digits=6)
+        for kind, values in (("state", point.states), ("input", point.inputs))
+        for name, value in values._asdict().items()
     ]
+    rows += [
+        Row(f"residual of {name}", value, point.equation_unit(name), rare=True)
+        for name, value in point.residuals.items()
+    ]
+    sheet = Sheet.of([(VARIABLES, rows, ())])
     notes = without_line_numbers(point.warnings)
     title = first_lines(Trimmed(point))
-    return Report(title, [Table(header, shown)], notes, storable(point), Table(header, records))
+    return Report(title, sheet.shown(False), notes, storable(point), matrix_of([sheet]))
 
 
 #: Rows that are read first, in addition to variables and to rows with a tone of `_JUDGED`.
@@ -508,8 +457,8 @@ def brief(point: OperatingPoint, airplane: Airplane, show: Sequence[str] = ()) -
     parts: list[Part] = [group for group in shortened if group.rows]
     if modes:
         parts.append(modes)
-    if trimmed.search.sentences:
-        parts.append(tuple(trimmed.search.sentences))
+    if trimmed.search:
+        parts.append(tuple(trimmed.search))
     parts.append(f"--full adds {adds}; -o FILE has all")
     return Report(title_with_controls(trimmed, sheet), parts, notes)
 

@@ -109,19 +109,6 @@ def other_trims(problem: TrimProblem, point: OperatingPoint) -> list[OperatingPo
     return [OperatingPoint._of(problem, z, Status.TRIMMED) for z in trims[1:]]
 
 
-class Search(NamedTuple):
-    """What a report says on the search for a trim.
-
-    data: entries of the file
-    sentences: sentences on unusual features
-    unlimited: sentences on variables without limits
-    """
-
-    data: dict[str, Any]
-    sentences: list[str]
-    unlimited: list[str]
-
-
 def _other_trim(problem: TrimProblem, point: OperatingPoint, other: OperatingPoint) -> str:
     """Return a sentence on another trim, with an initial point that leads to it."""
     model = problem.model
@@ -439,8 +426,8 @@ class Trimmed:
         Raises NotFiniteError at a point with a `fault`.
         """
         at, model, point = self.at, self.model, self.coherent
-        vectors = (np.array(each)[None] for each in (point.states, point.inputs, model.p))
-        A, B, _ = means_at_nonsmooth_points(model, *vectors, at.A[None], at.B[None])
+        x, u, p = (np.array(each)[None] for each in (point.states, point.inputs, model.p))
+        A, B, _ = means_at_nonsmooth_points(model, x, u, p, at.A[None], at.B[None])
         outputs = zip(self._outputs, zip(at.C, at.D, strict=True), strict=True)
         return Slopes(tuple(model.states), A[0], B[0], dict(outputs))
 
@@ -543,21 +530,16 @@ class Trimmed:
         return lags
 
     @cached_property
-    def search(self) -> Search:
-        """Data of the search for the trim, sentences on its result, and one on variables without
-        limits.
-        """
+    def search(self) -> list[str]:
+        """Sentences on the search for the trim and its result."""
         point, problem = self.point, self.point.trim_problem
         equations, unknowns = problem.count
         sentences = []
-        others: list[OperatingPoint] = []
-        if point.status == Status.TRIMMED:
-            others = other_trims(problem, point)
-            if unknowns > equations:
-                sentences.append(
-                    f"Least effort: {unknowns} unknowns for {equations} equations, so this is the "
-                    "trim with the least Σ (input / scale)² near the initial point"
-                )
+        if point.status == Status.TRIMMED and unknowns > equations:
+            sentences.append(
+                f"Least effort: {unknowns} unknowns for {equations} equations, so this is the "
+                "trim with the least Σ (input / scale)² near the initial point"
+            )
         if point.initial_point:
             from_default = problem.newton(problem.clip(problem.system.start))
             reason = failure(problem, from_default)
@@ -568,26 +550,18 @@ class Trimmed:
         if problem.idle:
             idle = ", ".join(problem.idle)
             sentences.append(f"Neither held nor determined, kept at the start value: {idle}")
-        sentences += [_other_trim(problem, point, other) for other in others]
+        others = other_trims(problem, point) if point.status == Status.TRIMMED else []
+        return [*sentences, *(_other_trim(problem, point, other) for other in others)]
 
-        data = {
-            "equations": equations,
-            "unknowns": unknowns,
-            "least_effort": unknowns > equations,
-            "start": point.initial_point,
-            "idle": list(problem.idle),
-            "kept": list(problem.kept),
-            "undetermined": point._undetermined.names,
-            "other_trims": [
-                {name: other.values[name] for name in problem.free} for other in others
-            ],
-        }
-
+    @property
+    def unlimited(self) -> list[str]:
+        """A sentence on variables without limits, if any."""
+        problem = self.point.trim_problem
         limits = problem.system.limits
         is_unlimited = np.isinf(limits.lowest) & np.isinf(limits.highest)
         names = ", ".join(problem.free[i] for i in np.flatnonzero(is_unlimited))
-        unlimited = f"No limits are declared for {names}; check that the values are reachable"
-        return Search(data, sentences, [unlimited] if names else [])
+        sentence = f"No limits are declared for {names}; check that the values are reachable"
+        return [sentence] if names else []
 
     # Maneuvers.
 
