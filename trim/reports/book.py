@@ -170,13 +170,11 @@ def _cover(
     """
     texts = {}
     for name, label in _COVER_LABELS.items():
-        points_and_entries = [
-            (condition.point, configuration[name])
-            for condition, configuration in zip(conditions, loaded, strict=True)
-            if condition.point is not None and name in configuration
-        ]
-        if points_and_entries:
-            texts[label] = _loading_text(name, points_and_entries)
+        known = [each[name] for each in loaded if name in each]
+        if known:
+            values, unit = [entry.value for entry in known], known[0].unit
+            ends = [short_number(end, unit, 6) for end in (min(values), max(values))]
+            texts[label] = beside_unit(" to ".join(dict.fromkeys(ends)), unit)
     for name in _CHOSEN:
         rows = [condition.rows[name] for condition in conditions if name in condition.rows]
         if rows:
@@ -189,28 +187,6 @@ def _cover(
         if condition.result != TRIMMED:
             by_result.setdefault(condition.result, []).append(called)
     return texts | {result: ", ".join(names) for result, names in by_result.items()}
-
-
-def _loading_text(name: str, known: Sequence[tuple[OperatingPoint, Quantity]]) -> str:
-    """Return an entry of the configuration as loaded, if this is known, and its range: "14 kg as
-    loaded; 13.5 to 15 kg in the conditions".
-
-    known: the conditions that have the entry: point, entry
-    """
-    unit = known[0][1].unit
-    values = [entry.value for _, entry in known]
-    lowest, highest = (short_number(end, unit, 6) for end in (min(values), max(values)))
-    range_text = lowest if lowest == highest else f"{lowest} to {highest}"
-    in_conditions = f"{beside_unit(range_text, unit)} in the conditions"
-    parameter = PARAMETER_OF_ENTRY.get(name, name)
-    for point, entry in known:
-        changed = point.model.changed  # parameter -> its value as loaded
-        # An entry that is no parameter is as loaded where no parameter is changed.
-        if parameter in point.model.parameters or not changed:
-            loaded_text = short_number(changed.get(parameter, entry.value), unit, 6)
-            as_loaded = f"{beside_unit(loaded_text, unit)} as loaded"
-            return as_loaded if loaded_text == range_text else f"{as_loaded}; {in_conditions}"
-    return in_conditions
 
 
 # The matrix

@@ -332,8 +332,9 @@ def static_margin(trimmed: Trimmed) -> Iterator[Row | Lacking]:
     chord = trimmed["reference_chord"]
     steady = trimmed.quasi_steady
     place = steady.states.index(trimmed.roles["alpha"])
-    by_states_and_inputs = (steady.outputs["lift"], steady.outputs["pitching_moment"])
-    lift_slope, moment_slope = (float(by_states[place]) for by_states, _ in by_states_and_inputs)
+    lift_slope, moment_slope = (
+        float(steady.C[steady.outputs.index(name), place]) for name in ("lift", "pitching_moment")
+    )
     force = trimmed["dynamic_pressure"] * trimmed["reference_area"]
     yield Row("CL_alpha", lift_slope / force, "1/rad")
     yield Row("Cm_alpha", moment_slope / (force * chord), "1/rad")

@@ -18,6 +18,7 @@ from hfa_support.reporting.text import (
     digits_with_unit,
     shown_value,
     without_rounding,
+    wrapped,
 )
 from trim.linear.modes import Mode
 from trim.point.condition import freed_parameters
@@ -30,7 +31,7 @@ from trim.reports.warnings import warnings_of
 #: Difference of load factors that is stated: that of a bank of 8 deg.
 _STATED_DIFFERENCE = 1e-2
 #: Names of inputs and parameters that belong to one of several engines.
-_ENGINE_NAME = re.compile(r"(throttle|thrust|power|engine)_?(?P<number>\d+|left|right)")
+_ENGINE_NAME = re.compile(r"(throttle|thrust|power|engine)_?(\d+|left|right)")
 #: Largest numbers of imposed values and of modes in first lines.
 _MOST_VALUES = 4
 _MOST_MODES = 6
@@ -227,10 +228,9 @@ def _is_steady(trimmed: Trimmed, state: str) -> bool:
 
 
 def engines_without_power(trimmed: Trimmed) -> dict[str, str]:
-    """Return input or switch -> "engine 1 out (throttle1)" for each engine without power while
+    """Return input or switch -> "engine out (throttle1)" for each engine without power while
     another engine has power. The input of such an engine is held at its lowest value, at least 0,
-    or its switch, a parameter such as engine1, is 0. The first engine is engine 1, whatever the
-    number in its name (throttle0).
+    or its switch, a parameter such as engine1, is 0.
     """
     model = trimmed.point.model
     inputs = {name: trimmed.point[name] for name in model.inputs}
@@ -240,18 +240,15 @@ def engines_without_power(trimmed: Trimmed) -> dict[str, str]:
         (model.inputs, inputs, trimmed.imposed),
         (model.parameters, switches, switches),  # the value of each parameter is given
     ):
-        engines = {name: match for name in signals if (match := _ENGINE_NAME.fullmatch(name))}
-        # The shorter name first: throttle9 before throttle10.
-        in_order = sorted(engines, key=lambda name: (len(name), name))
-        out = {}
-        for name, match in engines.items():
-            power = max(values[name] - max(signals[name].min, 0.0), 0.0)
-            if name in held and not without_rounding(power, signals[name].nominal):
-                side = match["number"]  # a number or a side
-                engine = in_order.index(name) + 1 if side.isdigit() else side
-                out[name] = f"engine {engine} out ({name})"
+        engines = [name for name in signals if _ENGINE_NAME.fullmatch(name)]
+        power = {name: values[name] - max(signals[name].min, 0.0) for name in engines}
+        out = [
+            name
+            for name in engines
+            if name in held and not without_rounding(max(power[name], 0.0), signals[name].nominal)
+        ]
         if len(out) < len(engines):  # without any engine it is a glide
-            engines_out |= out
+            engines_out |= {name: f"engine out ({name})" for name in out}
     return engines_out
 
 
@@ -315,14 +312,7 @@ def mode_lines(modes: Sequence[Mode], model: Model) -> str:
     return _listed(words, "; ")
 
 
-def _listed(words: Sequence[str], separator: str) -> str:
+def _listed(words: Iterable[str], separator: str) -> str:
     """Return texts joined in lines of at most `WIDTH` characters, which end after a text."""
-    lines = [""]
-    for word in words:
-        joined = f"{lines[-1]}{separator}{word}" if lines[-1] else word
-        if len(joined) + len(separator.rstrip()) > WIDTH and lines[-1]:
-            lines[-1] += separator.rstrip()
-            lines.append(word)
-        else:
-            lines[-1] = joined
-    return "\n".join(lines)
+    joined = separator.join(word.replace(" ", "\0") for word in words)
+    return wrapped(joined, WIDTH).replace("\0", " ")

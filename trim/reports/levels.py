@@ -12,7 +12,7 @@ import numpy as np
 from hfa_support.reporting.rows import Row
 from hfa_support.units import STANDARD_GRAVITY, conversion_factor
 from trim.linear.modes import Mode
-from trim.reports.trimmed import Quantity, Trimmed
+from trim.reports.trimmed import Trimmed
 
 #: Classes: I small and light; II medium, at a carrier or on land; III large; IV maneuverable.
 CLASSES = ("I", "II-C", "II-L", "III", "IV")
@@ -28,9 +28,12 @@ NO_LEVEL = 4
 _STRICTER_CLASSES = ("", "I", "II-C", "IV")
 #: Tone of each level.
 TONES = {1: "good", 2: "near", 3: "far", NO_LEVEL: "bad"}
-#: Largest weights of the classes I and II-L, lbf, and least limit load factor of class IV.
-_LARGEST_WEIGHT_I, _LARGEST_WEIGHT_II = 12_500.0, 60_000.0
+#: Largest weights of two classes, lbf (a pound is so many N), and least load factor of class IV.
+_LARGEST_WEIGHTS = {"I": 12_500.0, "II-L": 60_000.0}
+_POUND = conversion_factor("lbf", "N") or math.nan
 _LEAST_LOAD_IV = 6.0
+#: Quantity -> its factor to a weight.
+_WEIGHTS = {"weight": 1.0, "mass": STANDARD_GRAVITY}
 _UNKNOWN_WEIGHT = "weight unknown"
 
 
@@ -92,33 +95,14 @@ def chosen_airplane(trimmed: Trimmed, airplane: Airplane) -> Chosen:
     largest_load = outputs["load_factor"].max if "load_factor" in outputs else math.inf
     if _LEAST_LOAD_IV <= largest_load < math.inf:
         return Chosen(airplane._replace(class_="IV"), f"load factor up to {largest_load:.3g}")
-    weight = _weight(trimmed)
-    unit_per_lbf = None if weight is None else conversion_factor("lbf", weight.unit)
-    if weight is None or unit_per_lbf is None:
+    quantities = {} if trimmed.fault else trimmed.quantities
+    weights = [quantities[name].value * g for name, g in _WEIGHTS.items() if name in quantities]
+    if not weights:
         return Chosen(airplane._replace(class_="I"), _UNKNOWN_WEIGHT)
-    if weight.value <= _LARGEST_WEIGHT_I * unit_per_lbf:
-        class_, side, limit = "I", "up to", _LARGEST_WEIGHT_I
-    elif weight.value <= _LARGEST_WEIGHT_II * unit_per_lbf:
-        class_, side, limit = "II-L", "up to", _LARGEST_WEIGHT_II
-    else:
-        class_, side, limit = "III", "above", _LARGEST_WEIGHT_II
-    why = f"weight {side} {limit * unit_per_lbf:,.0f} {weight.unit}"
-    return Chosen(airplane._replace(class_=class_), why)
-
-
-def _weight(trimmed: Trimmed) -> Quantity | None:
-    """Return the weight or, without one, mass times standard gravity, in N for a metric unit of
-    mass and otherwise in lbf. The result is None if weight and mass are unknown.
-    """
-    if "weight" in trimmed.model.outputs:
-        return Quantity(trimmed["weight"], trimmed.unit("weight"))
-    mass = trimmed.configuration.get("mass")
-    per_kg = None if mass is None else conversion_factor(mass.unit, "kg")
-    if mass is None or per_kg is None:
-        return None
-    unit = "N" if mass.unit in ("kg", "g", "t") else "lbf"
-    newtons = mass.value * per_kg * STANDARD_GRAVITY
-    return Quantity(newtons * (conversion_factor("N", unit) or math.nan), unit)
+    for class_, limit in _LARGEST_WEIGHTS.items():
+        if weights[0] <= limit * _POUND:
+            return Chosen(airplane._replace(class_=class_), f"weight up to {limit:,.0f} lbf")
+    return Chosen(airplane._replace(class_="III"), f"weight above {limit:,.0f} lbf")
 
 
 def graded(rows: Sequence[Row], airplane: Airplane) -> list[Row]:
@@ -230,8 +214,8 @@ def _products(airplane: Airplane, qualities: Mapping[str, float]) -> Limits:
 
 
 def level_lines(trimmed: Trimmed, airplane: Airplane, rows: Sequence[Row]) -> list[str]:
-    """Return sentences on the class and the category, on the modes without a rule in the standard,
-    and on the modes with a rule that the aircraft does not have; or why there are no modes.
+    """Return sentences on the class and the category, and on the modes without a rule in the
+    standard; or why there are no modes.
 
     rows: rows of `mode_rows`
     """
@@ -259,13 +243,6 @@ def level_lines(trimmed: Trimmed, airplane: Airplane, rows: Sequence[Row]) -> li
     ]
     if without_rule:
         sentences.append(f"{STANDARD} has no rule for: {', '.join(without_rule)}")
-    # Roll and spiral coupled in one oscillation have the name of one of them.
-    is_coupled = any(
-        f"{mode} {_DAMPING_TIMES_FREQUENCY}" in graded_names for mode in ("roll", "spiral")
-    )
-    present = {*families, "roll", "spiral"} if is_coupled else {*families}
-    if absent := [mode for mode in _MODES_WITH_RULE if mode not in present]:
-        sentences.append(f"{', '.join(absent)}: not in this model")
     return sentences
 
 

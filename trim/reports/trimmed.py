@@ -21,6 +21,7 @@ from hfa_support.reporting.text import digits_with_unit, shown_value
 from hfa_support.units import conversion_factor, si_factor, si_unit
 from trim.linear.modes import Mode, modes_of
 from trim.linear.nonsmooth import means_at_nonsmooth_points
+from trim.linear.reduction import Matrices, reduced
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import STARTS, TrimProblem
 from trim.point.solve import MINOR, failure, trim
@@ -212,20 +213,6 @@ class Known(NamedTuple):
     unit: str
     value: float
     slopes: np.ndarray
-
-
-class Slopes(NamedTuple):
-    """Derivatives at a trim, by states (n,) and inputs (m,) named in order.
-
-    states: names of the states
-    A, B: derivatives of their rates, (n, n) and (n, m)
-    outputs: name -> derivatives by the states, (n,), and by the inputs, (m,)
-    """
-
-    states: tuple[str, ...]
-    A: np.ndarray
-    B: np.ndarray
-    outputs: dict[str, tuple[np.ndarray, np.ndarray]]
 
 
 class PullUp(NamedTuple):
@@ -420,7 +407,7 @@ class Trimmed:
         return [name for name in OUTPUTS if name in self.model.outputs]
 
     @cached_property
-    def slopes(self) -> Slopes:
+    def slopes(self) -> Matrices:
         """Derivatives of all rates and of some outputs, with mean slopes at nonsmooth points.
 
         Raises NotFiniteError at a point with a `fault`.
@@ -428,8 +415,8 @@ class Trimmed:
         at, model, point = self.at, self.model, self.coherent
         x, u, p = (np.array(each)[None] for each in (point.states, point.inputs, model.p))
         A, B, _ = means_at_nonsmooth_points(model, x, u, p, at.A[None], at.B[None])
-        outputs = zip(self._outputs, zip(at.C, at.D, strict=True), strict=True)
-        return Slopes(tuple(model.states), A[0], B[0], dict(outputs))
+        names = (*model.states,), (*model.inputs,), (*self._outputs,)
+        return Matrices(A[0], B[0], at.C, at.D, at.E, at.F, at.y, *names)
 
     @cached_property
     def quantities(self) -> dict[str, Known]:
@@ -490,32 +477,17 @@ class Trimmed:
         return ByName(modes_of(self.linear_A, self.model.linear, self.model.modes))
 
     @cached_property
-    def quasi_steady(self) -> Slopes:
-        """Derivatives by the states that are no lags, while the lags have their steady values:
-        x2 = -A22⁻¹ (A21 x1 + B2 u) for the lags x2 and the other states x1.
-        """
-        slopes, lags = self.slopes, self._lags()
-        kept = [i for i in range(len(slopes.states)) if i not in lags]
-        A12, A22 = slopes.A[np.ix_(kept, lags)], slopes.A[np.ix_(lags, lags)]
-        lags_by_states = -np.linalg.solve(A22, slopes.A[np.ix_(lags, kept)])
-        lags_by_inputs = -np.linalg.solve(A22, slopes.B[lags])
-        A = slopes.A[np.ix_(kept, kept)] + A12 @ lags_by_states
-        B = slopes.B[kept] + A12 @ lags_by_inputs
-        outputs = {}
-        for name, (by_states, by_inputs) in slopes.outputs.items():
-            by_lags = by_states[lags]
-            of_kept = by_states[kept] + by_lags @ lags_by_states
-            outputs[name] = of_kept, by_inputs + by_lags @ lags_by_inputs
-        return Slopes(tuple(slopes.states[i] for i in kept), A, B, outputs)
+    def quasi_steady(self) -> Matrices:
+        """Derivatives by the states that are no lags, while the lags have their steady values."""
+        return reduced(self.slopes, None, None, self._lags())
 
-    def _lags(self) -> list[int]:
-        """Return the indices of the lags: linear states that are no states of motion, such as those
-        of engines and unsteady lift. The list is empty if the lags have no steady state.
+    def _lags(self) -> list[str]:
+        """Return the lags: linear states that are no states of motion, such as those of engines and
+        unsteady lift. The list is empty if the lags have no steady state.
         """
         # States of motion are those that `recognized` names, and each position with its rate: a
         # state whose rate depends on one other state alone.
-        slopes = self.slopes
-        names = slopes.states
+        slopes, names = self.slopes, self.slopes.states
         # An altitude is a role only beside speed and alpha, but lags nothing in any model.
         of_motion = {*self.roles.values(), "altitude"}
         for position, row in enumerate(slopes.A):
@@ -523,9 +495,9 @@ class Trimmed:
             is_integral = len(depends_on) == 1 and depends_on[0] != position
             if is_integral and not slopes.B[position].any():
                 of_motion |= {names[position], names[depends_on[0]]}
-        linear = self.model.linear
-        lags = [i for i, name in enumerate(names) if name in linear and name not in of_motion]
-        if lags and spectral_abscissa(slopes.A[np.ix_(lags, lags)]) >= 0.0:
+        lags = [name for name in names if name in self.model.linear and name not in of_motion]
+        places = self.model.state_places(lags)
+        if lags and spectral_abscissa(slopes.A[np.ix_(places, places)]) >= 0.0:
             return []
         return lags
 
@@ -588,8 +560,10 @@ class Trimmed:
         motion = np.eye(len(steady.states))[:, places]
         if "theta" in self.roles:
             pitch = steady.states.index(self.roles["theta"])
-            path, _ = steady.outputs.get("gamma", (motion[:, 0] * 0.0, None))
-            motion[pitch, 0] = -path[places[0]] / path[pitch] if path[pitch] else 1.0
+            motion[pitch, 0] = 1.0
+            if "gamma" in steady.outputs:
+                path = steady.C[steady.outputs.index("gamma")]
+                motion[pitch, 0] = -path[places[0]] / path[pitch] if path[pitch] else 1.0
         A = steady.A[places] @ motion
         B = steady.B[places]
         # Rates of the other state, such as the pitch rate, that the nominal inputs cause.
@@ -600,8 +574,8 @@ class Trimmed:
         steady_changes = -np.linalg.solve(A, B[:, strongest])
         load = math.nan
         if "load_factor" in model.outputs:
-            by_states, by_inputs = steady.outputs["load_factor"]
-            load = float(by_states @ motion @ steady_changes + by_inputs[strongest])
+            row = steady.outputs.index("load_factor")
+            load = float(steady.C[row] @ motion @ steady_changes + steady.D[row, strongest])
         return PullUp(tuple(model.inputs)[strongest], float(steady_changes[0]), load)
 
     def change_per_knot(self, name: str) -> float | None:
@@ -640,7 +614,8 @@ class Trimmed:
             return f"the thrust follows the state {name}"
         if self.fault:
             return "a derivative is not a number"
-        by_states, by_inputs = self.slopes.outputs[name]
+        row = self.slopes.outputs.index(name)
+        by_states, by_inputs = self.slopes.C[row], self.slopes.D[row]
         # An altitude is a role only beside speed and alpha, but lags nothing in any model.
         of_motion = {*self.roles.values(), "altitude"}
         for state, slope in zip(model.states, by_states, strict=True):

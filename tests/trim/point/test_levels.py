@@ -1,7 +1,6 @@
 """Levels of flying qualities, and the class of an aircraft, by MIL-F-8785C."""
 
 import math
-from types import SimpleNamespace
 
 import pytest
 
@@ -93,44 +92,27 @@ def test_phugoid_of_level_three_doubles_in_55_seconds():
 
 
 @pytest.mark.parametrize(
-    ("weight", "unit", "largest_load_factor", "class_"),
+    ("name", "value", "unit", "largest_load_factor", "class_"),
     [
-        (12_499.0, "lbf", math.inf, "I"),
-        (12_501.0 * 4.4482216, "N", 5.9, "II-L"),
-        (60_001.0 * 4.4482216, "N", math.inf, "III"),
-        (60_001.0, "lbf", 6.1, "IV"),
-        (60_001.0, "loads", math.inf, "I"),  # no unit of force: no weight
+        ("weight", 12_499.0, "lbf", math.inf, "I"),
+        ("weight", 12_501.0 * 4.4482216, "N", 5.9, "II-L"),
+        ("weight", 60_001.0 * 4.4482216, "N", math.inf, "III"),
+        ("weight", 60_001.0, "lbf", 6.1, "IV"),
+        ("weight", 60_001.0, "loads", math.inf, "I"),  # no unit of force: no weight
+        ("mass", 5_600.0, "kg", math.inf, "I"),  # 12,500 lbf are 5,670 kg or 389 slug
+        ("mass", 400.0, "slug", math.inf, "II-L"),
     ],
 )
-def test_class_follows_from_weight_and_load_factor(weight, unit, largest_load_factor, class_):
-    """Without a class that the user gives, it is that of the weight, in any unit of force: I to 12,500 lbf,
-    II-L to 60,000 lbf, then III; with a largest load factor above 6, IV.
+def test_class_follows_from_weight_and_load_factor(name, value, unit, largest_load_factor, class_):
+    """Without a class that the user gives, it is that of the weight or of the mass in standard gravity, in
+    any unit: I to 12,500 lbf, II-L to 60,000 lbf, then III; with a largest load factor above 6, IV.
     """
-    signals = {"weight": Signal(unit), "load_factor": Signal(max=largest_load_factor)}
-
-    class Loaded(dict[str, float]):
-        model = SimpleNamespace(outputs=signals)
-
-        def unit(self, name):
-            return signals[name].unit
-
-    airplane, reason = chosen_airplane(Loaded(weight=weight), DEFAULT_AIRPLANE)
-    assert airplane.class_ == class_
-    assert "nan" not in reason
-
-
-@pytest.mark.parametrize(
-    ("mass", "unit", "class_"), [(5_600.0, "kg", "I"), (400.0, "slug", "II-L")]
-)
-def test_class_follows_from_the_mass_without_a_weight(mass, unit, class_):
-    """Class I ends at 12,500 lbf, the weight of 5,670 kg or 389 slug in standard gravity."""
-    states = {"V": Signal("m/s", start=50.0), "alpha": Signal("rad")}
     model = Model(
         "body",
-        states,
+        {"V": Signal("m/s", start=50.0), "alpha": Signal("rad")},
         {"T": Signal("N")},
-        lambda x, u, p, w: ({"V": u.T / p.mass, "alpha": -x.alpha}, {}),
-        parameters={"mass": Signal(unit, start=mass)},
+        lambda x, u, p, w: ({"V": u.T, "alpha": -x.alpha}, {name: value, "load_factor": 1.0}),
+        outputs={name: Signal(unit), "load_factor": Signal(max=largest_load_factor)},
         trim={"V": 50.0},
     )
     trimmed = Trimmed(trim(model))

@@ -89,19 +89,19 @@ def two_engines(*throttles):
         (
             two_engines("throttle1", "throttle2"),
             {"throttle1": 0.0},
-            "engine 1 out (throttle1)",
+            "engine out (throttle1)",
             60.0,
         ),
         (
             two_engines("thrust_left", "thrust_right"),
             {"thrust_right": 0.0},
-            "engine right out",
+            "engine out (thrust_right)",
             0.0,
         ),
         (
             two_engines("a", "b").with_parameters(engine2=0.0),
             {"b": 0.5},
-            "engine 2 out (engine2)",
+            "engine out (engine2)",
             0.0,
         ),
         (two_engines("throttle1", "throttle2"), {"throttle1": 0.2}, "", 40.0),
