@@ -54,7 +54,7 @@ from trim.reports.levels import (
     mode_rows,
 )
 from trim.reports.trimmed import Trimmed, balance_row, equations_group, equations_of
-from trim.reports.warnings import configuration_rows, warnings_of
+from trim.reports.warnings import configuration_rows, inertia_lines, warnings_of
 
 #: Verdict on a free variable at its limit.
 _BINDS = "BINDS"
@@ -243,7 +243,7 @@ def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
             [*flight_rows(trimmed), balance_row(point), *balances_rows(trimmed)],
             table_lines,
         ),
-        ("configuration", configuration_rows(trimmed), ()),
+        ("configuration", configuration_rows(trimmed), inertia_lines(trimmed)),
         (VARIABLES, variables, _meaning_of_stars(variables)),
         ("limits", limit_rows(nearest_first(trimmed)), ()),
     ]

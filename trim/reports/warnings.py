@@ -70,14 +70,15 @@ def _known_rows(trimmed: Trimmed) -> dict[str, Row]:
     return rows
 
 
-def _inertia_line(trimmed: Trimmed) -> str:
-    """Return a sentence if no rigid body has the inertias of the configuration, or ""."""
+def inertia_lines(trimmed: Trimmed) -> list[str]:
+    """Return a sentence if no rigid body has the inertias of the configuration, or []."""
     entries = trimmed.configuration
     if not {"Ixx", "Iyy", "Izz"} <= {*entries}:
-        return ""
+        return []
     xx, yy, zz = (entries[name].value for name in ("Ixx", "Iyy", "Izz"))
     xz = entries["Ixz"].value if "Ixz" in entries else 0.0
-    return inertia_warning([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
+    line = inertia_warning([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
+    return [line] if line else []
 
 
 def _lever_angle(model: Model, name: str, value: Any) -> str:
@@ -109,9 +110,11 @@ def warnings_of(trimmed: Trimmed) -> list[str]:
     them, because several parts of a report have them.
     """
     if trimmed.warnings is None:
+        said = [*trimmed.point.model.warnings, *_warnings_at(trimmed)]
         # The model has warnings on inertias as loaded, which `--hold` may have changed.
-        said = [*trimmed.point.model.warnings, *_warnings_at(trimmed), _inertia_line(trimmed)]
-        trimmed.warnings = [*dict.fromkeys(filter(None, said))]
+        if "Ixx" in trimmed.model.parameters:
+            said += inertia_lines(trimmed)
+        trimmed.warnings = [*dict.fromkeys(said)]
     return trimmed.warnings
 
 
