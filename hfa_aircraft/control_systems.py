@@ -1,8 +1,7 @@
-"""Conversion of models to and from python-control's `NonlinearIOSystem`."""
+"""Linear plants as models, and models as python-control's `NonlinearIOSystem`."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -12,7 +11,6 @@ import numpy as np
 from hfa_aircraft.about import About
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import PlantNames, Signal
-from hfa_support.errors import BadInputError
 
 if TYPE_CHECKING:
     import control
@@ -154,89 +152,3 @@ def to_control(model: Model) -> control.NonlinearIOSystem:
         outputs=outputs,
         params={name: signal.start for name, signal in model.parameters.items()},
     )
-
-
-def from_control(
-    system: control.NonlinearIOSystem, units: Mapping[str, str | Signal], **declared: Any
-) -> Model:
-    """Return the model of a python-control system whose functions accept CasADi symbols.
-
-    units: name -> unit or `Signal`. The unit is 1 for names that are not given
-    declared: further fields of `Model`
-
-    Raises BadInputError if the system has no update function, is in discrete time, depends on time,
-    or cannot be evaluated with symbols.
-    """
-    name = str(system.name)
-    if getattr(system, "updfcn", None) is None:
-        raise BadInputError(f"{name} has no update function; give a system made by control.nlsys")
-    if system.dt:
-        raise BadInputError(
-            f"{name} is in discrete time, which is not supported; give a system in continuous time"
-        )
-
-    def signal(label: str, start: float = 0.0) -> Signal:
-        """Return the declared signal of a label, or one with its unit, or 1 without one."""
-        known = units.get(label, "1")
-        return known if isinstance(known, Signal) else Signal(known, start=start)
-
-    model = Model(
-        name=name,
-        states={label: signal(label) for label in system.state_labels},
-        inputs={label: signal(label) for label in system.input_labels},
-        parameters={label: signal(label, float(value)) for label, value in system.params.items()},
-        outputs={label: signal(label) for label in _own_outputs(system)},
-        equations=lambda x, u, p, w: _rates_and_outputs(system, 0.0, x, u, p),
-        **declared,
-    )
-    _refuse_time_and_floats(system, model)
-    return model
-
-
-def _own_outputs(system: control.NonlinearIOSystem) -> list[str]:
-    """Return the labels of the outputs that are neither states nor inputs."""
-    others = (*system.state_labels, *system.input_labels)
-    return [label for label in system.output_labels if label not in others]
-
-
-def _rates_and_outputs(
-    system: control.NonlinearIOSystem, time: Any, x: Any, u: Any, p: Any
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return state -> rate, and output -> value, from the functions of a python-control system."""
-    params = dict(zip(system.params, p, strict=True))
-    arguments = (time, _array_of(x), _array_of(u), params)
-    rates = system.updfcn(*arguments)
-    outputs = system.outfcn(*arguments) if system.outfcn else x  # y = x by default
-    by_label = dict(zip(system.output_labels, outputs, strict=True))
-    return (
-        dict(zip(system.state_labels, rates, strict=True)),
-        {label: by_label[label] for label in _own_outputs(system)},
-    )
-
-
-def _refuse_time_and_floats(system: control.NonlinearIOSystem, model: Model) -> None:
-    """Raise BadInputError if a system depends on time, or turned a symbol into nan."""
-    # float(symbol) and functions of math return nan for a symbol, without an exception.
-    time = ca.SX.sym("t")
-    columns = map(ca.vertsplit, model.layout.symbols("x", "u", "p"))
-    with warnings.catch_warnings(action="ignore", category=FutureWarning):
-        # CasADi warns about NumPy functions
-        rates, outputs = _rates_and_outputs(system, time, *columns)
-    if ca.depends_on(ca.vertcat(*map(ca.SX, (*rates.values(), *outputs.values()))), time):
-        raise BadInputError(
-            f"{model.name} depends on time, which is not supported; declare the time-dependent "
-            "term as an input"
-        )
-    if model.layout.has_nan:
-        raise BadInputError(
-            f"{model.name} uses float or math, which cannot be evaluated with symbols; use "
-            "functions of NumPy"
-        )
-
-
-def _array_of(vector: Any) -> np.ndarray:
-    """Return a sequence of numbers or symbols as an array of objects, (n,)."""
-    # np.array would try to convert each CasADi symbol into an array of its own.
-    array = np.empty(len(vector), dtype=object)
-    array[:] = list(vector)
-    return array

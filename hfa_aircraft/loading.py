@@ -111,17 +111,16 @@ class ParameterFile:
         values = {**starts, **self.sensors}
         for name, band in self.bands.items():
             refuse_unknown(f"{self.path}: [bands] has the unknown parameter", name, values)
-            stated = f"the band of {name} is {shown(band)}"
-            kinds = [type(end) for end in band] if isinstance(band, list) else []
-            if len(kinds) != 2 or not {*kinds} <= {int, float}:
-                raise BadInputError(f"{self.path}: {stated}; give [low, high]")
-            low, high = band
-            if not low <= high:
-                raise BadInputError(f"{self.path}: {stated}; give the lower limit first")
-            if not (is_finite(values[name]) and low <= values[name] <= high):
+            numbers = [*band, values[name]] if isinstance(band, list) else [band]
+            if not (
+                len(numbers) == 3
+                and all(map(is_finite, numbers[2:]))
+                and not any(isinstance(end, (bool, str)) for end in numbers)
+                and numbers[0] <= numbers[2] <= numbers[1]
+            ):
                 raise BadInputError(
-                    f"{self.path}: {name} is {shown(values[name])}, outside the band "
-                    f"{shown(band)}; correct the value or the band"
+                    f"{self.path}: the band of {name} is {shown(band)}; give [low, high] around "
+                    f"its value {shown(values[name])}"
                 )
 
 

@@ -193,12 +193,12 @@ def _cover(
 
 
 class _Number(NamedTuple):
-    """Number of a cell, which is printed with the same decimals as the others of its column.
+    """Number of a cell.
 
     value: number, in `unit`
     used: used share of the travel, percent, shown beside the number; nan for none
     tone: color of the cell, a key of `TONES`, or ""
-    figures: significant digits of the largest number of the column
+    figures: significant digits
     """
 
     value: float
@@ -207,35 +207,13 @@ class _Number(NamedTuple):
     tone: str = ""
     figures: int = 4
 
-
-def _column(cells: Sequence[Any]) -> list[str]:
-    """Return the texts of the cells of a column, numbers with the same decimals.
-
-    cells: texts, and a `_Number` in place of each number
-    """
-    numbers = [cell for cell in cells if isinstance(cell, _Number)]
-    shown = [float(shown_values(number.value, number.unit)) for number in numbers]
-    # Decimals with which the largest number has `figures` significant digits, as far as they show
-    # more than zeros.
-    largest = max(filter(math.isfinite, map(abs, shown)), default=0.0)
-    before_point = math.floor(math.log10(largest)) + 1 if largest else 0
-    decimals = max(0, numbers[0].figures - before_point) if largest else 0
-    while decimals and all(
-        round(number, decimals) == round(number, decimals - 1) for number in shown
-    ):
-        decimals -= 1
-
-    texts = iter([f"{number:z.{decimals}f}" for number in shown])
-    in_column = []
-    for cell in cells:
-        if not isinstance(cell, _Number):
-            in_column.append(cell)
-            continue
-        text = next(texts)
-        if math.isfinite(cell.used) and float(text) != 0.0:
-            text += f" ({cell.used:.0f} %)"
-        in_column.append(Cell(text, cell.tone))
-    return in_column
+    @property
+    def cell(self) -> Cell:
+        """The cell."""
+        text = short_number(self.value, self.unit, self.figures)
+        if math.isfinite(self.used) and text != "0":
+            text += f" ({self.used:.0f} %)"
+        return Cell(text, self.tone)
 
 
 def _used_controls(conditions: Sequence[Condition]) -> list[str]:
@@ -283,8 +261,9 @@ def _matrix(
         if sentences:
             notes.append(f"{called}: {'; '.join(sentences)}")
     header = tuple(dict.fromkeys(name for entry in entries for name in entry))
-    columns = [_column([entry.get(name, "") for entry in entries]) for name in header]
-    return Table(header, [*zip(*columns, strict=True)]), *notes
+    cells = ([entry.get(name, "") for name in header] for entry in entries)
+    table = [tuple(getattr(each, "cell", each) for each in row) for row in cells]
+    return Table(header, table), *notes
 
 
 def _chosen(condition: Condition, label: str) -> str:

@@ -25,6 +25,8 @@ from trim.reports.trimmed import Quantity, Trimmed
 _GROUND_OUTPUTS = ("ground_speed", "track")
 _AIR_OUTPUTS = ("mach", "dynamic_pressure", "load_factor")
 OUTPUTS = (*_GROUND_OUTPUTS, *_AIR_OUTPUTS)
+#: Outputs from which airspeeds, density and temperature follow.
+_OF_THE_AIR = ("dynamic_pressure", "mach")
 
 
 def flight_rows(trimmed: Trimmed) -> Iterator[Row | Lacking]:
@@ -62,26 +64,19 @@ def airspeed_rows(trimmed: Trimmed, airspeed: Quantity) -> Iterator[Row | Lackin
     knots = conversion_factor(airspeed.unit, "kt")
     if knots is not None:
         yield Row("true airspeed", airspeed.value * knots, "kt", "KTAS")
-    pressure = dynamic_pressure(trimmed)
-    if isinstance(pressure, str):
-        yield Lacking("calibrated airspeed", pressure)
-        yield Lacking("equivalent airspeed", pressure)
+    if reason := trimmed.lacks(nonzero=_OF_THE_AIR):
+        yield Lacking("calibrated airspeed", reason)
+        yield Lacking("equivalent airspeed", reason)
         return
+    pressure = dynamic_pressure(trimmed)
     yield Row("calibrated airspeed", calibrated_airspeed(pressure, trimmed["mach"]), "kt", "KCAS")
     yield Row("equivalent airspeed", equivalent_airspeed(pressure), "kt", "KEAS")
 
 
-def dynamic_pressure(trimmed: Trimmed) -> float | str:
-    """Return the dynamic pressure, N/m², or what is missing for this pressure or for the Mach
-    number.
-    """
-    if reason := trimmed.lacks(nonzero=("dynamic_pressure", "mach")):
-        return reason
-    unit = trimmed.unit("dynamic_pressure")
-    factor = conversion_factor(unit, "N/m^2")
-    if factor is None:
-        return f"no unit of pressure in {unit}"
-    return trimmed["dynamic_pressure"] * factor
+def dynamic_pressure(trimmed: Trimmed) -> float:
+    """Return the dynamic pressure, N/m²; nan if its unit is unknown."""
+    factor = conversion_factor(trimmed.unit("dynamic_pressure"), "N/m^2")
+    return trimmed["dynamic_pressure"] * (factor or math.nan)
 
 
 def air_rows(trimmed: Trimmed, airspeed: Quantity) -> Iterator[Row | Lacking]:
@@ -92,18 +87,13 @@ def air_rows(trimmed: Trimmed, airspeed: Quantity) -> Iterator[Row | Lacking]:
     if not atmosphere:
         yield Lacking("atmosphere", "")
         return
-    to_metres = conversion_factor(airspeed.unit, "m/s")
-    pressure = dynamic_pressure(trimmed)
-    if isinstance(pressure, str) or to_metres is None or not airspeed.value:
+    velocity = airspeed.value * (conversion_factor(airspeed.unit, "m/s") or 0.0)
+    if trimmed.lacks(nonzero=_OF_THE_AIR) or not velocity:
         yield Row("atmosphere", atmosphere)
         return
-    velocity = airspeed.value * to_metres
-    density = 2.0 * pressure / velocity**2  # kg/m³
-    if airspeed.unit == "m/s":
-        yield Row("density", density, "kg/m^3", atmosphere)
-    else:
-        slugs_per_foot3 = density * (conversion_factor("kg/m^3", "slug/ft^3") or 1.0)
-        yield Row("density", slugs_per_foot3, "slug/ft^3", atmosphere)
+    density = 2.0 * dynamic_pressure(trimmed) / velocity**2  # kg/m³
+    unit = "kg/m^3" if airspeed.unit == "m/s" else "slug/ft^3"
+    yield Row("density", density * (conversion_factor("kg/m^3", unit) or 1.0), unit, atmosphere)
     temperature = (velocity / trimmed["mach"]) ** 2 / (HEAT_RATIO * GAS_CONSTANT)
     yield Row("temperature", temperature, "K")
 
@@ -267,10 +257,9 @@ def stall(trimmed: Trimmed, airspeed: Quantity) -> Iterator[Row | Lacking]:
     if weight > 0.0 and knots is not None:
         stall_per_speed = math.sqrt(weight / largest.lift)
         true = airspeed.value * knots * stall_per_speed
-        pressure = dynamic_pressure(trimmed)
         shown, note = true, "Vs, KTAS"
-        if not isinstance(pressure, str):
-            shown = equivalent_airspeed(pressure) * stall_per_speed
+        if not trimmed.lacks(nonzero=_OF_THE_AIR):
+            shown = equivalent_airspeed(dynamic_pressure(trimmed)) * stall_per_speed
             note = f"Vs, KEAS; {true:.4g} KTAS"
         yield Row("stall speed at 1 g", shown, "kt", note)
 

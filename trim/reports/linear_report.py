@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -18,9 +17,6 @@ from trim.linear.modes import modes_table
 from trim.reports.first_lines import first_lines, mode_lines, without_line_numbers
 from trim.reports.levels import handling_qualities
 from trim.reports.trimmed import Trimmed
-
-#: Units of length.
-_LENGTHS = ("ft", "m", "km", "nmi", "mi", "in", "cm", "mm")
 
 
 class Block(NamedTuple):
@@ -109,10 +105,7 @@ def _first_lines(model: LinearModel, trimmed: Trimmed, blocks: Sequence[Block]) 
     equations = f"x' = A x + B u{of_rates}, "
     if "C" in names:
         equations += f"y = C x + D u{of_outputs}, "
-    units = (
-        f"{', '.join(names[:-1])} and {names[-1]} in {units_in_words(model)}; X0 and U0 in the "
-        "units of their table"
-    )
+    units = f"{', '.join(names[:-1])} and {names[-1]} in the units of the offsets, angles in rad"
     lines = [
         first_lines(trimmed, model.modes),
         mode_lines(model.modes, model.model),
@@ -123,13 +116,14 @@ def _first_lines(model: LinearModel, trimmed: Trimmed, blocks: Sequence[Block]) 
 
 
 def _offsets_table(model: LinearModel) -> Table:
-    """Return a table of the offsets X0 and U0, with angles in degrees."""
-    names = (*model.states, *model.inputs)
-    offsets = (*model.state_offsets.tolist(), *model.input_offsets.tolist())
-    rows = [
-        (name, *five_decimals(value, model.model.unit(name)))
-        for name, value in zip(names, offsets, strict=True)
-    ]
+    """Return a table of the offsets X0 and U0, and Y0 of outputs, with angles in degrees."""
+    outputs = () if model.outputs == model.states else model.outputs
+    offsets = (
+        *zip(model.states, model.state_offsets.tolist(), strict=True),
+        *zip(model.inputs, model.input_offsets.tolist(), strict=True),
+        *zip(outputs, model.output_offsets.tolist(), strict=False),
+    )
+    rows = [(name, *five_decimals(value, model.model.unit(name))) for name, value in offsets]
     return Table(("offset", "value", "unit"), rows)
 
 
@@ -156,37 +150,6 @@ def _records(
     header = ("matrix", "row", "column", "value", "unit", "band")
     width = len(header) - (bands is None)  # without the last column, or with it
     return Table(header[:width], [row[:width] for row in rows])
-
-
-def units_in_words(model: LinearModel) -> str:
-    """Return the units of a linear model's matrices as text, such as "rad, ft, s, but elevator in
-    deg".
-
-    Signals in units other than the common ones are listed after "but".
-    """
-    state_bases = [base for unit in model.state_units for base in _base_units(unit)]
-    length = next((base for base in state_bases if base in _LENGTHS), "")
-    time = model.model.time_unit
-    common = ("rad", length, time)
-    present = {time}
-    names_by_unit: dict[str, list[str]] = {}  # of signals in other units than the common ones
-    for name in dict.fromkeys((*model.states, *model.inputs, *model.outputs)):
-        unit = model.model.unit(name)
-        bases = _base_units(unit)
-        if bases <= {*common}:
-            present |= bases
-        else:
-            names_by_unit.setdefault(unit, []).append(name)
-    words = ", ".join(unit for unit in common if unit in present)
-    if names_by_unit:
-        others = [f"{', '.join(names)} in {unit}" for unit, names in names_by_unit.items()]
-        words += f", but {'; '.join(others)}"
-    return words
-
-
-def _base_units(unit: str) -> set[str]:
-    """Return the base units in a unit: ft and s for ft/s^2."""
-    return {*re.findall(r"[A-Za-z%]+", unit)}
 
 
 def matrices(model: LinearModel) -> list[Table]:

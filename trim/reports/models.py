@@ -166,17 +166,17 @@ class Conditions(StatesAndInputs, Result, Reported):
 
     @property
     def warnings(self) -> list[str]:
-        """Notes on the trims and linear models. Notes on nonsmooth points differ only in values,
-        and the first one represents all.
-        """
+        """Notes on the trims and linear models, but of nonsmooth points only their number."""
         known = [linear for linear in self.linear if linear is not None]
-        nonsmooth = [linear.nonsmooth_points for linear in known if linear.nonsmooth_points]
-        notes = dict.fromkeys(note for linear in known for note in linear.warnings)
-        said = [note for note in notes if not any(note in of_model for of_model in nonsmooth)]
-        if nonsmooth:
-            count = f"{len(nonsmooth)} of {len(self)} conditions"
-            said.append(f"{nonsmooth[0][0]} ({count} have a nonsmooth point)")
-        return said
+        said = [
+            note
+            for linear in known
+            for note in linear.warnings
+            if not any(note in nonsmooth for nonsmooth in linear.nonsmooth_points)
+        ]
+        if count := sum(bool(linear.nonsmooth_points) for linear in known):
+            said.append(f"{count} of {len(self)} conditions have a nonsmooth point: mean slopes")
+        return [*dict.fromkeys(said)]
 
     def __len__(self) -> int:
         return len(self.asked)
@@ -265,19 +265,15 @@ class Conditions(StatesAndInputs, Result, Reported):
 
     def _mode_table(self) -> Table:
         """Return the table of the eigenvalues of the modes of each condition."""
-        lines = []
-        for modes in self.modes:
-            texts: dict[str, list[str]] = {}  # family -> eigenvalues of its modes
-            for mode in modes:
-                family = mode.name.partition(" (")[0]  # "roll" of "roll (fast)"
-                texts.setdefault(family, []).append(eigenvalue_text(mode.eigenvalue))
-            lines.append(texts)
-        names = [*dict.fromkeys(name for texts in lines for name in texts)]
+        values = [
+            {mode.name: eigenvalue_text(mode.eigenvalue) for mode in modes} for modes in self.modes
+        ]
+        names = [*dict.fromkeys(name for texts in values for name in texts)]
         return Table(
             ("condition", RESULTS, *(f"{name} 1/{self.model.time_unit}" for name in names)),
             [
-                (name, status, *(", ".join(texts.get(mode, ())) for mode in names))
-                for name, status, texts in zip(self.names, self.status, lines, strict=True)
+                (name, status, *(texts.get(mode, "") for mode in names))
+                for name, status, texts in zip(self.names, self.status, values, strict=True)
             ],
         )
 

@@ -428,39 +428,34 @@ class Trimmed:
         at, model, roles = self.at, self.model, self.roles
         columns = (*model.states, *model.inputs)
         none = np.zeros(len(columns))
-        slopes = dict(zip(columns, np.eye(len(columns)), strict=True))
-        slopes |= zip(self._outputs, np.hstack([at.C, at.D]), strict=True)
-        rates = dict(
-            zip(model.states, zip(at.f, np.hstack([at.A, at.B]), strict=True), strict=True)
-        )
+        by = dict(zip(columns, np.eye(len(columns)), strict=True))
+        by |= zip(self._outputs, np.hstack([at.C, at.D]), strict=True)
+        rates = dict(zip(model.states, at.f, strict=True))
+        by_rates = dict(zip(model.states, np.hstack([at.A, at.B]), strict=True))
+        parameters = self.point.model.parameters
+        names = {symbol: symbol for symbol in QUANTITIES} | roles | {"thrust": self.thrust_name}
+        if "yaw" in model.states:
+            names["yaw"] = "yaw"
         known: dict[str, Known] = {}
-
-        def add(symbol: str, name: str, of: str, unit: str, value: float, by: np.ndarray) -> None:
+        for symbol, unit in (ROLES | QUANTITIES).items():
+            name = names.get(symbol, "")
+            if name in self.known:
+                value, of, slopes = self[name], self.unit(name), by.get(name, none)
+            elif name in self.configuration:
+                (value, of), slopes = self.configuration[name], none
+            elif name in parameters:
+                value, of, slopes = parameters[name].start, parameters[name].unit, none
+            else:
+                if symbol in LATERAL and roles.keys().isdisjoint(LATERAL):
+                    known |= dict.fromkeys((symbol, f"{symbol}_dot"), Known("", "", 0.0, none))
+                continue
             factor = conversion_factor(of, unit)
             if factor is not None:
-                known[symbol] = Known(name, of, value * factor, by * factor)
-
-        for role, unit in ROLES.items():
-            state = role if role == "yaw" else roles.get(role, "")
-            if state in rates:
-                add(role, state, self.unit(state), unit, self[state], slopes[state])
-                rate, by = rates[state]
-                second = self.per_second * (conversion_factor(self.unit(state), unit) or math.nan)
-                known[f"{role}_dot"] = Known(f"{state}_dot", "", rate * second, by * second)
-            elif role in LATERAL and roles.keys().isdisjoint(LATERAL):
-                known |= {name: Known("", "", 0.0, none) for name in (role, f"{role}_dot")}
-        parameters = self.point.model.parameters
-        for name, unit in QUANTITIES.items():
-            declared = self.thrust_name if name == "thrust" else name
-            if declared in self.known:
-                by = slopes.get(declared, none)
-                add(name, declared, self.unit(declared), unit, self[declared], by)
-            elif name in self.configuration:
-                value, of = self.configuration[name]
-                if not isinstance(value, str):
-                    add(name, name, of, unit, float(value), none)
-            elif name in parameters:
-                add(name, name, parameters[name].unit, unit, parameters[name].start, none)
+                known[symbol] = Known(name, of, float(value) * factor, slopes * factor)
+                if symbol in ROLES:
+                    second = self.per_second * factor
+                    rate, slopes = rates[name] * second, by_rates[name] * second
+                    known[f"{symbol}_dot"] = Known(f"{name}_dot", "", float(rate), slopes)
         return known
 
     @cached_property

@@ -33,14 +33,8 @@ def configuration_rows(trimmed: Trimmed) -> list[Row | Lacking]:
     """Return the rows of the configuration at a trim, the angles of its levers, and the entries of
     an aircraft that are unknown.
     """
-    signals = trimmed.point.model.signals
     known = _known_rows(trimmed)
     rows: list[Row | Lacking] = [*known.values()]
-    for name, row in known.items():
-        full_angle = signals[name].full if name in signals else 0.0  # deg, of a lever at 1
-        if full_angle:
-            angle = row.value * math.radians(full_angle)
-            rows.append(Row(f"{row.name} angle", angle, "rad", rare=True))
     if "alpha" in trimmed.roles or not known.keys().isdisjoint(ENTRIES):  # an aircraft
         # One coordinate is enough: the others may be 0, as the lateral one of most aircraft.
         if not any(name.startswith("center_of_gravity") for name in known):

@@ -33,7 +33,7 @@ from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_table
 from trim.reports.book import Condition, book_of
 from trim.reports.first_lines import subject
-from trim.reports.linear_report import matrices, units_in_words
+from trim.reports.linear_report import matrices
 from verification.reports import verdict_figure
 
 #: Largest deviations, in half units of the last digit, of all tones but the last: same print, one
@@ -285,7 +285,7 @@ def point_reports(position: Position) -> PointReports:
     # The entry "data" of the head is the aircraft's file with its digest.
     sheet = replace(trim, title=f"The sheet, of {trim.head['data']}", head={})
     modes = modes_table(model.modes, model.point.model.time_unit, participation=False)
-    pair = Report(f"A and B, in {units_in_words(model)}", matrices(model))
+    pair = Report("A and B, in the units of the trim, angles in rad", matrices(model))
     return PointReports(Report(title, (trim.title, modes)), Report("", (sheet,)), pair)
 
 
