@@ -319,13 +319,12 @@ def _text(part: Any, color: bool, width: int | None) -> str:
 
 def _of_fields(result: Any) -> Report:
     """Return a report of a dataclass: its name with the first line of its docstring, the fields
-    that are not empty, small matrices and checks. Fields with repr=False are omitted.
+    that are not empty, and small matrices. Fields with repr=False are omitted.
     """
     held = {field.name: getattr(result, field.name) for field in fields(result) if field.repr}
     lines: list[str] = []
     matrices: list[Part] = []
     recorded: dict[str, Any] = {}  # matrices of real numbers, with names of rows and columns
-    checks: list[Part] = []
     for name, value in held.items():
         is_matrix = isinstance(value, np.ndarray) and value.ndim == 2 and value.size > 0
         if is_matrix:
@@ -334,14 +333,12 @@ def _of_fields(result: Any) -> Report:
                 recorded[name] = (rows, columns, value)
         if is_matrix and max(value.shape) <= _MOST_ENTRIES:
             matrices.append(matrix_table(name, rows, columns, value))
-        elif isinstance(value, tuple) and value and isinstance(value[0], Check):
-            checks.append(checks_block(value))
         elif (text := _on_one_line(value)) != "-":
             lines.append(f"{name}: {text}")
     kind = type(result)
     first_line = (kind.__doc__ or "").partition("\n")[0]
     title = f"{kind.__name__}: {first_line}"
-    report = Report(title, ["\n".join(lines), *matrices, *checks], data=held)
+    report = Report(title, ["\n".join(lines), *matrices], data=held)
     return replace(report, records=matrix_records(recorded)) if recorded else report
 
 

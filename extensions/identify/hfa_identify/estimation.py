@@ -16,7 +16,7 @@ from hfa_identify.identified import Estimate, FittedQuantity, Identified
 from hfa_identify.records import Record, read_record
 from hfa_identify.residuals import (
     BAND,
-    contradicts_records,
+    WORSE,
     correlations,
     covariance,
     determination,
@@ -192,13 +192,14 @@ def _identified(fit: Fit, *, is_chosen: bool) -> Identified:
         if not estimate.high - estimate.value
         <= _WIDE * max(abs(estimate.value), abs(estimate.start))
     )
+    quantities = _quantities(responses, fit)
     return Identified(
         model=model.with_parameters(
             **{name: estimate.value for name, estimate in of_model.items()}
         ),
         records=tuple(record.name for record in search.records),
         parameters=estimates,
-        quantities=_quantities(responses, fit),
+        quantities=quantities,
         covariance=C,
         misfits=tuple(misfits(fit)),
         coloured=_largest_widening(half_widths, white_half_widths),
@@ -209,7 +210,7 @@ def _identified(fit: Fit, *, is_chosen: bool) -> Identified:
             for name, value, ends in zip(names, theta, search.bounds, strict=True)
             if value in ends
         ),
-        unexplained=tuple(np.array(responses.measured)[contradicts_records(fit)].tolist()),
+        unexplained=tuple(name for name, each in quantities.items() if each.fit < WORSE),
         converged=fit.converged,
         steps=fit.steps,
         inputs=INPUTS[search.records[0].has_steps],

@@ -25,9 +25,9 @@ BAND = 1.959964
 LAGS = 25
 #: Residuals are colored if the fraction of white lags is smaller.
 WHITE = 0.8
-#: The model contradicts a quantity if the variance of the residuals exceeds that of the quantity by
-#: this factor.
-_WORSE = 1.5
+#: The model contradicts a quantity with a smaller coefficient of determination: a constant fits it
+#: better.
+WORSE = -0.5
 #: Largest part of the noise variance that a fit is assumed to remove from the residuals.
 _MOST_REMOVED = 0.5
 
@@ -167,36 +167,17 @@ def determination(fit: Fit) -> np.ndarray:
     """Return the coefficient of determination of each measured quantity, (k,).
 
     The coefficient is 1 - (sum of squared residuals) / (sum of squared deviations of the quantity
-    from its mean in each record), 0 for a constant quantity.
+    from its mean in each record). The deviations are at least the least noise.
     """
-    coefficients = []
-    for place in range(len(fit.noise)):
-        measured, residuals = _samples(fit, place)
-        of_residuals = sum(float(residual @ residual) for residual in residuals)
-        about_means = sum(len(values) * float(values.var()) for values in measured if len(values))
-        coefficients.append(1.0 - of_residuals / about_means if about_means else 0.0)
-    return np.array(coefficients)
-
-
-def contradicts_records(fit: Fit) -> np.ndarray:
-    """Return a mask (k,), True for quantities whose simulated motion contradicts the records.
-
-    For such a quantity, a constant would fit better than the simulation: the noise variance exceeds
-    `_WORSE` times the variance of the measured samples.
-    """
-    motions = [np.concatenate(_samples(fit, place)[0]).var() for place in range(len(fit.noise))]
-    return np.asarray(fit.noise > np.maximum(_WORSE * np.array(motions), fit.search.least))
-
-
-def _samples(fit: Fit, place: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Return the measured samples and the residuals of one quantity, without missing samples."""
-    # Both are lists with an array for each record.
-    measured, residuals = [], []
+    of_residuals, about_means = np.zeros((2, len(fit.noise)))
     for simulated, residual, present in zip(fit.simulated, fit.residuals, fit.present, strict=True):
-        seen = present[:, place]
-        residuals.append(residual[seen, place])
-        measured.append(simulated.y[seen, place] + residual[seen, place])
-    return measured, residuals
+        measured = simulated.y + residual
+        mean = (measured * present).sum(axis=0) / np.maximum(present.sum(axis=0), 1)
+        of_residuals += (residual**2).sum(axis=0)
+        about_means += (present * (measured - mean) ** 2).sum(axis=0)
+    return np.asarray(
+        1.0 - of_residuals / np.maximum(about_means, fit.search.samples * fit.search.least)
+    )
 
 
 def correlations(covariance: np.ndarray) -> np.ndarray:

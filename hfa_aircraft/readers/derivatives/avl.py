@@ -56,7 +56,6 @@ _KNOWN_NAME = re.compile(
             *_ZERO_IN_STRAIGHT_FLIGHT,
             "CDvis",
             "e",
-            "Xnp",
             *_TOTALS.values(),
         )
     )
@@ -67,9 +66,6 @@ _PRINTED_ZERO = 5e-6
 _DERIVATIVE_ZERO = 5e-7
 #: Relative accuracy of the reference point, which AVL prints with five digits.
 _REFERENCE_TOLERANCE = 1e-4
-#: Distance of the neutral point, in Cref, from that of the derivatives, which rounding does not
-#: cause: derivatives have six digits, lengths five.
-_NEUTRAL_POINT = 1e-3
 #: Difference of the factors sqrt(1 - M²) of AVL and of the flight condition that needs no note.
 _COMPRESSIBILITY = 0.05
 _WRITE_AGAIN = "write the file again with ST in AVL's menu OPER"
@@ -141,22 +137,6 @@ class StabilityFile:
             yield (
                 f"{self.path} is for Mach {self.value('Mach'):g}, and the flight condition has Mach"
                 f" {mach:.3g}"
-            )
-
-    def warnings(self) -> Iterator[str]:
-        """Yield a sentence if the neutral point is not where the derivatives put it.
-
-        Xnp = Xref - Cref Cma / CLa.
-        """
-        names = ("Xnp", "Cref", "Cma", "CLa")
-        if not {*names} <= {*self.values} or not self.value("CLa"):
-            return
-        neutral, chord, moment, lift = map(self.value, names)
-        expected = self.value("Xref") - chord * moment / lift
-        if abs(neutral - expected) > _NEUTRAL_POINT * chord:
-            yield (
-                f"Xnp is {neutral:.4g}, and Cma / CLa put the neutral point at "
-                f"{expected:.4g}; a line of the file was changed"
             )
 
 

@@ -38,7 +38,6 @@ def warnings_about(table: DerivativeTable, parameters: Mapping[str, float]) -> I
     _, most = table.thrust
     thrust = {"thrust": most} if math.isfinite(most) else {}
     entries = Values({**table.values, **table.derivatives, **thrust, **parameters})
-    yield from table.warnings
     yield from _angle_warnings(table)
     xx, yy, zz = (entries[name] for name in ("Ixx", "Iyy", "Izz"))
     products = (0.0, entries.get("Ixz", 0.0), 0.0)

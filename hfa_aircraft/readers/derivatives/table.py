@@ -82,7 +82,6 @@ class DerivativeTable:
     mach: Mach number of a stability file, or None.
     words: flap and gear in the words of the table, name -> text.
     checked: names of entries that are right, though no published aircraft has such values.
-    warnings: sentences on a stability file that contradicts itself.
     """
 
     name: str
@@ -99,7 +98,6 @@ class DerivativeTable:
     mach: float | None = None
     words: Mapping[str, str] = field(default_factory=dict)
     checked: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
 
     def unit(self, name: str) -> str:
         """Return the unit of an entry that is not a derivative, in the table's system of units."""
@@ -164,7 +162,6 @@ def _completed_table(
         notes=tuple(notes),
         center=(file.reference_point, entries["length"].value),  # point, and unit of length
         mach=file.value("Mach"),
-        warnings=tuple(file.warnings()),
     )
 
 

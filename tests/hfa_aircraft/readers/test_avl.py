@@ -207,21 +207,6 @@ def test_faulty_files_are_refused(file, old, new, message, glider):
         assert f"glider.st, line {PRINTED.partition(old)[0].count(chr(10)) + 1}" in said
 
 
-def test_drag_of_a_file_without_derivatives_is_that_of_the_table(glider):
-    """A file of AVL 3.40 has CDtot = 0.02725 and CLtot = 0.6, but no derivatives of the drag. With CD_CL2 in
-    the table, CD_0 is CDtot - CD_CL2 CLtot²; with CD_alpha, it is CDtot.
-
-    The entry of the table is kept, and the controls have no drag.
-    """
-    Path("glider.st").write_text(of_older_version())
-    for name, value, induced in (("CD_CL2", 0.02, 0.02 * 0.6**2), ("CD_alpha", 0.3, 0.0)):
-        Path("glider.toml").write_text(f"{name} = {value}\n{TABLE}")
-        given = tool.load_model("glider.toml").parameters
-        assert given["CD_0"].start == pytest.approx(0.02725 - induced, abs=1e-6)
-        assert given[name].start == value
-        assert "CD_elevator" not in given
-
-
 def test_inviscid_drag_and_another_mach_number_are_noted(glider):
     """Drag without profile drag, and a file for another Mach number, are noted in reports.
 
@@ -235,19 +220,3 @@ def test_inviscid_drag_and_another_mach_number_are_noted(glider):
     assert "Mach 0.7" in of_mach
     Path("glider.toml").write_text("CD_0 = 0.03\n" + TABLE)
     assert len(tool.load_model("glider.toml").about.notes) == 1
-
-
-def test_names_of_controls_become_identifiers(glider):
-    """The controls `elevon-L` and `1elev` of a file become the inputs elevon_L and v_1elev, as a name cannot
-    begin with a digit. The trim is that with the names elevator and aileron.
-    """
-    plain = trim(tool.load_model("glider.toml"))
-    file = PRINTED.replace("elevator ", "elevon-L ").replace("aileron ", "1elev   ")
-    Path("glider.st").write_text(file)
-    Path("glider.toml").write_text(
-        TABLE.replace("elevator =", "elevon-L =").replace("aileron =", "1elev =")
-    )
-    named = trim(tool.load_model("glider.toml"))
-    assert set(named.inputs._fields) == {"thrust", "elevon_L", "v_1elev", "rudder"}
-    assert named["elevon_L"] == pytest.approx(plain["elevator"], rel=1e-12)
-    assert named["v_1elev"] == pytest.approx(plain["aileron"], abs=1e-12)

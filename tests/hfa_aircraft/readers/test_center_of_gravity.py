@@ -1,17 +1,15 @@
 """Other centers of gravity, compared with equations of the tests in numpy and with AVL at both places."""
 
-import json
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import assert_refused, hfa
 from project import ROOT
 from six_dof import GRAVITY, SixDof, air
 
 import hfa as tool
-from hfa import BadInputError, from_derivatives, linearize, trim
+from hfa import from_derivatives, linearize, trim
 
 HERE = Path(__file__).parent
 UAV = tomllib.loads((ROOT / "examples/uav.toml").read_text())
@@ -129,24 +127,3 @@ def test_moving_the_center_of_gravity_gives_avls_file_about_the_new_center(folde
         assert values[0] == pytest.approx(values[1], rel=3e-3)
     x = [point.sheet["c.g. x"].value for point in points]
     assert x == pytest.approx([0.375, 0.375])
-
-
-def test_the_sheet_repeats_configuration_words(folder):
-    """The sheet has the c.g. of --hold cg=0.28, and the texts of the entries flap and gear of the table."""
-    text = (ROOT / "examples/uav.toml").read_text()
-    Path("uav.toml").write_text('cg = 0.25\nflap = "20 deg, slotted"\ngear = "down"\n' + text)
-    run = hfa("trim", "--aircraft", "uav.toml", "--hold", "cg=0.28", "--json")
-    found = json.loads(run.out)["sheet"]
-    assert (found["c.g."]["value"], found["c.g."]["unit"]) == (0.28, "chord")
-    assert (found["flap"]["value"], found["gear"]["value"]) == ("20 deg, slotted", "down")
-
-
-def test_a_center_that_is_not_finite_is_refused():
-    """A value of cg that is not finite is refused, and any value of a table that states no cg."""
-    model = from_derivatives(UAV | {"cg": 0.25})
-    for value in (float("nan"), float("inf")):
-        with pytest.raises(BadInputError, match=f"cg is {value}; give a finite number"):
-            model.with_parameters(cg=value)
-    assert_refused(
-        hfa("trim", "--aircraft", str(ROOT / "examples/uav.toml"), "--hold", "cg=0.3"), 2, "cg"
-    )
