@@ -6,11 +6,10 @@ import math
 import operator
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
-from flint import arb, arb_mat
 
 from controller.expansion.taylor import PowerSeries
 from controller.game.basis import Basis, monomials
@@ -18,6 +17,9 @@ from controller.game.zero_sum import Game
 from controller.riccati.balls import above, ball_matrix, precision
 from controller.riccati.gare import Solution
 from hfa_support.errors import BadInputError, NoSolutionError
+
+if TYPE_CHECKING:
+    from flint import arb_mat
 
 
 @lru_cache(maxsize=64)
@@ -104,6 +106,8 @@ def series_of_game(
     Source: E. G. Al'brekht, On the optimal stabilization of nonlinear systems, J. Appl. Math. Mech.
     25 (1961); A. J. van der Schaft, IEEE Trans. Automatic Control 37 (1992) 770-784.
     """
+    from flint import arb
+
     game, proved = solution.game, solution.enclosure
     n, m = rates.size1_in(0), rates.size1_in(1)
     with precision(max(BITS_OF_SERIES, proved.bits)):
@@ -114,6 +118,7 @@ def series_of_game(
         both = _rates_and_slope(rates)
         exact = _linear_part(both, game)
         change = np.hstack([A, B]) - exact
+        sizes = 1.0 / np.sqrt(np.diag(solution.P))  # units in which a linear equation is solved
         rows, columns = np.triu_indices(n)
         value, policy = [P[rows, columns] * np.where(rows == columns, 1, 2)], [-K]
         for degree in range(3, order + 1):
@@ -133,7 +138,9 @@ def series_of_game(
             of_V = np.full((len(V), len(V)), arb(0))  # weights of V_d -> those of ∂V_d/∂z' loop z
             for i, j in np.ndindex(n, n):
                 of_V[raised[j], raised[i]] += ring.exponents[raised[i], i] * loop[i, j]
-            value.append(_solved(of_V[of_degree, of_degree], -known[:, None])[:, 0])
+            by = homogeneous(n, degree).psi(sizes).astype(object)
+            equation = by[:, None] * of_V[of_degree, of_degree] / by
+            value.append(_solved(equation, -(by * known)[:, None])[:, 0] / by)
             V[of_degree] = value[-1]
             slope = ring.gradient(V)
             of_u = ring.values(both, np.vstack([z, u, slope]))[n:] + change[:, n:].T @ slope
@@ -149,6 +156,8 @@ def balls(matrix: np.ndarray | arb_mat) -> np.ndarray:
 
 def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Return X of matrix X = right, of balls."""
+    from flint import arb_mat
+
     return balls(arb_mat(matrix.tolist()).solve(arb_mat(right.tolist())))
 
 

@@ -9,14 +9,16 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable
 from itertools import pairwise
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import casadi as ca
 import numpy as np
-from flint import arb, arb_series
 
 from controller.game.basis import monomials
 from hfa_support.errors import BadInputError
+
+if TYPE_CHECKING:
+    from flint import arb, arb_series
 
 Operation: TypeAlias = Callable[..., np.ndarray]
 #: Number of an operation in CasADi -> its name.
@@ -34,6 +36,9 @@ class PowerSeries:
     """
 
     def __init__(self, n: int, degree: int) -> None:
+        from flint import arb
+
+        self.zero = arb(0)
         degrees = [monomials(n, each) for each in range(degree + 1)]
         ends = np.cumsum([0, *map(len, degrees)])
         self.n, self.degree, self.exponents = n, degree, np.vstack(degrees).astype(object)
@@ -46,14 +51,14 @@ class PowerSeries:
 
     def constant(self, value: arb | float) -> np.ndarray:
         """Return the series of a number."""
-        series = np.full(len(self.exponents), arb(0))
-        series[0] = arb(value)
+        series = np.full(len(self.exponents), self.zero)
+        series[0] += value
         return series
 
     def variables(self) -> np.ndarray:
         """Return the variables z1, ..., zn, (n, M)."""
-        series = np.full((self.n, len(self.exponents)), arb(0))
-        series[:, self.of[1]][np.diag_indices(self.n)] = arb(1)
+        series = np.full((self.n, len(self.exponents)), self.zero)
+        series[:, self.of[1]][np.diag_indices(self.n)] += 1
         return series
 
     def product(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
@@ -68,7 +73,7 @@ class PowerSeries:
 
     def gradient(self, series: np.ndarray) -> np.ndarray:
         """Return the derivatives of a series by each variable, (n, M)."""
-        slopes = np.full((self.n, len(series)), arb(0))
+        slopes = np.full((self.n, len(series)), self.zero)
         for place in range(self.n):
             to = self.products[1 + place]
             slopes[place, : len(to)] = series[to] * self.exponents[to, place]
@@ -76,8 +81,10 @@ class PowerSeries:
 
     def composed(self, f: Callable[[arb_series], arb_series], inner: np.ndarray) -> np.ndarray:
         """Return f(s) of a series s and a function of one variable."""
+        from flint import arb_series
+
         rest, total = inner.copy(), self.constant(0)
-        rest[0] = arb(0)
+        rest[0] = self.zero
         for coefficient in reversed(f(arb_series([inner[0], 1], self.degree + 1)).coeffs()):
             total = self.product(total, rest)
             total[0] += coefficient
@@ -93,7 +100,7 @@ class PowerSeries:
         arguments at 0, has no power series, or if a coefficient is not finite.
         """
         memory: dict[int, np.ndarray] = {}
-        results = np.full((function.numel_out(0), len(self.exponents)), arb(0))
+        results = np.full((function.numel_out(0), len(self.exponents)), self.zero)
         for index in range(function.n_instructions()):
             code = function.instruction_id(index)
             inputs, outputs = function.instruction_input(index), function.instruction_output(index)
@@ -134,28 +141,33 @@ def _sign(series: np.ndarray) -> int:
     return 1 if series[0] > 0 else -1
 
 
+_EXP, _LOG, _INV, _ATAN = map(operator.methodcaller, ("exp", "log", "inv", "atan"))
+
+
 def _quotient(ring: PowerSeries, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return ring.product(a, ring.composed(arb_series.inv, b))
+    return ring.product(a, ring.composed(_INV, b))
 
 
 def _power(ring: PowerSeries, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Return a**b. An exponent that is not constant requires a base above 0."""
     if (b[1:] == 0).all():
         return ring.composed(lambda at: at ** b[0], a)
-    return ring.composed(arb_series.exp, ring.product(b, ring.composed(arb_series.log, a)))
+    return ring.composed(_EXP, ring.product(b, ring.composed(_LOG, a)))
 
 
 def _tanh(ring: PowerSeries, a: np.ndarray) -> np.ndarray:
     """Return (exp(2a) - 1) / (exp(2a) + 1)."""
-    square, one = ring.composed(arb_series.exp, 2 * a), ring.constant(1)
+    square, one = ring.composed(_EXP, 2 * a), ring.constant(1)
     return _quotient(ring, square - one, square + one)
 
 
 def _atan2(ring: PowerSeries, y: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Return the angle of the point (x, y)."""
+    from flint import arb
+
     if x[0] > 0:
-        return ring.composed(arb_series.atan, _quotient(ring, y, x))
-    angle = ring.composed(arb_series.atan, _quotient(ring, x, y))
+        return ring.composed(_ATAN, _quotient(ring, y, x))
+    angle = ring.composed(_ATAN, _quotient(ring, x, y))
     return ring.constant(_sign(y) * arb.pi() / 2) - angle
 
 
