@@ -1,9 +1,6 @@
-"""Every public function that takes a game or its solution: in discrete time it is judged, or
-refuses in one line that names what to call.
+"""Functions for continuous time alone, and critics of the other time, refuse in one line that names
+what to call.
 """
-
-import importlib
-import inspect
 
 import casadi as ca
 import numpy as np
@@ -12,17 +9,6 @@ import pytest
 import hfa
 from hfa import BadInputError, Game
 
-PACKAGES = (
-    "hfa",
-    "hfa.paper",
-    "controller",
-    "verification",
-    "trim",
-    "hfa_aircraft",
-    "hfa_flight",
-    "hfa_prove",
-    "hfa_identify",
-)
 #: A stable model of two states and an input; GAME is in steps of .1, with a discount.
 LINEAR = hfa.LinearModel.of([[0.5, 0.2], [0.0, 0.3]], [[0.0], [1.0]])
 GAME = Game(LINEAR.A, LINEAR.B, Q=np.eye(2), R=[1.0], delta=9.0, dt=0.1, discount=0.9)
@@ -31,20 +17,6 @@ Z = ca.SX.sym("z", 2)
 V = ca.Function("V", [Z], [ca.bilin(ca.DM(EXACT.P), Z, Z)])
 
 
-#: Functions that accept games in continuous and in discrete time, compared in
-#: tests/controller/riccati.
-SOLVE_GAMES = {"Solution", "solve", "minimum_delta"}
-#: Functions of critics in continuous and in discrete time, compared in tests/verification/critic.
-JUDGE_CRITICS = {
-    "learn",
-    "verify",
-    "Verdict",
-    "from_gain",
-    "from_value",
-    "from_weights",
-    "from_network",
-}
-JUDGE_CRITICS |= {"read_critic", "critic_in", "solution_report"}
 #: Public name -> a call with the game in discrete time, which is refused.
 CONTINUOUS_ONLY = {
     "fly": lambda: hfa.fly(hfa.aircraft(), hfa.trim(hfa.aircraft()), EXACT),
@@ -53,27 +25,6 @@ CONTINUOUS_ONLY = {
     "Expansion": lambda: hfa.expand(LINEAR, EXACT, 3),
 }
 pytestmark = pytest.mark.usefixtures("folder")
-
-
-def test_every_function_of_a_game_is_tested_in_discrete_time():
-    """Each public function with an argument of the type Game or Solution is in `SOLVE_GAMES`,
-    `JUDGE_CRITICS` or `CONTINUOUS_ONLY`.
-    """
-    found = set()
-    for package in map(importlib.import_module, PACKAGES):
-        for name in dir(package):
-            value = getattr(package, name)
-            if callable(value) and not name.startswith("_"):
-                try:
-                    parameters = inspect.signature(value).parameters.values()
-                except (TypeError, ValueError):
-                    continue
-                # "Game | LinearModel" is of the type Game.
-                types = {str(parameter.annotation).split(" |")[0] for parameter in parameters}
-                if types & {"Game", "Solution"}:
-                    found.add(name)
-    # The annotation of `fly` names no Solution, which is one of many policies.
-    assert found | {"fly"} == SOLVE_GAMES | JUDGE_CRITICS | CONTINUOUS_ONLY.keys()
 
 
 @pytest.mark.parametrize("name", CONTINUOUS_ONLY)

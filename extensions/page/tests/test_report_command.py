@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import assert_refused, hfa
+from cli import answer, assert_refused, hfa
 from json_places import replaced
 from project import ROOT
 
@@ -62,6 +62,28 @@ def test_the_page_states_the_reason_for_a_missing_flight_in_turbulence(monkeypat
     monkeypatch.setitem(sys.modules, "hfa_flight.policies.filter", None)
     missing = flight_in_turbulence(Position(0.2, condition))
     assert "hfa_flight is not installed" in missing.parts[0]
+
+
+def test_values_of_at_are_the_trims_of_these_values(folder):
+    """With --at 35,30 and --sweep, the numbers are the trims, models and sweep of the commands that
+    compute them alone, in the order of the speeds; the folder has page, pictures and numbers.
+    """
+    words = ("--aircraft", UAV, "--outputs", "load_factor", "--at", "35,30", "--sweep", "28:30:1")
+    data = answer("report", *words, "-o", "pages")
+    assert data == json.loads(Path("pages", "numbers.json").read_text("utf-8"))
+    assert data["ok"]
+    assert data["sweep"]["grid"]["speed"]["values"] == [28.0, 29.0, 30.0, 35.0]
+    page = page_of(Path("pages", "report.html"))
+    for found, speed in zip(data["angles"], (30.0, 35.0), strict=True):
+        assert found["scheduled"] == {"speed": speed}
+        held = ("--aircraft", UAV, "--hold", f"speed={speed}")
+        states = found["trim"]["operating_point"]["states"]
+        assert states == pytest.approx(answer("trim", *held)["operating_point"]["states"], rel=1e-9)
+        linear = answer("linearize", *held, "--outputs", "load_factor")
+        for matrix in "ABCD":
+            np.testing.assert_allclose(found["model"][matrix], linear[matrix], rtol=1e-6, atol=1e-9)
+        assert f"Speed {speed:g} m/s: model" in page
+    assert {path.suffix for path in Path("pages").iterdir()} == {".html", ".json", ".png"}
 
 
 @pytest.mark.slow
