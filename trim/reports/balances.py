@@ -62,26 +62,27 @@ class Balance(NamedTuple):
     is_steady: bool = False
 
 
-_SHORT = ("sin_path", "turning", "gravity_load", "turn_of_path")
+_SHORT = ("sin_climb_angle", "heading_rate", "load_of_gravity", "path_rate")
 _s = SimpleNamespace(**{name: ca.SX.sym(name) for name in (*_NAMES, *_SHORT)})
 _one, _path = ca.SX(1.0), ("theta", "alpha")
 BALANCES = (
     Balance("rate of pitch", _s.theta_dot, _s.q * ca.cos(_s.phi) - _s.r * ca.sin(_s.phi),
         _SMALL * _one, "rad/s", 0.05, ("q",)),
-    Balance("rate of roll", _s.phi_dot, _s.p + ca.sin(_s.theta) * _s.turning,
-        _SMALL * _one, "rad/s", 0.05, ("p",)),
-    Balance("rate of yaw", _s.yaw_dot, _s.turning, _SMALL * _one, "rad/s", 0.05, ("r",)),
-    Balance("turn rate", _s.turn_rate, _s.turning, _SMALL * _one, "rad/s", 0.05, ("r",)),
-    Balance("rate of altitude", _s.altitude_dot, _s.speed * _s.sin_path,
+    Balance("rate of roll", _s.phi_dot, _s.p + ca.sin(_s.theta) * _s.heading_rate,
+        _SMALL * _one, "rad/s", 0.05, ("p", "r")),
+    Balance("rate of yaw", _s.yaw_dot, _s.heading_rate, _SMALL * _one, "rad/s", 0.05, ("r",)),
+    Balance("turn rate", _s.turn_rate, _s.heading_rate, _SMALL * _one, "rad/s", 0.05, ("r",)),
+    Balance("rate of altitude", _s.altitude_dot, _s.speed * _s.sin_climb_angle,
         _s.speed, "m/s", 0.05, _path),
-    Balance("climb rate", _s.climb_rate, _s.speed * _s.sin_path, _s.speed, "m/s", 0.05, _path),
-    Balance("flight path", ca.sin(_s.gamma), _s.sin_path, _one, "1", 0.05, _path),
+    Balance("climb rate", _s.climb_rate, _s.speed * _s.sin_climb_angle,
+        _s.speed, "m/s", 0.05, _path),
+    Balance("flight path", ca.sin(_s.gamma), _s.sin_climb_angle, _one, "1", 0.05, _path),
     Balance("load factor", _s.load_factor,
-        _s.gravity_load + _s.speed * _s.turn_of_path / _s.gravity, _one, "1", 0.1, ("alpha", "q")),
+        _s.load_of_gravity + _s.speed * _s.path_rate / _s.gravity, _one, "1", 0.1, ("alpha", "q")),
     Balance("force across the path", _s.load_factor * _s.weight,
         _s.lift + _s.thrust * ca.sin(_s.alpha), _s.weight, "N", 0.2, (), True),
     Balance("force along the path", _s.weight * _s.speed_dot / _s.gravity,
-        _s.thrust * ca.cos(_s.alpha) - _s.drag - _s.weight * _s.sin_path,
+        _s.thrust * ca.cos(_s.alpha) - _s.drag - _s.weight * _s.sin_climb_angle,
         ca.fabs(_s.thrust) + ca.fabs(_s.drag) + 0.01 * _s.weight, "N", 0.15, ("theta",)),
     Balance("weight", _s.weight, _s.mass * _s.gravity, _s.weight, "N", 0.03),
     Balance("pressure of the air", _s.dynamic_pressure,
@@ -127,10 +128,10 @@ def _equations(in_body_axes: bool) -> _Equations:
     flow = sin(s.beta) * sin(s.phi) + sin(s.alpha) * cos(s.beta) * cos(s.phi)
     across = s.p * cos(s.alpha) + s.r * sin(s.alpha)
     meanings = (
-        (s.sin_path, cos(s.alpha) * cos(s.beta) * sin(s.theta) - flow * cos(s.theta)),
-        (s.turning, (s.q * sin(s.phi) + s.r * cos(s.phi)) / cos(s.theta)),
-        (s.gravity_load, sin(s.alpha) * sin(s.theta) + cos(s.alpha) * cos(s.theta) * cos(s.phi)),
-        (s.turn_of_path, cos(s.beta) * (s.q - s.alpha_dot) - sin(s.beta) * across),
+        (s.sin_climb_angle, cos(s.alpha) * cos(s.beta) * sin(s.theta) - flow * cos(s.theta)),
+        (s.heading_rate, (s.q * sin(s.phi) + s.r * cos(s.phi)) / cos(s.theta)),
+        (s.load_of_gravity, sin(s.alpha) * sin(s.theta) + cos(s.alpha) * cos(s.theta) * cos(s.phi)),
+        (s.path_rate, cos(s.beta) * (s.q - s.alpha_dot) - sin(s.beta) * across),
         *(of_components if in_body_axes else ()),
     )
     rows = ca.vertcat(*(ca.horzcat(each.left, each.right, each.size) for each in BALANCES))
