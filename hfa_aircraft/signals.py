@@ -359,6 +359,8 @@ _WORDS = {
     **dict.fromkeys(("cas", "ias", "kias"), "kcas"),
     "eas": "keas",
 }
+#: Names of inputs and parameters that belong to one of several engines.
+_ENGINE_NAME = r"(throttle|thrust|power|engine)_?(\d+|left|right)"
 #: Role in a mode -> component of the velocity in body axes that stands for it.
 _COMPONENTS = {"speed": "u", "beta": "v", "alpha": "w"}
 #: Mode -> states that dominate it, and another mode whose states must exist.
@@ -394,6 +396,11 @@ def recognized(states: Mapping[str, Signal]) -> dict[str, str]:
     if not {"speed", "alpha"} <= {*found}:
         found.pop("altitude", None)
     return found
+
+
+def engines_among(names: Iterable[str]) -> list[str]:
+    """Return the names of inputs or parameters that belong to one of several engines."""
+    return [name for name in names if re.fullmatch(_ENGINE_NAME, name)]
 
 
 def airspeed_output(outputs: Mapping[str, Signal]) -> str:

@@ -7,6 +7,7 @@ searches minimize the control effort.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -15,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
+from hfa_aircraft.signals import engines_among
 from hfa_support.errors import BadInputError
 from trim.point.condition import usual_condition
 from trim.point.halving import newton
@@ -63,7 +65,7 @@ def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[n
 
     The searches have these initial points, in this order:
 
-    - 0: from the guess
+    - 0: from the guess, with equal inputs of all engines, then without
     - 0: from the least-squares solution within the limits, if this solution is a trim
     - 0: the least-squares solution itself
     - 1, 2, ...: from other initial points
@@ -71,6 +73,7 @@ def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[n
     guess: first initial point, (k,)
     """
     problem.at(guess)  # raises where the equations have no finite value: no search is made then
+    yield _least_effort(problem, guess, apart=0.0), 0
     yield _least_effort(problem, guess), 0
     nearest = _polished(problem, _bounded_least_squares(problem, guess))
     if problem.solved(nearest):
@@ -215,15 +218,18 @@ _IPOPT: dict[str, Any] = {
 def _effort_program(structure: Structure) -> ca.Function:
     """Return the IPOPT solver for the z with the least Σ z_i² of the free inputs."""
     # The constraints g are the residuals that the unknowns affect, and the watched signals: states
-    # and outputs that have limits, but are neither imposed nor unknown.
+    # and outputs that have limits, but are neither imposed nor unknown; and the differences of the
+    # inputs of engines from the first one.
     e = equations_of(structure)
+    engines = [e.z[e.unknowns.index(name)] for name in engines_among(e.unknowns)]
+    apart = [engine - engines[0] for engine in engines[1:]]
     inputs = [i for i, name in enumerate(e.unknowns) if name in structure.layout.names.inputs]
     scales = ca.DM([signal.scale for signal in structure.watched])
     program = {
         "x": e.z,
         "p": e.c,
         "f": ca.sumsqr(e.z[inputs]),
-        "g": ca.vertcat(e.residual[: e.affected_count], e.y / scales),
+        "g": ca.vertcat(e.residual[: e.affected_count], e.y / scales, *apart),
     }
     options: dict[str, Any] = {
         "print_time": False,
@@ -241,18 +247,23 @@ def _effort_program(structure: Structure) -> ca.Function:
         return ca.nlpsol("effort", "ipopt", program, {**options, "ipopt": first_order})
 
 
-def _least_effort(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
-    """Return the z (k,) with the least Σ z_i² of the free inputs within limits, near a guess."""
+def _least_effort(problem: TrimProblem, guess: np.ndarray, apart: float = math.inf) -> np.ndarray:
+    """Return the z (k,) with the least Σ z_i² of the free inputs within limits, near a guess.
+
+    apart: largest difference of the inputs of engines
+    """
     # The result need not be a trim. `_effort_program` bounds the residuals and watched signals.
     system = problem.system
     balanced = np.zeros(system.affected_count)
     scales = np.array([signal.scale for signal in system.structure.watched])
-    solution = _effort_program(system.structure)(
+    program = _effort_program(system.structure)
+    between = np.full(program.size1_out("g") - len(balanced) - len(scales), apart)
+    solution = program(
         x0=guess,
         p=problem.c[0],
         lbx=system.lowest,
         ubx=system.highest,
-        lbg=np.concatenate([balanced, system.watched.lowest / scales]),
-        ubg=np.concatenate([balanced, system.watched.highest / scales]),
+        lbg=np.concatenate([balanced, system.watched.lowest / scales, -between]),
+        ubg=np.concatenate([balanced, system.watched.highest / scales, between]),
     )
     return _polished(problem, np.array(solution["x"]).ravel())

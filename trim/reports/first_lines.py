@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.signals import ISA
+from hfa_aircraft.signals import ISA, engines_among
 from hfa_support.errors import printable
 from hfa_support.reporting.rows import Row
 from hfa_support.reporting.text import (
@@ -30,8 +30,6 @@ from trim.reports.warnings import warnings_of
 
 #: Difference of load factors that is stated: that of a bank of 8 deg.
 _STATED_DIFFERENCE = 1e-2
-#: Names of inputs and parameters that belong to one of several engines.
-_ENGINE_NAME = re.compile(r"(throttle|thrust|power|engine)_?(\d+|left|right)")
 #: Largest numbers of imposed values and of modes in first lines.
 _MOST_VALUES = 4
 _MOST_MODES = 6
@@ -240,7 +238,7 @@ def engines_without_power(trimmed: Trimmed) -> dict[str, str]:
         (model.inputs, inputs, trimmed.imposed),
         (model.parameters, switches, switches),  # the value of each parameter is given
     ):
-        engines = [name for name in signals if _ENGINE_NAME.fullmatch(name)]
+        engines = engines_among(signals)
         power = {name: values[name] - max(signals[name].min, 0.0) for name in engines}
         out = [
             name

@@ -18,7 +18,7 @@ from sheet_values import values
 import hfa
 import hfa_model
 from hfa import Model, Signal
-from trim import Airplane, trim_report
+from trim import Airplane, release, trim_report, usual_condition
 
 EXAMPLES = ROOT / "examples"
 KNOT = 1852.0 / 3600.0
@@ -119,6 +119,20 @@ def test_the_first_line_names_an_engine_out(model, held, words, right_thrust):
     assert point["rudder"] == pytest.approx(right_thrust - (60.0 - right_thrust))
     for name, value in held.items():  # b is this input, and not the span, which the model lacks
         assert point.sheet[name].value == value
+
+
+def test_engines_are_alike_where_a_trim_permits_it():
+    """A yaw rate of 0.3 rad/s is that of the rudder, and of the throttles only beyond its limit."""
+    model = two_engines("throttle1", "throttle2")
+    point = hfa.trim(model, yaw_rate=0.3)
+    assert point["throttle1"] == pytest.approx(point["throttle2"], abs=1e-9)
+    assert point["rudder"] == pytest.approx(0.3)
+    condition = release(
+        usual_condition(model), hold={"yaw_rate": 0.3}, limits={"rudder": (-0.1, 0.1)}
+    )
+    limited = hfa.trim(model, condition)
+    difference = limited["throttle1"] - limited["throttle2"]
+    assert 100.0 * difference == pytest.approx(0.3 - limited["rudder"])
 
 
 SLED = """
