@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from controller.game.zero_sum import Game
 
 
-#: Largest residual of a settled critic, relative to the terms that cancel in it.
+#: Largest residual of a settled critic, relative to the costs.
 SETTLED = 1e-9
 
 
@@ -85,7 +85,6 @@ class TrainingRun(Result, Reported):
     basis: name of the basis ψ
     W: (M,), learned weights, V = W'ψ(z), in the units of the model
     residual_norm: Bellman residual of the game on the recorded data, |e| / |z'Qz|
-    settling_residual: |e| divided by the magnitude of the terms of e
     K: (m, n), gain of the weights
     excitation: rank of the data
     seed: seed of the data
@@ -109,7 +108,6 @@ class TrainingRun(Result, Reported):
     basis: str
     W: Vector
     residual_norm: float
-    settling_residual: float
     K: Matrix
     excitation: Excitation
     seed: int
@@ -152,15 +150,15 @@ class TrainingRun(Result, Reported):
     def outcome(self) -> str:
         """ "settled", or a sentence with the reason why the run has not settled.
 
-        A run has settled if the data have full rank and `settling_residual` is at most `SETTLED`;
+        A run has settled if the data have full rank and `residual_norm` is at most `SETTLED`;
         its critic may still be wrong.
         For recorded data that are not linear, or noisy, the misfit of their linear fit, from which
         the gain is learned, follows "settled".
         """
         if self.excitation.rank < self.excitation.size:
             return f"the data have rank {self.excitation.rank} of {self.excitation.size}"
-        if not self.settling_residual <= SETTLED:  # true for a nan too
-            last = self.settling_residual
+        if not self.residual_norm <= SETTLED:  # true for a nan too
+            last = self.residual_norm
             return f"the residual does not settle: {last:.3g} at the end, above {SETTLED:g}"
         if self.data is not None and self.data.misfit > SETTLED:
             percent = f"{100.0 * self.data.misfit:.2g} %"
@@ -170,8 +168,7 @@ class TrainingRun(Result, Reported):
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
         entries = super()._entries() | {"P": self.P, "status": self.outcome}
-        # The format has no names of signals, and `status` instead of the residual that it judges.
-        del entries["names"], entries["settling_residual"]
+        del entries["names"]  # the format has no names of signals
         return entries | without_empty(weight_units=self.weight_units)
 
     def report(self) -> Report:
@@ -183,7 +180,7 @@ class TrainingRun(Result, Reported):
         names = self.names.completed(n, m)
         data_rank = self.excitation
         parts: list[Any] = [
-            f"Residual: {self.settling_residual:.2g} of its terms",
+            f"Residual: {self.residual_norm:.2g} of the costs",
             f"Data: {data_rank.samples} samples, rank {data_rank.rank} of {data_rank.size},"
             f" condition {data_rank.condition:.3g}",
             matrix_table("P", names.states, names.states, self.P),

@@ -110,13 +110,11 @@ def _learned(
     # In the input u + F z, the game has the same value, and no cross weights.
     samples = Samples(game.without_cross_weights, psi, states)
     weights, diagnostics = LAWS[law](samples, progress)
-    residual = samples.residual(weights)
     return TrainingRun(
         law=law,
         basis=psi.name,
         W=weights,
-        residual_norm=residual.to_costs,
-        settling_residual=residual.to_terms,
+        residual_norm=samples.residual(weights),
         K=game.gain(psi.matrix(weights)),
         excitation=of_samples,
         seed=seed,

@@ -19,7 +19,6 @@ from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, is_definite
 from controller.learning.recording import (
     excitation,
     plant_of,
-    relative_residual,
     root_mean_square,
 )
 from hfa_support.errors import BadInputError, NoSolutionError
@@ -171,17 +170,13 @@ class QLearner:
     def training_run(self, H: np.ndarray, seed: int, of_samples: Excitation) -> TrainingRun:
         """Return the result of the last iteration, with the residual of Bellman's equation."""
         optimum = q_extremum(self.game, H)
-        values, after = quadratic_forms(self.begins, H), self._costs_after(optimum["P"])
-        terms = np.abs(values) + np.abs(self.costs) + np.abs(after)
-        errors = values - self.costs - after
-        residual = relative_residual(errors, self.costs, terms)
+        errors = quadratic_forms(self.begins, H) - self.costs - self._costs_after(optimum["P"])
         psi = basis("quadratic", len(self.game.A))
         return TrainingRun(
             law="Q-learning",
             basis=psi.name,
             W=psi.weights(optimum["P"]),
-            residual_norm=residual.to_costs,
-            settling_residual=residual.to_terms,
+            residual_norm=float(np.linalg.norm(errors) / np.linalg.norm(self.costs)),
             K=optimum["K"],
             excitation=of_samples,
             seed=seed,

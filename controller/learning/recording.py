@@ -140,23 +140,6 @@ class Learned(NamedTuple):
     diagnostics: Mapping[str, float] = {}
 
 
-class Residual(NamedTuple):
-    """Norm of the errors of a learner's equation at all samples, relative to two other norms.
-
-    to_costs: to the norm of the costs
-    to_terms: to the norm of the summed magnitudes of the terms of the equation
-    """
-
-    to_costs: float
-    to_terms: float
-
-
-def relative_residual(errors: np.ndarray, costs: np.ndarray, terms: np.ndarray) -> Residual:
-    """Return the residual of errors, costs and terms at N samples, (N,) each."""
-    norm, of_costs, of_terms = (float(np.linalg.norm(v)) for v in (errors, costs, terms))
-    return Residual(norm / of_costs, norm / of_terms)
-
-
 @dataclass(frozen=True, eq=False)
 class Samples:
     """States z_j of a game in continuous time, recorded with their drifts F_j = A z_j.
@@ -185,16 +168,14 @@ class Samples:
         """State cost z_j'Q z_j, (N_h,)."""
         return quadratic_forms(self.states, self.game.Q)
 
-    def residual(self, weights: np.ndarray) -> Residual:
+    def residual(self, weights: np.ndarray) -> float:
         """Return the residual of the Hamilton-Jacobi-Isaacs equation for V = W'ψ, weights W (M,).
 
         The errors are e_j = ∇V'F_j + z_j'Q z_j - ¼ ∇V'S ∇V (paper Eq. 33 with the extremal
-        policies).
+        policies). Their norm is relative to that of the costs.
         """
         with np.errstate(all="ignore"):
             slopes = np.einsum("jmi,m->ji", self.gradient, weights)  # ∇V, (N_h, n)
-            products = slopes * self.drifts  # sum to ∇V'F
             of_policies = 0.25 * quadratic_forms(slopes, self.game.S)
-            errors = products.sum(axis=1) + self.costs - of_policies
-            terms = np.abs(products).sum(axis=1) + self.costs + np.abs(of_policies)
-            return relative_residual(errors, self.costs, terms)
+            errors = np.sum(slopes * self.drifts, axis=1) + self.costs - of_policies
+            return float(np.linalg.norm(errors) / np.linalg.norm(self.costs))
