@@ -8,7 +8,6 @@ from functools import cache
 import numpy as np
 import pytest
 from lagrangian import winds_of
-from numpy.testing import assert_allclose
 from random_points import WINDS, random_points, rates_function
 from scipy import special
 from standard_air import density
@@ -127,28 +126,3 @@ def test_lags_approximate_theodorsen_and_sears(kind, exact, lag, largest_error):
     """
     k = np.linspace(0.05, 2.0, 400)
     assert np.abs(response(kind, lag, k) - exact(k)).max() == pytest.approx(largest_error, rel=0.01)
-
-
-@pytest.mark.parametrize("degrees", [11.0, 20.0])
-def test_unsteady_trims_equal_quasi_steady_trims(degrees):
-    """The inputs of a trim equal those with quasi-steady loads, finite span and downwash, because the lag
-    states are steady: both of each strip are equal, and those of hinge motion and gusts are 0.
-
-    Without finite span, the center elevator changes by more than 0.3 deg.
-    """
-    condition = usual_condition(UNSTEADY).at(degrees * DEGREES)
-    unsteady = trim(UNSTEADY, condition)
-    quasi_steady = trim(
-        UNSTEADY.with_parameters(local_motion=0.0, apparent_mass=0.0, lift_lag=0.0, gust_lag=0.0),
-        condition,
-    )
-    assert_allclose(unsteady.inputs, quasi_steady.inputs, rtol=1e-10, atol=1e-11)
-    lags = {name: getattr(unsteady.states, name) for name in LAG_STATES}
-    assert all(
-        lags[f"lag_{name}_1"] == pytest.approx(lags[f"lag_{name}_2"], abs=1e-12)
-        for name in ("center", "outer", "tail_center", "tail_outer")
-    )
-    assert lags["lag_tip_1"] == pytest.approx(0.0, abs=1e-12)  # the hinge rate is 0
-    assert lags["gust_outer_1"] == pytest.approx(0.0)  # still air
-    infinite = trim(UNSTEADY.with_parameters(finite_span=0.0), condition)
-    assert abs(infinite.inputs.elevator_center - unsteady.inputs.elevator_center) > 0.3 * DEGREES

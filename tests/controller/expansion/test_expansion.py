@@ -198,12 +198,6 @@ def test_what_has_no_expansion_is_refused(case):
     assert "\n" not in str(refusal.value)
 
 
-def test_a_switch_away_from_the_trim_is_permitted():
-    """A plant that switches at x = 1 is expanded about its trim x = 0."""
-    found = scalar_expansion(lambda x: x + x**2 + ca.fmax(x, 1.0) - 1.0)
-    assert found.weights[1] == pytest.approx(scalar_expansion(lambda x: x + x**2).weights[1])
-
-
 @pytest.mark.parametrize(
     "f",
     [

@@ -79,13 +79,6 @@ def test_flights_inside_the_radius_agree_and_some_outside_do_not():
         assert errors[0] <= radius.share < errors[1]
 
 
-def test_extents_are_those_of_the_ellipsoid():
-    """The stated largest |z_i| in z'Pz <= c are √(c (P⁻¹)_ii)."""
-    radius = expanded(3).radii[-1]
-    P = expanded(3).solution.P
-    assert radius.extents == pytest.approx(np.sqrt(radius.c * np.diag(np.linalg.inv(P))))
-
-
 def test_linear_plant_agrees_everywhere():
     """For a linear plant, whose V is quadratic, V of degree 3 and its quadratic part agree with flights
     from any state: c is infinite.
