@@ -29,18 +29,20 @@ def main(words: list[str] | None = None) -> int:
     arguments = parser.parse_args(words)
     if unknown := set(arguments.names) - set(jobs.JOBS):
         parser.error(f"no job {min(unknown)!r}; choose from {names}")
+    measured: dict[str, list[report.Comparison]] = {}
+    loads: dict[str, float] = {}
     for name in arguments.names or jobs.JOBS:
-        load = os.getloadavg()[0]
+        loads[name] = os.getloadavg()[0]
         # A separate process keeps the threads and memory of one job from slowing another.
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as apart:
-            rows = apart.submit(jobs.JOBS[name], arguments.quick).result()
-        print(report.markdown(rows), flush=True)
-        try:
-            if not arguments.quick:
-                report.store({name: rows}, list(jobs.JOBS), load)
-        except BadInputError as error:
-            print(f"error: {error}", file=sys.stderr)
-            return 2
+            measured[name] = apart.submit(jobs.JOBS[name], arguments.quick).result()
+        print(report.markdown(measured[name]), flush=True)
+    try:
+        if not arguments.quick:
+            report.store(measured, list(jobs.JOBS), loads)
+    except BadInputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
     return 0
 
 

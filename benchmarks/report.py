@@ -107,14 +107,14 @@ def ratio_text(ratio: float) -> str:
 
 
 def machine() -> dict[str, str]:
-    """Return the processor, the number of cores, and the versions of Python and some packages."""
+    """Return processor, number of cores, commit, and versions of Python and some packages."""
     lines = []
     if (processors := Path("/proc/cpuinfo")).exists():
         lines = processors.read_text("utf-8").splitlines()
     names = [line.split(":")[1].strip() for line in lines if line.startswith("model name")]
     found = {"processor": (names or [platform.processor()])[0], "cores": str(os.cpu_count() or 1)}
     versions = {name: version(name) for name in _PACKAGES}
-    return found | {"python": platform.python_version()} | versions
+    return found | {"python": platform.python_version(), "commit": commit()} | versions
 
 
 def commit() -> str:
@@ -135,36 +135,29 @@ def _git(*words: str) -> str:
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
 
-def store(measured: Mapping[str, Sequence[Comparison]], order: Sequence[str], load: float) -> None:
+def store(
+    measured: Mapping[str, Sequence[Comparison]], order: Sequence[str], loads: Mapping[str, float]
+) -> None:
     """Write the comparisons of jobs to results.json, and those of all jobs into the page.
 
     Stored comparisons of other jobs are kept.
 
     measured: comparisons by name of the job
     order: names of all jobs, in the order of the table
-    load: load average of the machine before these jobs
+    loads: load average of the machine before each of these jobs
 
-    Raises BadInputError if other jobs were measured on another machine or with other versions.
+    Raises BadInputError if other jobs were measured with another machine, versions or commit.
     """
-    earlier = (
-        stored()
-        if RESULTS.exists()
-        else {"machine": machine(), "loads": {}, "commits": {}, "jobs": {}}
-    )
-    others = set(order) - set(measured)
-    kept = {name: rows for name, rows in earlier["jobs"].items() if name in others}
-    if kept and earlier["machine"] != machine():
+    on = machine()
+    earlier = stored() if RESULTS.exists() else {"machine": on, "loads": {}, "jobs": {}}
+    if set(order) - set(measured) and earlier["machine"] != on:
         raise BadInputError(
-            "nothing is stored: the other jobs were measured with another machine or other "
-            "versions; run all jobs"
+            "nothing is stored: the other jobs were measured with another machine, other versions "
+            "or of another commit; run all jobs"
         )
-    rows_of = {**kept, **measured}
+    rows_of, loads = {**earlier["jobs"], **measured}, {**earlier["loads"], **loads}
     jobs = {name: [list(row) for row in rows_of[name]] for name in order if name in rows_of}
-    loads = {**earlier["loads"], **dict.fromkeys(measured, load)}
-    loads = {name: loads[name] for name in jobs}
-    commits = {**earlier["commits"], **dict.fromkeys(measured, commit())}
-    commits = {name: commits.get(name, "unknown") for name in jobs}
-    data = {"machine": machine(), "loads": loads, "commits": commits, "jobs": jobs}
+    data = {"machine": on, "loads": {name: loads[name] for name in jobs}, "jobs": jobs}
     before, _, after = PAGE.read_text("utf-8").partition(BEGIN)
     _, end, after = after.partition(END)
     if not end:
@@ -179,12 +172,11 @@ def figures(data: Mapping[str, Any]) -> str:
     data: content of results.json
     """
     rows = [Comparison(*row) for rows in data["jobs"].values() for row in rows]
-    measured = ", ".join(dict.fromkeys(data["commits"].values()))
     on = data["machine"]
     versions = ", ".join(f"{name} {on[name]}" for name in ("python", *_PACKAGES))
     loads = data["loads"].values()
     return (
-        f"{markdown(rows).rstrip()}\n\nMeasured of commit {measured} on {on['processor']} with "
+        f"{markdown(rows).rstrip()}\n\nMeasured of commit {on['commit']} on {on['processor']} with "
         f"{on['cores']} cores ({versions}); load average before the jobs {min(loads):.2g} to "
         f"{max(loads):.2g}.\n"
     )
