@@ -149,7 +149,9 @@ def store(
     Raises BadInputError if other jobs were measured with another machine, versions or commit.
     """
     on = machine()
-    earlier = stored() if RESULTS.exists() else {"machine": on, "loads": {}, "jobs": {}}
+    earlier: dict[str, Any] = (
+        stored() if RESULTS.exists() else {"machine": on, "loads": {}, "jobs": {}}
+    )
     if set(order) - set(measured) and earlier["machine"] != on:
         raise BadInputError(
             "nothing is stored: the other jobs were measured with another machine, other versions "
