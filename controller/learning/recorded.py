@@ -389,8 +389,8 @@ class _Source:
         starts: whether a row does not follow the one before it, (N,)
         """
         # Only a float is a known sample time: True is an unknown one, None is no entry.
-        stated = sample_time(self.entries)
-        dt, accuracy = stated, 0.0
+        step_in_file = sample_time(self.entries)
+        dt, accuracy = step_in_file, 0.0
         # The entry time contains the times of the rows, or a word such as "continuous".
         if "time" in self.entries and not words(self.entries, "time"):
             times = np.ravel(numbers_in("time", self.entries["time"]))
@@ -398,7 +398,7 @@ class _Source:
                 raise BadInputError(f"time has {len(times)} entries, x has {len(starts)} rows")
             if not starts.all():  # some rows are not the first of an episode
                 dt, accuracy = self._step_of(times, starts)
-        for whose, other in (("their dt", stated), ("the game", self.game.dt)):
+        for whose, other in (("their dt", step_in_file), ("the game", self.game.dt)):
             if (
                 isinstance(dt, float)
                 and isinstance(other, float)

@@ -144,10 +144,10 @@ def library_of(folder: Path, description: Description) -> Path:
 
 def _read(root: ElementTree.Element) -> Description:
     """Return the description in a document."""
-    stated = root.get("fmiVersion", "")
-    if not stated.startswith(("2.", "3.")):
-        raise BadInputError(f"the FMU has FMI {stated}; export it in FMI 2.0 or 3.0")
-    version = int(stated[0])
+    fmi_version = root.get("fmiVersion", "")
+    if not fmi_version.startswith(("2.", "3.")):
+        raise BadInputError(f"the FMU has FMI {fmi_version}; export it in FMI 2.0 or 3.0")
+    version = int(fmi_version[0])
     exchange = root.find("ModelExchange")
     if exchange is None:
         raise BadInputError("the FMU has no model exchange; export it for model exchange")
@@ -346,7 +346,7 @@ def _variable(
     if enumerated:
         values = [int(item.attrib["value"]) for item in enumerated]
         lowest, highest = min(values), max(values)
-    stated = attributes if kind in _RANGES else {}  # texts and arrays have other values
+    numbers = attributes if kind in _RANGES else {}  # texts and arrays have other values
     return Variable(
         name=element.attrib["name"],
         reference=int(element.attrib["valueReference"]),
@@ -354,10 +354,10 @@ def _variable(
         causality=element.get("causality", "local"),
         variability=element.get("variability", "continuous"),
         unit=attributes.get("unit", ""),
-        nominal=abs(_number(stated.get("nominal") or 0)),
-        low=_number(stated.get("min") or lowest),
-        high=_number(stated.get("max") or highest),
-        start=_number(stated.get("start") or 0),
+        nominal=abs(_number(numbers.get("nominal") or 0)),
+        low=_number(numbers.get("min") or lowest),
+        high=_number(numbers.get("max") or highest),
+        start=_number(numbers.get("start") or 0),
     )
 
 

@@ -75,7 +75,7 @@ def _read(text: str, digest: str) -> Model:
             instance = Instance(interface)
         except OSError as error:
             raise BadInputError(f"its library cannot be loaded ({error})") from error
-        return _model(instance, description, start, Source(text, digest))
+        return _model_of_variables(instance, description, start, Source(text, digest))
 
 
 def _unpacked(file: Path) -> Path:
@@ -141,7 +141,7 @@ def _run_once(interface: Interface, start: list[float]) -> None:
         )
 
 
-def _model(
+def _model_of_variables(
     instance: Instance, description: Description, start: list[float], source: Source
 ) -> Model:
     """Return the model of the variables of an FMU.
@@ -158,7 +158,6 @@ def _model(
         )
     )
 
-    # Searches begin beside an event at the start values.
     nominals = [
         np.array([signal.nominal for signal in group.values()])
         for group in (states, inputs, parameters)
@@ -166,6 +165,7 @@ def _model(
     whole = [parameter.is_whole for parameter in description.parameters]
     count = len(states) + len(outputs)  # of the values that the FMU computes
     evaluator = Evaluator(instance, nominals, count, description.indicators, whole)
+    # Searches begin beside an event at the start values.
     begun = _start_beside_events(evaluator, np.array(start), len(states))
     begun_states = begun[: len(states)].tolist()
     states = {

@@ -189,11 +189,11 @@ class Turbulence:
             interval=interval,
             count=count,
             seed=seed,
-            taken=self._taken(point),
+            taken=self._disturbances_of_components(point),
             trimmed_at=trimmed_at,
         )
 
-    def _taken(self, point: OperatingPoint) -> dict[str, dict[str, float]]:
+    def _disturbances_of_components(self, point: OperatingPoint) -> dict[str, dict[str, float]]:
         """Return component -> disturbance of the model -> factor (`TurbulentAir.taken`)."""
         model = point.model
         moving = in_gusts(model)

@@ -91,7 +91,7 @@ class Planner:
     A plan is a flight of the smooth equations with held inputs. Its cost is the exact cost of the
     linear model over the holds, plus z'Pz at the end. The limits of the inputs are hard. Those of
     the states are soft at the samples and halfway between them, with an exact penalty, and narrowed
-    by the margin and by what a filter predicts (`room_of`). The quadratic program knows them at
+    by the margin and by what a filter predicts (`limits_left`). The quadratic program knows them at
     the ends of the holds, and those of fast states at the middles.
 
     scaled: the problem in nominal units
@@ -144,7 +144,7 @@ class Planner:
         """Return the linear cost z'Pz of some states, (n,)."""
         return float(z @ self.P @ z)
 
-    def room_of(self, following: NextSample) -> Range:
+    def limits_left(self, following: NextSample) -> Range:
         """Return the soft limits for a plan, which knows no air, from what a filter predicts.
 
         They are moved against the shift of the states that the estimated air causes, and narrowed

@@ -113,7 +113,7 @@ class RecedingHorizon:
         """
         self.reset(delay)
         if following is not None:
-            self._memory.room = self.planner.room_of(following)
+            self._memory.room = self.planner.limits_left(following)
         self._begin_plan(self.measured.when_acting(z))
         self._memory.is_before_first = self.samples.is_before = True
 
@@ -139,7 +139,7 @@ class RecedingHorizon:
         if following is None:
             z_now = self.measured.checked(z)
         else:
-            memory.room = self.planner.room_of(following)
+            memory.room = self.planner.limits_left(following)
         planned_before, first_plan = memory.samples.planned, memory.samples.first
         v = np.zeros(self.planner.scaled.counts.inputs)  # trim, if nothing is known of the states
         if z_now is not None:
