@@ -6,12 +6,11 @@ Any other element is refused.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
-from typing import Any
 
 from hfa_jsbsim.aircraft import Equations
 from hfa_jsbsim.catalog import access, of_component, without_numbers
-from hfa_jsbsim.engines import EngineFile
 from hfa_jsbsim.parts import Parts
 from hfa_jsbsim.properties import IDLE, MOTION, Note, Writer
 from hfa_jsbsim.xml_file import Element
@@ -20,35 +19,17 @@ from hfa_support.errors import BadInputError, shortened
 
 def of_engine_files(parts: Parts) -> Iterator[str]:
     """Yield sentences on the engine files that may explain missing power, each once."""
-    reasons: dict[str, Any] = {}
+    reasons: dict[str, None] = {}
     for file in parts.engines:
-        for reason in _of_engine(file):
-            reasons[reason] = None
+        own_name = file.engine.attributes.get("name", "")
+        name = own_name or file.mount.attributes.get("file", "an engine")
+        if file.dry_of:
+            empty = f"the file leaves the {file.dry_of} tank of {name} empty"
+            reasons[f"{empty}: unless --hold fills it, the trim is a glide"] = None
+        if file.kind == "turbine_engine" and file.has_propeller:
+            what = f"{name} is a turbine engine on a propeller"
+            reasons[f"{what}; its thrust is interpreted as power"] = None
     yield from reasons
-
-
-def _of_engine(file: EngineFile) -> Iterator[str]:
-    """Yield sentences on facts in an engine's file that may explain missing power."""
-    # The facts are an empty tank, a turbine engine on a propeller, and an implausible propeller
-    # diameter.
-    name = file.engine.attributes.get("name", "") or file.mount.attributes.get("file", "an engine")
-    if file.dry_of:
-        yield (
-            f"the file leaves the {file.dry_of} tank of {name} empty: unless --hold fills it, "
-            "the trim is a glide"
-        )
-    if file.kind == "turbine_engine" and file.has_propeller:
-        yield f"{name} is a turbine engine on a propeller; its thrust is interpreted as power"
-    diameter = file.thruster.find("diameter")
-    if not file.has_propeller or diameter is None or "unit" in diameter.attributes:
-        return
-    if diameter.number() > _LONGEST_BLADES:
-        length = f"propeller diameter {diameter.number():.0f} ft"
-        yield f"{diameter.where}: {length}, because the file gives no unit"
-
-
-#: Larger propeller diameters are implausible, ft.
-_LONGEST_BLADES = 40.0
 
 
 #: Element -> elements in it that affect the forces and that no code here reads.
@@ -72,18 +53,16 @@ _WITHOUT_FORCE = (
     *("propulsion/engine/cooling-factor", "propulsion/engine/engtemp-c"),
     *("propulsion/engine/itt-c", "atmosphere/randomseed", "atmosphere/turb-gain"),
     *("atmosphere/turb-rate", "atmosphere/turb-rhythmicity", "atmosphere/turbulence/milspec/"),
-    *("position/terrain-elevation", "inertia/print-mass-properties", "simulation/write-state-file"),
-)
-#: JSBSim's properties that a file may set without effect, and the reason.
-_WITHOUT_EFFECT = {
-    **dict.fromkeys(
-        ("propulsion/tank/external-flow-rate-pps", "propulsion/refuel", "propulsion/fuel_"),
-        "without effect, as tank contents are constant",
+    *("propulsion/tank/external-flow-rate-pps", "propulsion/refuel", "propulsion/fuel_"),
+    *(
+        "simulation/integrator/",
+        "position/terrain-elevation",
+        "inertia/print-mass-properties",
+        "simulation/write-state-file",
     ),
-    "simulation/integrator/": "without effect, as the motion is never stopped",
-}
-#: Why a file that sets a read-only property has no effect.
-_SET_BUT_COMPUTED = "without effect, as JSBSim computes it"
+)
+#: Its properties of the wind, which are parameters here.
+_OF_AIR = re.compile("atmosphere/(wind|gust|turb)-(north|east|down)")
 #: Statements of notes.
 _HOW_TO_MAKE_STATES = "?filters=states after the aircraft's name makes these states"
 _ALWAYS_OMITTED = "these are omitted, also with ?filters=states"
@@ -167,16 +146,9 @@ def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
         if access_rights == "R" and name in properties.names_read:
             raise _refusal(in_files[-1], f"{shortened(name)} is a read-only JSBSim property")
 
-        # Settings without effect.
-        unnumbered = without_numbers(name)
-        reason = next(
-            (why for prefix, why in _WITHOUT_EFFECT.items() if unnumbered.startswith(prefix)), ""
-        )
-        reason = _SET_BUT_COMPUTED if access_rights == "R" else reason
-        if reason:
-            notes.append(Note(f"set {reason}", shortened(name), in_files[-1].where, MOTION))
+        if access_rights == "R":  # without effect
             continue
-
+        unnumbered = without_numbers(name)
         # Settings whose effect is not supported.
         if of_component(name):
             if name not in properties.names_read:
@@ -184,7 +156,9 @@ def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
                     f"{shortened(name)} is a failure or limit of a component, which cannot be set"
                 )
                 raise _refusal(in_files[-1], fault)
-        elif not (name in properties.names_read or unnumbered.startswith(_WITHOUT_FORCE)):
+        elif _OF_AIR.match(name) or not (
+            name in properties.names_read or unnumbered.startswith(_WITHOUT_FORCE)
+        ):
             # JSBSim reads it in its own code, and this package nowhere.
             raise _refusal(
                 in_files[-1],

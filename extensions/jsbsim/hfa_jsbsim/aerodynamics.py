@@ -184,12 +184,10 @@ def _frames(element: Element | None) -> tuple[str, str]:
 
 def _functions_along_axes(element: Element | None) -> dict[int, list[Element]]:
     """Return index of a component (forces 0 to 2, moments 3 to 5) -> its functions."""
-    # JSBSim ignores all but the last axis of a component, and moments with apply_at_cg. Both are
-    # marked here as not read.
+    # JSBSim ignores all but the last axis of a component, and moments with apply_at_cg.
     functions: dict[int, list[Element]] = {}
     if element is None:
         return functions
-    axes: dict[int, Element] = {}
     for axis in element.all("axis"):
         name = axis.attributes.get("name", "")
         if name not in _COMPONENTS:
@@ -198,12 +196,6 @@ def _functions_along_axes(element: Element | None) -> dict[int, list[Element]]:
             )
         component = _COMPONENTS[name]
         functions[component] = list(axis.all("function"))
-        if component > 2:  # moments
-            for function in filter(_acts_at_center, functions[component]):
-                function.taken = False
-        if component in axes:
-            axes[component].taken = False
-        axes[component] = axis
     return functions
 
 
@@ -237,8 +229,6 @@ class Reactions:
 
         axes: letters of the components, "xyz" or "lmn"
         """
-        # The attribute counts as read, because a force whose magnitude is 0 does not use its frame.
-        element.attributes.taken.add("frame")
         magnitude = f"{_prefix(element)}/{_magnitude_name(element)}"
         if not self._properties.is_known(magnitude):
             self._properties.define_initial(magnitude, 0.0)

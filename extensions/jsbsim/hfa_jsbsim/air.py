@@ -141,9 +141,7 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]
     values = {
         "velocities/vt-fps": motion.speed,
         "velocities/mach": motion.mach,
-        "velocities/machU": u / air.sound,
         "velocities/vg-fps": ground_speed,
-        "velocities/ned-velocity-mag-fps": ca.norm_2(motion.over_ground),
         "velocities/h-dot-fps": motion.climb,
         "velocities/v-north-fps": north,
         "velocities/v-east-fps": east,
@@ -159,7 +157,6 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]
         "aero/Re": motion.speed * metrics.chord * air.density / viscosity,
         "aero/bi2vel": metrics.span / (2.0 * motion.speed),
         "aero/ci2vel": metrics.chord / (2.0 * motion.speed),
-        "aero/h_b-cg-ft": x.altitude / metrics.span,
         "flight-path/psi-gt-rad": ca.if_else(track < 0.0, track + 2.0 * math.pi, track),
         "position/h-sl-ft": x.altitude,
         "position/h-agl-ft": x.altitude,
@@ -176,11 +173,6 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]
         "atmosphere/theta": air.temperature / SEA_LEVEL.temperature,
         "atmosphere/delta": air.pressure / SEA_LEVEL.pressure,
         "atmosphere/sigma": air.density / SEA_LEVEL.density,
-        "atmosphere/a-ratio": air.sound / SEA_LEVEL.sound,
-        "atmosphere/T-sl-R": SEA_LEVEL.temperature,
-        "atmosphere/P-sl-psf": SEA_LEVEL.pressure,
-        "atmosphere/rho-sl-slugs_ft3": SEA_LEVEL.density,
-        "atmosphere/a-sl-fps": SEA_LEVEL.sound,
         "atmosphere/pressure-altitude": x.altitude,
         "atmosphere/density-altitude": density_altitude(air.density),
     }
@@ -211,8 +203,6 @@ def state_properties(x: Any, motion: Motion, metrics: Metrics) -> dict[str, Any]
 
 def _sizes(metrics: Metrics) -> dict[str, Any]:
     """Return the values of JSBSim's properties of the geometry, by name such as metrics/bw-ft."""
-    chord_area = metrics.chord * metrics.area
-    span_area = metrics.span * metrics.area
     values = {
         "metrics/Sw-sqft": metrics.area,
         "metrics/bw-ft": metrics.span,
@@ -223,17 +213,9 @@ def _sizes(metrics: Metrics) -> dict[str, Any]:
         "metrics/lh-ft": metrics.tail_arm,
         "metrics/Sv-sqft": metrics.fin_area,
         "metrics/lv-ft": metrics.fin_arm,
-        "metrics/lh-norm": metrics.tail_arm / metrics.chord if metrics.chord else 0.0,
-        "metrics/lv-norm": metrics.fin_arm / metrics.chord if metrics.chord else 0.0,
-        "metrics/vbarh-norm": metrics.tail_arm * metrics.tail_area / chord_area
-        if chord_area
-        else 0.0,
-        "metrics/vbarv-norm": metrics.fin_arm * metrics.fin_area / span_area if span_area else 0.0,
     }
     for axis, letter in enumerate("xyz"):
         values[f"metrics/aero-rp-{letter}-in"] = metrics.reference_point[axis]
-        values[f"metrics/eyepoint-{letter}-in"] = metrics.eye_point[axis]
-        values[f"metrics/visualrefpoint-{letter}-in"] = metrics.visual_point[axis]
     return values
 
 
@@ -242,13 +224,6 @@ def mass_properties(mass: Mass) -> dict[str, Any]:
     values = {
         "inertia/mass-slugs": mass.slugs,
         "inertia/weight-lbs": mass.weight,
-        "inertia/ixx-slugs_ft2": mass.inertia[0, 0],
-        "inertia/iyy-slugs_ft2": mass.inertia[1, 1],
-        "inertia/izz-slugs_ft2": mass.inertia[2, 2],
-        # JSBSim's ixy and iyz are minus the elements of the inertia matrix, its ixz is the element.
-        "inertia/ixy-slugs_ft2": -mass.inertia[0, 1],
-        "inertia/ixz-slugs_ft2": mass.inertia[0, 2],
-        "inertia/iyz-slugs_ft2": -mass.inertia[1, 2],
     }
     for axis, letter in enumerate("xyz"):
         values[f"inertia/cg-{letter}-in"] = mass.center[axis]

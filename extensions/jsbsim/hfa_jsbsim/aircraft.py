@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import cached_property, partial
-from itertools import product
 from types import SimpleNamespace
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from hfa_aircraft.rigid.aircraft import (
-    GRAVITY,
     STATES,
     acceleration,
     angular_acceleration,
@@ -59,6 +56,7 @@ from hfa_jsbsim.surfaces import (
     reach_throttle,
     use_surface_positions,
 )
+from hfa_jsbsim.time_of_flight import without_time
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import BadInputError, shortened
 
@@ -78,17 +76,6 @@ _TURNED_BY = {"roll_rate": "aileron", "pitch_rate": "elevator", "yaw_rate": "rud
 _NAME_OF_COMMAND = re.compile("(cmd|command)[^/]*$")
 #: JSBSim's properties that are 0 until a file or a pilot sets them.
 _ZERO_UNTIL_SET = ("fcs/", "gear/tailhook", "gear/wing-fold")
-#: Ranges of states in the flights in which a force must not depend on the time, and their number.
-_FLIGHTS = {
-    "speed": (200.0, 500.0),
-    "alpha": (-0.02, 0.12),
-    "pitch": (-0.1, 0.2),
-    "altitude": (0.0, 20000.0),
-    "throttle": (0.0, 1.0),
-}
-_FLIGHT_COUNT = 200
-#: Times after the start of a flight, s.
-_LATE = (1e6, 1e9)
 #: Most rates in a sentence.
 _MOST_RATES = 3
 #: Levers with constant positions, by default 0. A gear position of 1 means down.
@@ -150,7 +137,6 @@ class Equations:
         section = parts.section("aerodynamics")
         aerodynamics = Aerodynamics(section, self.properties, parts.wings, self.motion, self)
         reactions = Reactions(parts.section("external_reactions"), self.properties)
-        self._define_totals("external", lambda: [reactions.loads(self.motion, self.mass.arm)])
         self._mount_engines(x)
         if section is not None:
             self._use_surface_positions(section)
@@ -163,7 +149,6 @@ class Equations:
         self._set_rates_and_outputs(x, aerodynamics.loads(), external)
         self._add_filters()
         self._solve_rates_of_angles()
-        self._refuse_wind()
         self.set_in_files = dict(self._set_in_files())
         self._refuse_unknowns()
         self._name_constants()
@@ -193,7 +178,7 @@ class Equations:
         ]
         self._engines = list(map(add_engine, self._mounted))
         if self._engines:
-            self._define_totals("prop", self._effects)
+            self._define_totals()
         for file in self.parts.engines:
             throttle = self.inputs[self._throttle_of(file)].symbol
             note = reach_throttle(file.number, self.properties, throttle)
@@ -316,9 +301,6 @@ class Equations:
         """Define the properties of wind and gusts."""
         for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
             self.properties.define(f"atmosphere/wind-{axis}-fps", self.parameters[name])
-            self.properties.define(f"atmosphere/total-wind-{axis}-fps", self.parameters[name])
-            for kind in ("gust", "turb"):
-                self.properties.define_initial(f"atmosphere/{kind}-{axis}-fps", 0.0)
 
     def _define_commands(self) -> None:
         """Define the properties of commands, levers and chosen inputs, and of what is constant."""
@@ -343,14 +325,13 @@ class Equations:
         for full_name, name in self.chosen.items():
             properties.define(full_name, self.inputs[name].symbol)
         # Constant in flight: the position of a gear that the files do not move, down, and the loads
-        # of wheels and gas cells.
+        # of wheels.
         properties.define_initial("gear/gear-pos-norm", 1.0)
         properties.define("accelerations/gravity-ft_sec2", self.parameters["gravity"])
         properties.define_initial("simulation/dt", STEP)
         for name in ("gear/wow", "propulsion/refuel"):
             properties.define_initial(name, 0.0)
         for along, turn in zip("xyz", "lmn", strict=True):
-            properties.define_initial(f"forces/fb{along}-buoyancy-lbs", 0.0)
             properties.define_initial(f"forces/fb{along}-gear-lbs", 0.0)
             properties.define_initial(f"moments/{turn}-gear-lbsft", 0.0)
 
@@ -377,17 +358,12 @@ class Equations:
             self.properties.define(f"{prefix}/pct-full", 100.0 * contents / tank.capacity)
             self.properties.define_initial(f"{prefix}/density-lbs_per_gal", tank.density)
             self.properties.define_initial(f"{prefix}/priority", tank.priority)
-            names = [f"{prefix}/local-i{axis}{axis}-slug_ft2" for axis in "xyz"]
-            names += [f"{prefix}/{axis}-position" for axis in "xyz"]
-            values = [*tank.moments(contents), *tank.place(contents)]
-            for name, value in zip(names, values, strict=True):
-                self.properties.define(name, value)
-        for kind, name in (("FUEL", "total-fuel-lbs"), ("OXIDIZER", "total-oxidizer-lbs")):
-            total = ca.SX(0.0)
-            for number, tank in enumerate(self.parts.tanks):
-                if tank.kind == kind:
-                    total += self.parameters[f"tank{number}"]
-            self.properties.define(f"propulsion/{name}", total)
+        fuel = (
+            self.parameters[f"tank{number}"]
+            for number, tank in enumerate(self.parts.tanks)
+            if tank.kind == "FUEL"
+        )
+        self.properties.define("propulsion/total-fuel-lbs", sum(fuel, start=ca.SX(0.0)))
 
     def _define_lazily(self, name: str, compute: Callable[[], Any]) -> None:
         """Define a property by a function that is called when the property is first read."""
@@ -399,17 +375,18 @@ class Equations:
         height = self.states["altitude"] - ca.dot(self.motion.down, arm)
         return height / self.parts.wings.span
 
-    def _define_totals(self, group: str, parts: Callable[[], Sequence[Loads | Effect]]) -> None:
-        """Define the properties of the total force and moment of the group "prop" or "external"."""
+    def _define_totals(self) -> None:
+        """Define the properties of the total force and moment of the engines."""
         for axis, (along, turn) in enumerate(zip("xyz", "lmn", strict=True)):
             for kind, name in (
-                ("force", f"forces/fb{along}-{group}-lbs"),
-                ("moment", f"moments/{turn}-{group}-lbsft"),
+                ("force", f"forces/fb{along}-prop-lbs"),
+                ("moment", f"moments/{turn}-prop-lbsft"),
             ):
                 # The defaults keep the values of this turn of the loop until the property is read.
                 def total(kind: str = kind, axis: int = axis) -> Any:
-                    """Return the sum of one component over all parts."""
-                    return sum((getattr(part, kind)[axis] for part in parts()), start=ca.SX(0.0))
+                    """Return the sum of one component over all engines."""
+                    each = (getattr(effect, kind)[axis] for effect in self._effects())
+                    return sum(each, start=ca.SX(0.0))
 
                 self._define_lazily(name, total)
 
@@ -622,16 +599,6 @@ class Equations:
             else:
                 self.parameters[name] = constant.symbol
 
-    def _refuse_wind(self) -> None:
-        """Raise BadInputError if the files set a wind, a gust or turbulence by a component."""
-        for kind, axis in product(("wind", "gust", "turb"), ("north", "east", "down")):
-            writer = self.properties.writer(f"atmosphere/{kind}-{axis}-fps")
-            if writer is not None and writer.is_of_file:
-                raise BadInputError(
-                    f"{writer.where}: this sets the wind, which is not supported; use the "
-                    f"parameters {', '.join(WINDS)}"
-                )
-
     def _is_native(self, full_name: str) -> bool:
         """Return whether JSBSim computes a property that is not 0 until a file or pilot sets it."""
         is_zero_until_set = full_name.startswith(_ZERO_UNTIL_SET) and not of_component(full_name)
@@ -689,43 +656,15 @@ class Equations:
             raise BadInputError("; ".join(dict.fromkeys(faults)))
 
     def _remove_time(self) -> None:
-        """Replace the time where it decides nothing after the start of a flight, or where no rate
-        depends on it in drawn flights, with a note.
-        """
-        rates = ca.vertcat(*self.rates.values())
-        if not contains(rates, self._time):
+        """Remove the time, with a note, unless a rate depends on it at all states."""
+        if not contains(self._values, self._time):
             return
-        others = ca.vertcat(
-            *(each for each in ca.symvar(rates) if not ca.is_equal(each, self._time))
-        )
-        late = [ca.substitute(rates, self._time, time) for time in _LATE]
-        if len({ca.Function("rates", [others], [each]).serialize() for each in late}) == 1:
-            self._substitute(self._time, ca.SX(_LATE[1]))
+        values = [*without_time(self._values, self._time)]
+        if any(value.is_constant() and math.isnan(value) for value in values):
             return
-        draw = np.random.default_rng(0).uniform
-        starts = {each.symbol.name(): each.start for each in self.properties.constants.values()}
-        usual = {
-            "gravity": GRAVITY["english"],
-            **dict.fromkeys(("mixture", "advance"), 1.0),
-            **starts,
-        }
-        flights = np.zeros((others.numel(), _FLIGHT_COUNT))
-        for row, symbol in zip(flights, ca.vertsplit(others), strict=True):
-            name = symbol.name()
-            row[:] = usual.get(name, float(name.startswith("engine")))
-            if name.startswith(("rpm", "tank")):
-                row[:] = draw(100.0, 2000.0, _FLIGHT_COUNT)
-            elif name in _FLIGHTS:
-                row[:] = draw(*_FLIGHTS[name], _FLIGHT_COUNT)
-        function = ca.Function("rates", [self._time, others], [rates])
-        at = [np.asarray(function(time, flights)) for time in (0.0, *draw(0.0, 1e4, 8))]
-        if all(np.array_equal(at[0], later, equal_nan=True) for later in at[1:]):
-            statement = (
-                f"simulation/sim-time-sec is always 0, but forces depend on it at some states (in "
-                f"none of {_FLIGHT_COUNT} drawn at 200 to 500 ft/s, alpha -1 to 7 deg)"
-            )
-            self.notes.append(Note(statement))
-            self._substitute(self._time, ca.SX(0.0))
+        self._replacements.append((self._time, ca.SX(0.0)))
+        self._set_values(values)
+        self.notes.append(Note("no trim is where a force depends on simulation/sim-time-sec"))
 
     def resolved(self, value: Any) -> ca.SX:
         """Return a value with the replacements of the time derivatives and outputs."""
@@ -743,11 +682,13 @@ class Equations:
     def _substitute(self, symbol: ca.SX, value: ca.SX) -> None:
         """Replace a symbol by a value in all time derivatives and outputs."""
         self._replacements.append((symbol, value))
-        names = [*self.rates, *self.outputs]
-        changed = ca.vertsplit(ca.substitute(self._values, symbol, value))
-        solved = dict(zip(names, changed, strict=True))
-        self.rates = {name: solved[name] for name in self.rates}
-        self.outputs = {name: solved[name] for name in self.outputs}
+        self._set_values(ca.vertsplit(ca.substitute(self._values, symbol, value)))
+
+    def _set_values(self, values: list[ca.SX]) -> None:
+        """Set all time derivatives and outputs."""
+        named = dict(zip([*self.rates, *self.outputs], values, strict=True))
+        self.rates = {name: named[name] for name in self.rates}
+        self.outputs = {name: named[name] for name in self.outputs}
 
 
 def _engine_states(parts: Parts) -> Iterator[str]:

@@ -33,8 +33,6 @@ class Metrics:
     fin_area: float
     fin_arm: float
     reference_point: np.ndarray
-    eye_point: np.ndarray
-    visual_point: np.ndarray
 
 
 def read_metrics(element: Element) -> Metrics:
@@ -42,7 +40,6 @@ def read_metrics(element: Element) -> Metrics:
     points = {
         child.attributes.get("name", ""): child.vector("IN") for child in element.all("location")
     }
-    nowhere = np.zeros(3)
     return Metrics(
         area=element.need("wingarea").number("FT2"),
         span=element.need("wingspan").number("FT"),
@@ -52,9 +49,7 @@ def read_metrics(element: Element) -> Metrics:
         tail_arm=element.value_of("htailarm", 0.0, "FT"),
         fin_area=element.value_of("vtailarea", 0.0, "FT2"),
         fin_arm=element.value_of("vtailarm", 0.0, "FT"),
-        reference_point=points.get("AERORP", nowhere),
-        eye_point=points.get("EYEPOINT", nowhere),
-        visual_point=points.get("VRP", nowhere),
+        reference_point=points.get("AERORP", np.zeros(3)),
     )
 
 

@@ -150,7 +150,6 @@ def _add_component(
             )
     names += [output.text for output in outputs]
     if component.name == "distributor":
-        component.take_all()
         set_here = (child for case in component.children for child in case.children)
         names += [child.text for child in set_here if child.name == "property"]
 
@@ -232,7 +231,6 @@ def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
     elif component.name in _COMPONENTS:
         value = _COMPONENTS[component.name](component, properties)
     else:
-        component.take_all()
         fault = f"<{shortened(component.name)}> has no steady-state output"
         return properties.unknown(component.error(f"{fault}; remove this dependence"))
     return _clipped(component, properties, value)
@@ -245,7 +243,6 @@ def _clipped(component: Element, properties: Properties, value: Any) -> Any:
     if limits is None or None in (limits.find("min"), limits.find("max")):
         return value
     if limits.attributes.get("type") == "cyclic":
-        limits.take_all()
         fault = "a cyclic <clipto> has no steady-state value; remove this <clipto>"
         return properties.unknown(limits.error(fault))
     low, high = (parameter(limits, name, properties, 0.0) for name in ("min", "max"))

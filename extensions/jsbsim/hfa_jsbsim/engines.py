@@ -299,7 +299,7 @@ def orientation(mounted: MountedEngine) -> ca.SX:
 
 def thruster_location(mounted: MountedEngine) -> ca.SX:
     """Return the location of the thruster, structural frame, inches, (3,)."""
-    return ca.vertcat(*(mounted.read(mounted.full_name(f"{axis}-position")) for axis in "xyz"))
+    return ca.SX(ca.DM(mounted.location))
 
 
 def thrust_force_and_moment(
@@ -368,15 +368,8 @@ def lag_rates(mounted: MountedEngine) -> dict[str, Any]:
     """
     state = mounted.lag_state
     rates = {}
-    if mounted.kind == "turbine_engine":
-        if state is not None:
-            rates[mounted.lag] = _spool_rate(mounted, state)
-        # No force depends on N1Spool..., and on N2Spool... only if the lag is a state. Marked as
-        # not read, functions are listed by `accounting.py` as omitted.
-        unread = ("N1Spool",) if rates else ("N1Spool", "N2Spool")
-        for function in mounted.engine.children:
-            if function.attributes.get("name", "").rsplit("/", 1)[-1].startswith(unread):
-                function.taken = False
+    if mounted.kind == "turbine_engine" and state is not None:
+        rates[mounted.lag] = _spool_rate(mounted, state)
     if mounted.kind == "turboprop_engine" and state is not None:
         rates[mounted.lag] = _generator_rate(mounted, state)
     return rates

@@ -172,7 +172,6 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
     if name in ("table", "t"):
         return table_value(element, properties, number)
     if name not in _OPERATIONS:
-        element.take_all()
         fault = f"the operation <{shortened(name)}> is not supported; use other operations"
         return properties.unknown(element.error(fault))
     operation, fewest, most = _OPERATIONS[name]  # numbers of arguments

@@ -263,13 +263,8 @@ class _Gear(NamedTuple):
     switch_pressure: float
 
 
-#: Gear without boost, which JSBSim has in place of an invalid one.
-_INVALID_GEAR = _Gear(1.0, 2500.0, 100000.0, 0.0)
-
-
 def _gears(engine: Element) -> list[_Gear]:
     """Return the gears of a supercharger, or an empty list without one."""
-    # As in JSBSim, all gears from an invalid one on are `_INVALID_GEAR`, and one less in number.
     count = int(engine.value_of("numboostspeeds", 0.0))
     gears: list[_Gear] = []
     last_altitude = 0.0
@@ -278,7 +273,8 @@ def _gears(engine: Element) -> list[_Gear]:
         power = engine.value_of(f"ratedpower{number}", 0.0, "HP")
         altitude = engine.value_of(f"ratedaltitude{number}", 0.0, "FT")
         if boost <= 0.0 or power <= 0.0 or altitude < last_altitude:
-            return gears + [_INVALID_GEAR] * (count - number)
+            fault = "needs a positive boost and power, and no lower altitude than the one before"
+            raise engine.error(f"gear {number} of the supercharger {fault}; correct these")
         rated_pressure = _STANDARD_PRESSURE + boost * _PSI_TO_PA
         multiplier = rated_pressure / (_standard_pressure(altitude) * _PSF_TO_PA)
         rated_speed = engine.value_of(f"ratedrpm{number}", 2500.0)
@@ -358,11 +354,9 @@ def propeller_effect(mounted: MountedEngine, power: Any) -> Effect:
         power=power / HP,
         rates={f"rpm{mounted.number}": speed_rate, **blade_rates},
         properties={
-            "propeller-torque-ftlb": -sense * power / omega,
             "thrust-coefficient": thrust_coefficient,
             "advance-ratio": flow.advance,
             "prop-induced-velocity_fps": induced,
-            "helical-tip-Mach": flow.tip_mach,
         },
     )
 
@@ -466,7 +460,7 @@ def _acting_location(
 #: Properties that engines set, except the speeds of their shafts.
 _COMPUTED = (
     *("thrust-lbs", "power-hp", "map-inhg", "map-pa", "thrust-coefficient", "advance-ratio"),
-    *("prop-induced-velocity_fps", "helical-tip-Mach", "propeller-torque-ftlb"),
+    *("prop-induced-velocity_fps",),
 )
 
 
@@ -528,14 +522,9 @@ def add_engine(mounted: MountedEngine) -> Writer:
     set_running = Writer(partial(running, mounted), mounted.mount.where, BEFORE_ALL)
     properties.add_writer(mounted.full_name("set-running"), set_running)
     properties.define_initial(mounted.full_name("reverser-angle-rad"), 0.0)
-    for axis, place in zip("xyz", mounted.location, strict=True):
-        properties.define_initial(mounted.full_name(f"{axis}-position"), place)
-        properties.define_initial(mounted.full_name(f"{axis}-reference-position"), place)
     if mounted.has_propeller:
-        sense = mounted.thruster_mount.value_of("sense", 1.0)
         properties.define(mounted.full_name("propeller-rpm"), mounted.propeller_rpm)
         properties.define(mounted.full_name("engine-rpm"), mounted.rpm)
-        properties.define(mounted.full_name("propeller-sense"), sense)
     if mounted.kind == "turbine_engine":
         _add_shafts(mounted)
         bleed = mounted.full_name("bleed-factor")

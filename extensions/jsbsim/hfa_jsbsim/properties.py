@@ -116,6 +116,7 @@ class Writer:
     is_of_file: whether an element of a file sets the property, and not JSBSim itself.
     value: the value, or None before it is computed.
     past: the value in the frame before, if the value depends on it, or None.
+    present: that value in a steady flight, if it is known, or None.
     name: the property, for messages.
     is_on: function without arguments that returns whether the element is executed; None for always.
     """
@@ -127,6 +128,7 @@ class Writer:
     is_of_file: bool = False
     value: Any = field(default=None)
     past: Unknown | None = None
+    present: Present | None = None
     name: str = ""
     is_on: Callable[[], Any] | None = None
 
@@ -221,7 +223,6 @@ class Properties:
         self._is_native = is_native
         self.unknowns: list[Unknown] = []
         self._looping: list[Writer] = []  # those that need their value of the past
-        self._seen: dict[Writer, tuple[int, int, Present | None]] = {}  # of those
         self.travels: list[tuple[Element, ca.SX]] = []
         self.filters: list[FilterState] = []
         self.names_read: set[str] = set()
@@ -301,19 +302,8 @@ class Properties:
         }
 
     def presents(self) -> Iterator[Present]:
-        """Yield the values of the past that are known in a steady flight."""
-        for writer in self._looping:
-            if not isinstance(writer.value, ca.SX) or writer.past is None:
-                continue
-            seen = self._seen.get(writer)
-            if seen is None or seen[:2] != (id(writer.value), len(self.constants)):
-                past, present = writer.past.symbol, None
-                steady = self._steady(writer.value, past, self.initial(writer.name))
-                if steady is not None:
-                    present = Present(past, steady, self.at_start(steady))
-                seen = self._seen[writer] = id(writer.value), len(self.constants), present
-            if seen[2] is not None:
-                yield seen[2]
+        """Return the values of the past that are known in a steady flight."""
+        return (writer.present for writer in self._looping if writer.present is not None)
 
     def _steady(self, value: ca.SX, past: ca.SX, initial: Any) -> ca.SX | None:
         """Return the value of the past of a property in a steady flight, None if it is unknown.
@@ -417,7 +407,7 @@ class Properties:
                     continue
                 # The effect of an engine, which is no expression, is forgotten in any case.
                 if not isinstance(writer.value, ca.SX) or loops & symbols_of(writer.value):
-                    writer.value = None
+                    writer.value = writer.present = None
                     if writer.component is not None:  # it counts as read when it is read again
                         writer.component.taken = False
                         for is_always in (False, True):
@@ -514,6 +504,11 @@ class Properties:
             finally:
                 self._running.pop()
                 self._order = order_of_reader
+            if writer.past is not None and isinstance(writer.value, ca.SX):
+                past = writer.past.symbol
+                steady = self._steady(writer.value, past, self.initial(writer.name))
+                known = None if steady is None else Present(past, steady, self.at_start(steady))
+                writer.present = known
         return writer.value
 
     def read_or(self, name: str, default: Any, where: str) -> Any:

@@ -468,9 +468,10 @@ class _Declaration:
         return initial
 
     def _equilibrium_speed(self, file: EngineFile, values: Mapping[str, Any]) -> float:
-        """Return the highest equilibrium speed of a propeller, rpm, or 0 if none exists."""
-        # Speeds up to `_FASTEST` times the initial speed are searched. If the propeller does not
-        # slow down at this limit, the limit is returned.
+        """Return the highest speed, rpm, at which a propeller does not slow down, or 0.
+
+        Speeds up to `_FASTEST` times the initial speed are searched.
+        """
         name = f"rpm{file.number}"
         signals = (self._states(), self._inputs(), self._parameters())
         columns = [[values.get(key, named[key].start) for key in named] for named in signals]
@@ -486,15 +487,7 @@ class _Declaration:
 
         fastest = _FASTEST * self._rpm(file, is_single=False).start
         speeds = fastest * np.linspace(1.0, 0.0, _SPEEDS_TRIED) ** 2  # finer near 0
-        (not_slowing,) = np.nonzero(rates(speeds) >= 0.0)
-        if len(not_slowing) == 0:
-            return 0.0
-        first = not_slowing[0]
-        if first == 0:
-            return fastest
-        from scipy.optimize import brentq
-
-        return float(brentq(lambda rpm: rates(np.array([rpm]))[0], *speeds[first - 1 : first + 1]))
+        return float(max(speeds[rates(speeds) >= 0.0], default=0.0))
 
     def _equations(self, outputs: list[str]) -> EquationsOfMotion:
         """Return the equations of motion with and without gusts."""

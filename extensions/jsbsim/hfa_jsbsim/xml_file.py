@@ -7,36 +7,11 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from hfa_support.errors import BadInputError, file_faults, shortened
 from hfa_support.files import read_xml, regular_file, resolved
-
-
-class Attributes(dict[str, str]):
-    """Attributes of an element, name -> text.
-
-    taken: names that were read
-    """
-
-    def __init__(self, *values: Any) -> None:
-        super().__init__(*values)
-        self.taken: set[str] = set()
-
-    def get(self, name: str, default: Any = None) -> Any:
-        """Return the text of an attribute, marked as read, or the default."""
-        self.taken.add(name)
-        return super().get(name, default)
-
-    def __getitem__(self, name: str) -> str:
-        self.taken.add(name)
-        return super().__getitem__(name)
-
-    def __contains__(self, name: object) -> bool:
-        self.taken.add(str(name))
-        return super().__contains__(name)
 
 
 @dataclass
@@ -53,7 +28,7 @@ class Element:
     """
 
     name: str
-    attributes: Attributes
+    attributes: dict[str, str]
     file: str
     line: int
     parent: Element | None = None
@@ -98,13 +73,6 @@ class Element:
         """Mark the element as read and return it."""
         self.taken = True
         return self
-
-    def take_all(self) -> None:
-        """Mark the element, all elements within it and their attributes as read."""
-        self.taken = True
-        self.attributes.taken.update(self.attributes)
-        for child in self.children:
-            child.take_all()
 
     def need(self, name: str) -> Element:
         """Return the first child of this name. Raises BadInputError without such a child."""
@@ -228,7 +196,7 @@ def parsed(text: bytes, file: str) -> Element:
     def start(name: str, attributes: dict[str, str], line: int) -> None:
         """Open an element within the open one."""
         parent = open_elements[-1] if open_elements else None
-        element = Element(name, Attributes(attributes), file, line, parent)
+        element = Element(name, attributes, file, line, parent)
         (parent.children if parent else roots).append(element)
         open_elements.append(element)
 
@@ -310,9 +278,7 @@ class Folders:
             raise document.error(f"{fault}; correct the name in {element.where}")
         document.take()
         both = [*document.children, *element.children]
-        attributes = Attributes({**document.attributes, **element.attributes})
-        # An attribute that is read from the result counts as read in both elements.
-        document.attributes.taken = element.attributes.taken = attributes.taken
+        attributes = {**document.attributes, **element.attributes}
         return Element(element.name, attributes, document.file, document.line, element.parent, both)
 
     def _found(self, element: Element, name: str) -> Path:
