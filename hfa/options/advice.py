@@ -61,8 +61,7 @@ def _advice(given: GivenTrim, failure: TrimError, reason: Reason) -> str:
 
     With a known reason, the first option is enough.
     """
-    rotations = failure.attempt._unbalanced_rotations
-    if not all(moved_by for _, moved_by in rotations):  # the model is at fault
+    if failure.attempt._uncontrolled_rates:  # the model is at fault
         return ""
     if advice_on_inputs := _free_inputs(given):
         return advice_on_inputs

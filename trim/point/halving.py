@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from contextlib import suppress
 
 import numpy as np
@@ -26,6 +25,7 @@ def newton(
     c: np.ndarray,
     moving: np.ndarray | None = None,
     bounded: bool = False,
+    rows: list[int] | None = None,
 ) -> NewtonEnds:
     """Return the unknowns (N, k) after Newton's method, and the mask (N,) of converged points.
 
@@ -40,9 +40,10 @@ def newton(
     moving: indices of the unknowns that may change; by default all
     bounded: whether every trial is moved to the nearest point within the limits; angles without
         limits are then limited to 90 deg
+    rows: indices of the equations that are solved, with `moving`; by default all
     """
     if moving is not None or bounded:
-        return _halved_steps(system, z, c, moving, bounded)
+        return _halved_steps(system, z, c, moving, bounded, rows)
     # The usual case: few unknowns, for which full steps converge. Other points are repeated.
     if system.equations.square and z.shape[1] <= FEW:
         end, flags = step_rows(system.equations, system.steps)(z, c)
@@ -52,33 +53,7 @@ def newton(
                 system, z[~converged], c[~converged]
             )
         return NewtonEnds(end, converged)
-    if system.equations.square and len(z) == 1:
-        full = _full_steps(system, z, c)
-        if full is not None:
-            return NewtonEnds(full, np.ones(1, dtype=bool))
     return _halved_steps(system, z, c)
-
-
-def _full_steps(system: TrimSystem, z: np.ndarray, c: np.ndarray) -> np.ndarray | None:
-    """Return the solution (1, k) by Newton's method with full steps from one point, (1, k), or None
-    if a residual increases or a Jacobian is singular.
-    """
-    size_before = math.inf
-    for _ in range(MOST_TRIALS):
-        residual, jacobian = system.residuals(z, c)
-        size = math.sqrt(residual[0] @ residual[0])
-        try:
-            step = np.linalg.solve(jacobian, -residual[:, :, None])[:, :, 0]
-        except np.linalg.LinAlgError:
-            return None
-        is_near = size <= NEARLY
-        if not (is_near or size < size_before) or not step[0] @ step[0] < LONGEST**2:
-            return None
-        z = z + step
-        if is_near:
-            return z
-        size_before = size
-    return None
 
 
 def _halved_steps(
@@ -87,13 +62,15 @@ def _halved_steps(
     c: np.ndarray,
     moving: np.ndarray | None = None,
     bounded: bool = False,
+    rows: list[int] | None = None,
 ) -> NewtonEnds:
     """Return the ends of Newton's method with halved steps; the arguments are those of `newton`."""
+    chosen = slice(None) if rows is None else rows
     best = z.copy()
     converged = np.zeros(len(z), dtype=bool)
     points = np.arange(len(z))  # those that have not converged
     # Of these points, at their best unknowns:
-    residual, jacobian = system.residuals(z, c)
+    residual, jacobian = (part[:, chosen] for part in system.residuals(z, c))
     size = _norm(residual)
     step = newton_step(jacobian, residual, moving)
     share = np.ones(len(z))  # fraction of the step to be tried next
@@ -113,7 +90,8 @@ def _halved_steps(
         if bounded:
             lowest = np.maximum(system.lowest, -system.quarter_turn)
             trial = np.clip(trial, lowest, np.minimum(system.highest, system.quarter_turn))
-        residual, next_jacobian = system.residuals(trial, c[points])
+        parts = system.residuals(trial, c[points])
+        residual, next_jacobian = (part[:, chosen] for part in parts)
         is_better = _norm(residual) < size
         if not is_better.all():
             # The natural monotonicity test (Deuflhard, Newton Methods for Nonlinear Problems,

@@ -259,23 +259,16 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         ]
 
     @property
-    def _unbalanced_rotations(self) -> list[tuple[str, list[str]]]:
-        """Angular rates whose equations do not balance, each with the inputs that change it."""
+    def _uncontrolled_rates(self) -> list[str]:
+        """Names of the angular rates whose equations do not balance, and which no input changes."""
         roles = recognized(self.model.states)
         B = self.model.at(self.states, self.inputs).B
         names = [roles[role] for role in ("q", "r", "p") if role in roles]
         scaled = self.scaled_residuals
         return [
-            (
-                name,
-                [
-                    moving
-                    for moving, effect in zip(self.model.inputs, B[row], strict=True)
-                    if effect
-                ],
-            )
+            name
             for name, row in zip(names, self.model.state_places(names), strict=True)
-            if abs(scaled.get(name, 0.0)) > BALANCE
+            if abs(scaled.get(name, 0.0)) > BALANCE and not B[row].any()
         ]
 
     def _refuse_other_model(self, model: Model) -> None:

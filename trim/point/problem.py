@@ -30,8 +30,6 @@ _EPSILON = float(np.finfo(float).eps)
 #: half of the digits of a double. Where equations depend on each other only at the trim, a trim
 #: that balances to `BALANCE` leaves a hundredth of it.
 DEPENDENT = math.sqrt(_EPSILON)
-#: Most names in the advice on an output that no free variable changes.
-_MOST_DECIDING = 6
 
 
 class Evaluation(NamedTuple):
@@ -144,25 +142,8 @@ class TrimProblem:
         actual = model.describe(row.name, imposed + residual * row.scale)
         raise BadInputError(
             f"{row.name} is {model.describe(row.name, imposed)}, but no free variable changes "
-            f"it from {actual}{self._advice_instead_of(row.name)}"
+            f"it from {actual}; free what it depends on, or remove this value"
         )
-
-    def _advice_instead_of(self, name: str) -> str:
-        """Return advice to hold or free, in place of an output, what it depends on."""
-        layout = self.model.layout
-        x, u, p = layout.symbols("x", "u", "p")
-        _, output = layout.expressions((x, u, p), (name,))
-        used = ca.which_depends(output, ca.vertcat(p, x, u), 1, False)  # whether on each of these
-        names = (*layout.names.parameters, *layout.variables)
-        deciding = [name for name, is_used in zip(names, used, strict=True) if is_used]
-        parameters = [name for name in deciding if name in layout.names.parameters]
-        advised = (parameters or deciding)[:_MOST_DECIDING]
-        if not advised:
-            return "; remove this value"
-        typed = f"--hold {advised[0]}=VALUE"
-        if not parameters:
-            typed += f", or --free {advised[0]}"
-        return f"; in its place, hold {' or '.join(advised)} ({typed})"
 
     def keeping(self, kept: tuple[str, ...]) -> TrimProblem:
         """Return the problem in which some states are imposed at their start values."""
@@ -197,13 +178,16 @@ class TrimProblem:
         self._last = {key: Evaluation(states, inputs, y, residual, derivatives)}
         return self._last[key]
 
-    def newton(self, z: np.ndarray, moving: np.ndarray | None = None) -> np.ndarray:
+    def newton(
+        self, z: np.ndarray, moving: np.ndarray | None = None, rows: list[int] | None = None
+    ) -> np.ndarray:
         """Return the scaled unknowns (k,) after Newton's method, even if it has not converged.
 
         z: initial unknowns, (k,)
         moving: indices of the unknowns that may change; None for all
+        rows: indices of the equations that are solved; None for all
         """
-        ends, _ = newton(self.system, z[None], self.c, moving)
+        ends, _ = newton(self.system, z[None], self.c, moving, rows=rows)
         return ends[0]
 
     def clip(self, z: np.ndarray) -> np.ndarray:

@@ -4,12 +4,12 @@ to balance them is followed over its range, with all other equations balanced by
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterator, Mapping
 from itertools import chain
 from typing import NamedTuple
 
+import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
@@ -17,12 +17,13 @@ from hfa_aircraft.signals import AIRSPEEDS, recognized
 from hfa_support.errors import BadInputError
 from hfa_support.units import STANDARD_GRAVITY, conversion_factor
 from trim.point.condition import TrimCondition, release
+from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
 from trim.point.solve import TrimError
 from trim.point.status import BALANCE
 
-#: Angles of attack, rad, at which the greatest lift is searched.
-_ANGLES_OF_ATTACK = np.radians(np.arange(-4.0, 40.5, 0.5))
+#: Angles of attack, deg, at which the greatest lift is searched.
+_ANGLES_OF_ATTACK = np.arange(-4.0, 40.5, 0.5)
 #: Moment about an axis, by the role of the rate that it changes.
 _MOMENTS = {"q": "pitching", "r": "yawing", "p": "rolling"}
 #: Imposed value that gives way if the thrust cannot.
@@ -33,9 +34,6 @@ _HALVINGS = 40
 _NEAR = 0.5
 #: Least rest of a rate that is reported, in its scale.
 _LEAST_REPORTED = 1e-6
-
-#: Values of states, inputs, outputs and rates by name.
-Values = Mapping[str, float]
 
 
 class Reason(NamedTuple):
@@ -52,21 +50,14 @@ class Reason(NamedTuple):
 def reason_of(error: TrimError, model: Model, condition: TrimCondition) -> Reason:
     """Return why a condition has no trim.
 
-    The reason is unknown if imposed inputs leave fewer unknowns than equations.
-
     error: error of the trim search
     condition: condition of the failed trim
     """
     if not model.inputs:
         return Reason("no input changes a force or a moment")
     posed = TrimProblem(model, condition)  # with a speed in place of an airspeed
-    equations, unknowns = posed.count
-    also_imposed = condition.imposed.keys() - model.trim.keys()  # not by the declared trim
-    if equations > unknowns and not also_imposed.isdisjoint(model.inputs):
-        return Reason()
-    search = _Search(posed, error, condition.imposed)
+    search = _Search(posed, error.attempt, tuple(condition.imposed))
     reasons = chain(
-        search.of_held_inputs(),
         search.of_thrust(),
         search.of_lift(),
         search.of_controls(),
@@ -75,225 +66,237 @@ def reason_of(error: TrimError, model: Model, condition: TrimCondition) -> Reaso
     return next(reasons, Reason())
 
 
+class _Balance(NamedTuple):
+    """Point at which all equations but the released ones balance.
+
+    values: state, input or output -> value
+    rests: equation -> what remains of it, in its unit
+    """
+
+    values: Mapping[str, float]
+    rests: Mapping[str, float]
+
+
 class _Search:
     """Search of the reason of a failed trim.
 
     posed: its problem
-    error: its error
+    attempt: its best point
     imposed: what the condition imposes, such as an airspeed in place of the speed of `posed`
     """
 
-    def __init__(self, posed: TrimProblem, error: TrimError, imposed: Mapping[str, object]) -> None:
-        self.posed, self.error, self.imposed = posed, error, imposed
-        self.model, self.condition = posed.model, posed.condition
-        self.roles = recognized(self.model.states)
-        limits = posed.system.limits
+    def __init__(self, posed: TrimProblem, attempt: OperatingPoint, imposed: tuple[str, ...]):
+        self.posed, self.attempt, self.imposed = posed, attempt, imposed
+        self.model, self.system = posed.model, posed.system
+        self.rows = {row.name: row for row in self.system.equations.rows}
+        roles = recognized(self.model.states)
+        #: Role -> state whose rate must balance.
+        self.balanced = {role: name for role, name in roles.items() if name in self.rows}
+        limits = self.system.limits
         ends = zip(limits.lowest.tolist(), limits.highest.tolist(), strict=True)
         self.limits = dict(zip(posed.free, ends, strict=True))
-        self.throttles = [
-            name
-            for name in posed.free
-            if name in self.model.inputs and re.search("throttle|thrust", name.lower())
-        ]
+        inputs = [name for name in posed.free if name in self.model.inputs]
+        self.throttles = [name for name in inputs if re.search("throttle|thrust", name.lower())]
+        self.controls = [name for name in inputs if name not in self.throttles]
 
-    def solved(self, hold: Values, *dropped: str) -> Values | None:
-        """Return the values at which all equations but those of some rates balance, or None.
+    def released(self, held: Mapping[str, float], *names: str) -> _Balance | None:
+        """Return the point at which all equations but those of some names balance, or None.
 
-        hold: further imposed values
+        held: unknowns that keep a value
         """
-        posed = self.posed
+        posed, system = self.posed, self.system
+        moving = [place for place, name in enumerate(posed.free) if name not in held]
+        rows = [place for place, name in enumerate(self.rows) if name not in names]
+        z = posed.clip(system.scaled({**system.begin, **held}))
         try:
-            problem = TrimProblem(posed.model, release(self.condition, free=dropped, hold=hold))
-            z = problem.newton(problem.clip(problem.system.start))
-            if not problem.solved(z):
-                return None
-            x, u = problem.at(z)[:2]
+            z = posed.newton(z, np.array(moving), [row for row in rows if row < posed.count[0]])
+            at = posed.at(z)
         except (BadInputError, ArithmeticError):
             return None
-        rates = {f"{name}_dot": rate for name, rate in self.model.rates_at(x, u).items()}
-        return {**x._asdict(), **u._asdict(), **self.model.outputs_at(x, u), **rates}
-
-    def rest(self, role: str) -> str:
-        """Return the name of the rate of the state of a role if it must balance, else ""."""
-        state = self.roles.get(role, "")
-        return f"{state}_dot" if state in self.condition.rates else ""
+        is_within = system.limits.within(z * system.scales).all()
+        is_within = is_within and system.watched.within(at.y).all()
+        if not is_within or np.abs(at.residual[rows]).max(initial=0.0) > BALANCE:
+            return None
+        residuals = zip(self.rows.values(), at.residual.tolist(), strict=True)
+        return _Balance(
+            {**at.x._asdict(), **at.u._asdict(), **self.model.outputs_at(at.x, at.u)},
+            {row.name: residual * row.scale for row, residual in residuals},
+        )
 
     def throttle(self, share: float) -> dict[str, float]:
         """Return the throttles at a share of their range, all alike."""
         ends = ((name, *self.limits[name]) for name in self.throttles)
-        return {name: float(low + share * (high - low)) for name, low, high in ends}
+        return {name: low + share * (high - low) for name, low, high in ends}
 
     def of_thrust(self) -> Iterator[Reason]:
         """Yield what is missing at full throttle, too much at idle, or jumps between them."""
-        dot = self.rest("speed")
-        if not (dot and self.throttles):
+        speed = self.balanced.get("speed", "")
+        if not (speed and self.throttles):
             return
-        full = self.solved(self.throttle(1.0), dot)
-        if full is None:
-            return
-        least = _LEAST_REPORTED * self.model.rate_scale(self.roles["speed"])
-        if full[dot] < -least:
-            yield Reason(self._missing(full, dot), _FLIGHT_PATH)
-            return
-        idle = self.solved(self.throttle(0.0), dot)
-        if idle is None:
-            return
-        if idle[dot] > least:
-            sentence = f"at idle the thrust is {self._force(idle, idle[dot])} too large"
-            yield Reason(sentence, _FLIGHT_PATH)
-        elif full[dot] > least and idle[dot] < -least:
-            yield from self._of_jump(idle, full, dot)
+        ends = []
+        for share, end, what in ((1.0, "full throttle", "small"), (0.0, "idle", "large")):
+            at = self.released(self.throttle(share), speed)
+            if at is None:
+                return
+            excess = at.rests[speed] if share == 0.0 else -at.rests[speed]
+            if excess > _LEAST_REPORTED * self.rows[speed].scale:
+                given = self._thrust(at)
+                sentence = f"at {end} the thrust is {self._force(at, speed)} too {what}{given}"
+                yield Reason(sentence, _FLIGHT_PATH)
+                return
+            ends.append(at)
+        yield from self._of_jump(ends[1], ends[0], speed)
 
-    def _missing(self, full: Values, dot: str) -> str:
-        """Return a sentence on the thrust that is missing at full throttle."""
-        if "thrust" not in full or "weight" not in full:
-            rest = self.model.describe(dot, full[dot])
-            return f"full throttle is not enough: {dot} is {rest}"
-        hp = [value for name, value in full.items() if name[:-1] == "power" and value > 0.0]
-        power = f" from {len(hp)} x {hp[0]:.0f} hp" if hp else ""
-        missing = self._mass_rate(full, -full[dot])
-        unit = self.model.unit("thrust")
-        return (
-            f"full throttle gives {full['thrust']:.0f} {unit}{power}: {missing:.0f} of "
-            f"{full['thrust'] + missing:.0f} {unit} of thrust missing"
-        )
+    def _thrust(self, at: _Balance) -> str:
+        """Return the thrust and the power in brackets, "" without an output thrust."""
+        if "thrust" not in at.values:
+            return ""
+        powers = (power for name, power in at.values.items() if name[:-1] == "power")
+        hp = [power for power in powers if power > 0.0]
+        of = f" from {len(hp)} x {hp[0]:.0f} hp" if hp else ""
+        return f" ({at.values['thrust']:.0f} {self.model.unit('thrust')}{of})"
 
-    def _mass_rate(self, values: Values, rate: float) -> float:
-        """Return the force that changes the speed at a rate."""
-        unit = self.model.rate_unit(self.roles["speed"])
-        gravity = STANDARD_GRAVITY * (conversion_factor("m/s^2", unit) or 1.0)
-        return values["weight"] / gravity * rate
+    def _force(self, at: _Balance, speed: str) -> str:
+        """Return the force that is missing or too large, or without an output weight the rate."""
+        rate = abs(at.rests[speed])
+        if "weight" not in at.values:
+            return self.model.describe(f"{speed}_dot", rate)
+        gravity = conversion_factor("m/s^2", self.model.rate_unit(speed)) or 1.0
+        force = at.values["weight"] / (STANDARD_GRAVITY * gravity) * rate
+        return f"{force:.0f} {self.model.unit('weight')}"
 
-    def _force(self, values: Values, rate: float) -> str:
-        """Return a force with its unit, or the rate of the speed without an output weight."""
-        if "weight" in values:
-            return f"{self._mass_rate(values, rate):.0f} {self.model.unit('weight')}"
-        return self.model.describe(self.rest("speed"), rate)
-
-    def _of_jump(self, before: Values, after: Values, dot: str) -> Iterator[Reason]:
+    def _of_jump(self, before: _Balance, after: _Balance, speed: str) -> Iterator[Reason]:
         """Yield the jump of the thrust between two points at which the speed falls and rises."""
         low, high = 0.0, 1.0
         for _ in range(_HALVINGS):
             share = 0.5 * (low + high)
-            values = self.solved(self.throttle(share), dot)
-            if values is None:
+            middle = self.released(self.throttle(share), speed)
+            if middle is None:
                 return
-            if values[dot] < 0.0:
-                low, before = share, values
+            if middle.rests[speed] < 0.0:
+                low, before = share, middle
             else:
-                high, after = share, values
+                high, after = share, middle
         moves = [
-            abs(after[name] - before[name]) / state.nominal
+            abs(after.values[name] - before.values[name]) / state.nominal
             for name, state in self.model.states.items()
         ]
-        if max(moves) > _NEAR or after[dot] - before[dot] < 1e-3 * self.model.rate_scale(
-            self.roles["speed"]
-        ):
+        size = after.rests[speed] - before.rests[speed]
+        if max(moves) > _NEAR or size < 1e-3 * self.rows[speed].scale:
             return  # another solution, or none of the throttles jumps
-        describe, throttle = self.model.describe, self.throttles[0]
-        changes = ", ".join(
-            f"{name} from {describe(name, before[name])} to {describe(name, after[name])}"
-            for name in ("thrust", dot)
-            if name in before
-        )
-        at = describe(throttle, before[throttle])
-        sentence = f"no throttle balances the drag: at {throttle} {at} the thrust jumps ({changes})"
-        yield Reason(sentence, _FLIGHT_PATH)
+        throttle = self.throttles[0]
+        at = self.model.describe(throttle, before.values[throttle])
+        jump = f"{self._force(before, speed)} too small to {self._force(after, speed)} too large"
+        sentence = f"no throttle balances the drag: at {throttle} {at} the thrust jumps from {jump}"
+        yield Reason(sentence + self._thrust(before), _FLIGHT_PATH)
 
     def of_lift(self) -> Iterator[Reason]:
-        """Yield the greatest lift at an imposed airspeed if it is too small."""
-        speed, drag, lift = self.roles.get("speed", ""), self.rest("speed"), self.rest("alpha")
-        if not ({speed, *AIRSPEEDS} & {*self.imposed} and drag and lift):
+        """Yield the greatest lift at an imposed airspeed if it is too small at all angles."""
+        airspeed = next((name for name in self.imposed if name in ("speed", *AIRSPEEDS)), "")
+        alpha, speed = self.balanced.get("alpha"), self.balanced.get("speed")
+        if not (airspeed and alpha and speed):
             return
-        needed = float(self.condition.imposed.get("load_factor", 1.0))  # of a pull-up
-        dropped = [lift, drag, *{"load_factor"} & {*self.condition.imposed}]
-        balanced = self._greatest_lift(*dropped)
-        if balanced is None or balanced[0] >= needed:
+        if alpha not in self.limits:
+            freed = TrimProblem(self.model, release(self.posed.condition, free=[alpha]))
+            yield from _Search(freed, self.attempt, self.imposed).of_lift()
             return
-        # Without balance of the pitching moment, the lift may be enough.
-        any_moment = self._greatest_lift(*dropped, self.rest("q")) if self.rest("q") else None
-        share, alpha = max(balanced, any_moment or balanced)
+        released = (alpha, speed, "load_factor")
+        q = self.balanced.get("q", "")
+        best = self._most_lift(*released)
+        if best is None or self._lack(best) <= 0.0:
+            return
+        free = self._most_lift(*released, q) or best
         what = "the greatest lift is"
-        if share >= needed:
-            share, alpha = balanced
-            controls = " and ".join(self._effects(self.roles["q"]))
-            what = f"{controls} balance the pitching moment only up to a lift of"
-        sentence = f"{what} {100.0 * share:.0f} % of the weight, at alpha {alpha:.1f} deg"
-        if needed != 1.0:
+        if self._lack(free) <= 0.0:  # without balance of the pitching moment, the lift is enough
+            controls = " and ".join(self.controls_of(q))
+            what = f"with the pitching moment balanced by {controls}, the greatest lift is"
+        else:
+            best = min(best, free, key=self._lack)
+        values = best.values
+        size = "too small"
+        if {"lift", "weight"} <= values.keys():
+            share = values.get("lift_to_weight", values["lift"] / values["weight"])
+            size = f"{100.0 * share:.0f} % of the weight"
+        sentence = f"{what} {size}, at {alpha} {self.model.describe(alpha, values[alpha])}"
+        if "load_factor" in self.rows:
+            needed = self.posed.condition.imposed["load_factor"]
             sentence += f"; {100.0 * needed:.0f} % is needed"
-        free = next(name for name in self.imposed if name in (speed, *AIRSPEEDS))
-        yield Reason(sentence, free)
+        yield Reason(sentence, airspeed)
 
-    def _greatest_lift(self, *dropped: str) -> tuple[float, float] | None:
-        """Return the greatest lift / weight over alpha at half throttle, and this alpha, deg."""
-        alpha = self.roles["alpha"]
-        unit = conversion_factor("rad", self.model.unit(alpha)) or 1.0
-        found = []
-        for angle in _ANGLES_OF_ATTACK.tolist():
-            values = self.solved({alpha: angle * unit, **self.throttle(0.5)}, *dropped)
-            if values is not None and "weight" in values and "lift" in values:
-                ratio = values.get("lift_to_weight", values["lift"] / values["weight"])
-                found.append((ratio, math.degrees(angle)))
-        return max(found, default=None)
+    def _lack(self, at: _Balance) -> float:
+        """Return a measure of the lift that is missing, which increases alpha."""
+        of_load = -at.rests.get("load_factor", 0.0)  # of a pull-up
+        return of_load if "load_factor" in self.rows else at.rests[self.balanced["alpha"]]
+
+    def _most_lift(self, alpha: str, *released: str) -> _Balance | None:
+        """Return the balance over alpha, at half throttle, in which the lift lacks least."""
+        best = None
+        unit = conversion_factor("deg", self.model.unit(alpha)) or 1.0
+        for angle in (_ANGLES_OF_ATTACK * unit).tolist():
+            at = self.released({alpha: angle, **self.throttle(0.5)}, alpha, *released)
+            if at is not None and (best is None or self._lack(at) < self._lack(best)):
+                best = at
+            if best is not None and self._lack(best) <= 0.0:
+                break
+        return best
+
+    def controls_of(self, state: str) -> dict[str, float]:
+        """Return the free controls that change the rate of a state where the search begins, with
+        the change over the range of the control.
+        """
+        begin = self.posed.clip(self.system.start)
+        slopes = self.posed.at(begin).jacobian[[*self.rows].index(state)] / self.system.scales
+        effects = {
+            name: slope * (self.limits[name][1] - self.limits[name][0])
+            for name, slope in zip(self.posed.free, slopes.tolist(), strict=True)
+            if slope and name in self.controls
+        }
+        return {name: effect for name, effect in effects.items() if abs(effect) < np.inf}
 
     def of_controls(self) -> Iterator[Reason]:
-        """Yield the moment that is not balanced with its control at either end of its range."""
+        """Yield the moment that is not balanced with its controls at either end of their range."""
+        speed = self.balanced.get("speed", "")
         for role, moment in _MOMENTS.items():
-            dot = self.rest(role)
-            control = self._control(self.roles.get(role, ""))
-            if not (dot and control):
+            state = self.balanced.get(role, "")
+            if not state:
                 continue
-            least = _LEAST_REPORTED * self.model.rate_scale(self.roles[role])
-            for also in ((), (self.rest("speed"),)):
-                solved = (self.solved({control: end}, dot, *also) for end in self.limits[control])
-                ends = [values for values in solved if values is not None]
-                if len(ends) < 2:
+            inputs = [at for at, name in enumerate(self.posed.free) if name in self.model.inputs]
+            jacobian = self.system.equations.jacobian
+            is_moved = ca.sparsify(jacobian[[*self.rows].index(state), inputs]).nnz() > 0
+            if not is_moved and abs(self.attempt.scaled_residuals[state]) > BALANCE:
+                yield Reason(f"no free input changes {state}")
+            effects = self.controls_of(state)
+            most = sorted(effects, key=lambda name: abs(effects[name]))[-1:]  # the strongest
+            # all controls or one, with or without balance of the speed
+            for names, also in (([*effects], ""), (most, ""), (most, speed)):
+                low, high = (
+                    self.released(
+                        {name: self.limits[name][(effects[name] > 0.0) == is_up] for name in names},
+                        *(state, also),
+                    )
+                    for is_up in (False, True)
+                )
+                if not names or low is None or high is None:
                     continue
-                nearest = min(ends, key=lambda values: abs(values[dot]))
-                if ends[0][dot] * ends[1][dot] > 0.0 and abs(nearest[dot]) > least:
-                    rest = self.model.describe(dot, nearest[dot])
-                    at = self.model.describe(control, nearest[control])
+                nearest = min((low, high), key=lambda at: abs(at.rests[state]))
+                rest = nearest.rests[state]
+                least = _LEAST_REPORTED * self.rows[state].scale
+                if low.rests[state] * high.rests[state] > 0.0 and abs(rest) > least:
+                    describe, values = self.model.describe, nearest.values
+                    at = " and ".join(f"{name} {describe(name, values[name])}" for name in names)
                     yield Reason(
-                        f"the {moment} moment is not balanced with {control} at either end of its "
-                        f"range: {rest} remain at {at}"
+                        f"the {moment} moment is not balanced at either end of the controls: "
+                        f"{describe(f'{state}_dot', rest)} remain at {at}"
                     )
                 break
-
-    def _control(self, state: str) -> str:
-        """Return the free input that changes the rate of a state most over its range, or ""."""
-        effects = {name: size for name, size in self._effects(state).items() if size < math.inf}
-        return max(effects, key=effects.__getitem__, default="")
-
-    def _effects(self, state: str) -> dict[str, float]:
-        """Return the free inputs that change the rate of a state, with the change over the range
-        of the input.
-        """
-        rows = [row.name for row in self.posed.system.equations.rows]
-        if state not in rows:
-            return {}
-        point = self.posed.clip(self.posed.system.scaled(self.error.attempt.values))
-        slopes = self.posed.at(point).jacobian[rows.index(state)] / self.posed.system.scales
-        return {
-            name: abs(slope) * (self.limits[name][1] - self.limits[name][0])
-            for name, slope in zip(self.posed.free, slopes.tolist(), strict=True)
-            if slope and name in self.model.inputs and name not in self.throttles
-        }
-
-    def of_held_inputs(self) -> Iterator[Reason]:
-        """Yield the unbalanced rotation that only inputs change that the condition imposes."""
-        for state, moved_by in self.error.attempt._unbalanced_rotations:
-            if moved_by and {*moved_by} <= {*self.imposed}:
-                yield Reason(f"no free input changes {state}", moved_by[0])
 
     def of_rest(self) -> Iterator[Reason]:
         """Yield the rate without which all others balance, if the unknowns are fewer."""
         equations, unknowns = self.posed.count
-        if equations <= unknowns:
-            return
-        residuals = self.error.attempt.scaled_residuals
+        residuals = self.attempt.scaled_residuals if equations > unknowns else {}
         for name in sorted(residuals, key=lambda each: -abs(residuals[each])):
-            is_left = name in self.condition.rates and abs(residuals[name]) > BALANCE
-            if is_left and (values := self.solved({}, f"{name}_dot")):
-                rest = self.model.describe(f"{name}_dot", values[f"{name}_dot"])
-                free = _FLIGHT_PATH if name == self.roles.get("speed") else ""
+            is_left = self.rows[name].is_rate and abs(residuals[name]) > BALANCE
+            if is_left and (at := self.released({}, name)):
+                rest = self.model.describe(f"{name}_dot", at.rests[name])
+                free = _FLIGHT_PATH if name == self.balanced.get("speed") else ""
                 yield Reason(f"all balances but {name}, which changes by {rest}", free)

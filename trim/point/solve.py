@@ -344,7 +344,7 @@ def _error_of(problem: TrimProblem, nearest: np.ndarray, others: int) -> TrimErr
     if others:
         message += f"; {others} other initial points failed too"
     attempt = OperatingPoint._of(problem, problem.clip(nearest), Status.FAILED)
-    if rates := [name for name, moved_by in attempt._unbalanced_rotations if not moved_by]:
+    if rates := attempt._uncontrolled_rates:
         message += f"; no input of the model changes {' and '.join(rates)}"
     return TrimError(message, attempt, beyond_limits)
 

@@ -42,6 +42,7 @@ from hfa_jsbsim.properties import (
     FilterState,
     Note,
     Properties,
+    Unknown,
     Writer,
     canonical,
     contains,
@@ -223,6 +224,7 @@ class Equations:
         """Define the properties of time, state, angular velocity and rates of alpha and beta."""
         properties = self.properties
         fault = "the rates depend on simulation/sim-time-sec, which is not supported"
+        self.fault_of_time = ""  # if a force depends on the time
         self._time = properties.unknown(BadInputError(f"{self.parts.path}: {fault}"))
         properties.define("simulation/sim-time-sec", self._time)
         for name, value in state_properties(x, self.motion, self.parts.wings).items():
@@ -634,7 +636,10 @@ class Equations:
         """
         properties = self.properties
         for _ in range(2):  # values of the past may contain each other
-            for symbol, present, _ in properties.presents():
+            for symbol, present, writer in properties.presents():
+                if present.is_constant() and contains(self._values, symbol):
+                    kept = f"{shortened(writer.name)} ({float(present):g})"
+                    self.notes.append(Note("these keep their first value", kept, writer.where))
                 self._substitute(symbol, present)
         for integral in self._idle:
             self._substitute(integral, ca.SX(0.0))
@@ -646,24 +651,26 @@ class Equations:
                 continue
             if properties.hide(self._values, unknown):
                 self._freeze()
-                continue
-            moved = [name for name, rate in self.rates.items() if contains(rate, unknown.symbol)]
-            moved = moved or [*self.outputs]
-            rates = ", ".join(moved[:_MOST_RATES]) + ", ..." * (len(moved) > _MOST_RATES)
-            path = properties.path_of(unknown)
-            faults.append(f"{unknown.error} (it changes {rates}{path and ' by '}{path})")
+            else:
+                faults.append(self._fault(unknown))
         if faults:
             raise BadInputError("; ".join(dict.fromkeys(faults)))
 
+    def _fault(self, unknown: Unknown) -> str:
+        """Return the refusal of an unknown, with what it changes and by which path."""
+        moved = [name for name, rate in self.rates.items() if contains(rate, unknown.symbol)]
+        moved = moved or [*self.outputs]
+        rates = ", ".join(moved[:_MOST_RATES]) + ", ..." * (len(moved) > _MOST_RATES)
+        path = self.properties.path_of(unknown)
+        return f"{unknown.error} (it changes {rates}{path and ' by '}{path})"
+
     def _remove_time(self) -> None:
-        """Remove the time, with a note, unless a rate depends on it at all states."""
+        """Remove the time, with a note."""
         if not contains(self._values, self._time):
             return
-        values = [*without_time(self._values, self._time)]
-        if any(value.is_constant() and math.isnan(value) for value in values):
-            return
+        self.fault_of_time = self._fault(self.properties.unknowns[0])
         self._replacements.append((self._time, ca.SX(0.0)))
-        self._set_values(values)
+        self._set_values([*without_time(self._values, self._time)])
         self.notes.append(Note("no trim is where a force depends on simulation/sim-time-sec"))
 
     def resolved(self, value: Any) -> ca.SX:

@@ -128,7 +128,7 @@ class Writer:
     is_of_file: bool = False
     value: Any = field(default=None)
     past: Unknown | None = None
-    present: Present | None = None
+    present: ca.SX | None = None
     name: str = ""
     is_on: Callable[[], Any] | None = None
 
@@ -144,18 +144,6 @@ class Unknown(NamedTuple):
     symbol: ca.SX
     error: BadInputError
     readers: tuple[Writer, ...]
-
-
-class Present(NamedTuple):
-    """Value of the past that is known in a steady flight.
-
-    symbol: the value of the past
-    value, at_start: the value, and with the constants in the files
-    """
-
-    symbol: ca.SX
-    value: ca.SX
-    at_start: ca.SX
 
 
 @dataclass(eq=False)
@@ -288,9 +276,9 @@ class Properties:
         """
         value = self.at_start(value)
         inside = symbols_of(value)
-        for symbol, _, at_start in self.presents():
+        for symbol, present, _ in self.presents():
             if key_of(symbol) in inside:
-                value = ca.substitute(value, symbol, at_start)
+                value = self.at_start(ca.substitute(value, symbol, present))
                 inside = symbols_of(value)
         return value
 
@@ -301,9 +289,11 @@ class Properties:
             key_of(each.symbol): each for each in self.unknowns if isinstance(each.error, LoopError)
         }
 
-    def presents(self) -> Iterator[Present]:
-        """Return the values of the past that are known in a steady flight."""
-        return (writer.present for writer in self._looping if writer.present is not None)
+    def presents(self) -> Iterator[tuple[ca.SX, ca.SX, Writer]]:
+        """Yield each value of the past that is known in a steady flight: symbol, value, writer."""
+        for writer in self._looping:
+            if writer.past is not None and writer.present is not None:
+                yield writer.past.symbol, writer.present, writer
 
     def _steady(self, value: ca.SX, past: ca.SX, initial: Any) -> ca.SX | None:
         """Return the value of the past of a property in a steady flight, None if it is unknown.
@@ -487,7 +477,7 @@ class Properties:
             if any(looping.component for looping in loop):
                 error = LoopError(place, f"{fault}, with a delay of one frame")
             self.unknown(error)
-            writer.past = self.unknowns[-1]
+            writer.past, writer.name = self.unknowns[-1], name
             self._looping.append(writer)
             return writer.past.symbol
         if writer.value is None:
@@ -505,10 +495,8 @@ class Properties:
                 self._running.pop()
                 self._order = order_of_reader
             if writer.past is not None and isinstance(writer.value, ca.SX):
-                past = writer.past.symbol
-                steady = self._steady(writer.value, past, self.initial(writer.name))
-                known = None if steady is None else Present(past, steady, self.at_start(steady))
-                writer.present = known
+                initial = self.initial(writer.name)
+                writer.present = self._steady(writer.value, writer.past.symbol, initial)
         return writer.value
 
     def read_or(self, name: str, default: Any, where: str) -> Any:

@@ -171,6 +171,8 @@ class _Declaration:
         self._add_outputs(self.equations)
         states = self._states()
         outputs = self._outputs()
+        equations_of_motion = self._equations(list(outputs))
+        self._refuse_time()
         linear = tuple(name for name in states if name not in ("yaw", "altitude"))
         # The acceleration of a spool is limited nearly everywhere. A trim therefore balances its
         # speed error.
@@ -182,7 +184,7 @@ class _Declaration:
             self.parts.name,
             states,
             self._inputs(),
-            self._equations(list(outputs)),
+            equations_of_motion,
             parameters=self._parameters(),
             disturbances=dict.fromkeys(GUSTS, Signal("ft/s", 10.0)),
             outputs=outputs,
@@ -208,6 +210,14 @@ class _Declaration:
                 begin=self._start_of_search(),
             ),
         )
+
+    def _refuse_time(self) -> None:
+        """Raise BadInputError if a rate depends on the time where a trim search begins."""
+        named = (self._states(), self._inputs(), self._parameters())
+        begin = ([signal.start for signal in signals.values()] for signals in named)
+        rates, _ = self._in_still_air(*begin)
+        if self.equations.fault_of_time and not rates.is_regular():
+            raise BadInputError(self.equations.fault_of_time)
 
     def _warnings(
         self,

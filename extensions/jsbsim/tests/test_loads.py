@@ -176,7 +176,6 @@ DAMPERS = {
         "<lead_lag_filter name='d'> <input>{}</input> <c1>1</c1> <c2>2</c2> <c3>1</c3> <c4>5</c4>"
         " {} </lead_lag_filter>"
     ),
-    "integral": "<pid name='d'> <input>{}</input> <kp>1</kp> <ki>2</ki> {} </pid>",
     "actuator": "<actuator name='d'> <input>{}</input> <lag>4</lag> {} </actuator>",
 }
 

@@ -115,8 +115,8 @@ def measured(name, points):
     """Return JSBSim's response at each point, or None for a point at which JSBSim fails.
 
     name: name of an aircraft of JSBSim
-    points: {"state": {...}, "commands": {...}} with the names of a `Model`. "linear": true adds A and
-      B. "held" is {property: constant value}.
+    points: {"state": {...}, "commands": {...}} with the names of a `Model`. "held" is
+      {property: constant value}.
     """
     items = [{"aircraft": name, "point": point} for point in points]
     answers = responses(items)
@@ -375,8 +375,6 @@ def _settled(simulator, point):
         answer[f"blade{number}"] = _value(simulator, f"{prefix}/blade-angle")
         answer[f"thrust{number}"] = _value(simulator, f"{prefix}/thrust-lbs")
         answer[f"power{number}"] = _value(simulator, f"{prefix}/power-hp")
-    if point.get("linear"):
-        answer |= _linearized(simulator)
     return answer
 
 
@@ -462,19 +460,6 @@ def _command(simulator, commands):
         for number in range(simulator.get_propulsion().get_num_engines()):
             index = f"[{number}]" if number else ""
             simulator[f"fcs/throttle-cmd-norm{index}"] = value
-
-
-def _linearized(simulator):
-    """Return A and B from JSBSim's finite differences, with JSBSim's names."""
-    import jsbsim
-
-    linear = jsbsim.FGLinearization(simulator)
-    return {
-        "A": [list(row) for row in linear.system_matrix],
-        "B": [list(row) for row in linear.input_matrix],
-        "x": list(linear.x_names),
-        "u": list(linear.u_names),
-    }
 
 
 def _contents(simulator):

@@ -108,13 +108,6 @@ CONSTRUCTS = {
     "gear": {"sections": _GEAR},
     "gear position": {"sections": _GEAR, "pitch": pitching("gear/gear-pos-norm")},
     "gear above the ground": {"sections": _GEAR, "pitch": pitching("gear/unit/WOW")},
-    "sizes of the tail": {
-        "metrics": (
-            '<htailarea unit="FT2"> 30 </htailarea> <htailarm unit="FT"> 12 </htailarm>'
-            ' <vtailarea unit="FT2"> 20 </vtailarea> <vtailarm unit="FT"> 11 </vtailarm>'
-        ),
-        "pitch": pitching("metrics/lh-norm"),
-    },
     "wing incidence": {
         "metrics": '<wing_incidence unit="DEG"> 3 </wing_incidence>',
         "pitch": pitching("aero/alpha-wing-rad"),

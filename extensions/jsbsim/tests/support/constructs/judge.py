@@ -173,10 +173,11 @@ def difference(model, point, answer):
     ]
     rotation = np.array([answer["pdot"], answer["qdot"], answer["rdot"]])
     own = np.array([rates[axis] for axis in ("roll_rate", "pitch_rate", "yaw_rate")])
-    miss = max(
+    misses = (
         np.abs(linear).max() / max(32.0, np.abs(acceleration).max()),
         np.abs(own - rotation).max() / max(1.0, np.abs(rotation).max()),
     )
+    miss = np.max(misses)  # nan if one of them is
     if not np.isfinite(miss):
         raise FloatingPointError(f"{rates}, JSBSim {answer}")
     return float(miss)
