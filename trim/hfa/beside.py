@@ -100,13 +100,12 @@ def beside(model: LinearModel) -> Beside:
     aircraft = model.model
     has_printed_signals = model.states == LINEAR_STATES and model.inputs == INPUTS
     if aircraft.name not in VARIANTS or not has_printed_signals:
-        return Beside(_accuracy(None, model, None), [], [], {}, {})
+        return Beside(_accuracy(None, model, None), [], [], {})
     problem = model.point.found_by
     bands = None
     if problem is not None and has_bands(parameters_of(aircraft.native)):
         bands = entry_bands(default_parameters(), problem.asked, model)
-    by_matrix = {} if bands is None else {"A": bands.A, "B": bands.B}
-    data: dict[str, Any] = {f"{name}_band": band for name, band in by_matrix.items()}
+    data: dict[str, Any] = {} if bands is None else {"A_band": bands.A, "B_band": bands.B}
     other = with_other_dynamics(model.point)
     others: list[Group] = []
     if other is not None:
@@ -125,7 +124,7 @@ def beside(model: LinearModel) -> Beside:
     if published is not None and aircraft.source.native is None:
         printed.append(comparison_table(model, published))
         data["printed"] = {"A": published.A, "B": published.B}
-    return Beside(_accuracy(bands, model, other), others, printed, by_matrix, data)
+    return Beside(_accuracy(bands, model, other), others, printed, data)
 
 
 def _accuracy(bands: Bands | None, model: LinearModel, other: LinearModel | None) -> str:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import cycle
+from itertools import chain, cycle
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfa_aircraft.model import Model
@@ -141,7 +141,7 @@ def book_of(
             title = f"{number} of {count}, {report.title}"
             report = replace(report, title=title, anchor=f"condition-{number}")
         numbered.append(condition._replace(report=report))
-        loaded.append({} if point is None else Trimmed(point).configuration)
+        loaded.append(_loaded(point))
     sheets = [condition.report for condition in numbered if condition.point is not None]
     drawn = partial(matrix_figure, conditions)
     figure = Picture("conditions.png", f"{name} at {count} conditions", drawn)
@@ -238,12 +238,12 @@ def _matrix(
     loaded: configuration of each condition, {} without a trim
     """
     controls = _used_controls(conditions)
-    varied = _configuration_names(conditions, loaded)
     entries: list[dict[str, Any]] = []
     notes = []
     labels = [label for label in _CHOSEN if len({_chosen(each, label) for each in conditions}) > 1]
+    configurations = _configuration_cells(loaded, conditions)
     for called, condition, configuration in zip(
-        _called(conditions), conditions, loaded, strict=True
+        _called(conditions), conditions, configurations, strict=True
     ):
         result = condition.result
         entries.append(
@@ -252,7 +252,7 @@ def _matrix(
                 "flight": condition.report.head.get("condition", ""),
                 RESULTS: Cell(result, "" if result == TRIMMED else "bad"),
                 **{label.rpartition(" ")[2]: _chosen(condition, label) for label in labels},
-                **_configuration_cells(condition.point, configuration, varied),
+                **configuration,
                 **_figure_cells(condition, controls),
             }
         )
@@ -272,41 +272,42 @@ def _chosen(condition: Condition, label: str) -> str:
     return str(rows[label].value) if label in rows else ""
 
 
-def _configuration_names(
-    conditions: Sequence[Condition], loaded: Sequence[Mapping[str, Quantity]]
-) -> list[str]:
-    """Return the entries of the configuration, and then the other parameters, that a condition sets
-    or that are not the same in all conditions.
+def _configuration_cells(
+    loaded: Sequence[Mapping[str, Quantity]], conditions: Sequence[Condition]
+) -> list[dict[str, Any]]:
+    """Return for each condition the cells, by heading, of the entries and parameters that a
+    condition sets or that are not the same in all conditions.
     """
     points = [condition.point for condition in conditions if condition.point is not None]
     changed = {name for point in points for name in point.model.changed}
-    names = []
-    for name in (*_COVER_LABELS, "flap", "gear"):
-        values = {configuration[name] for configuration in loaded if name in configuration}
-        parameter = PARAMETER_OF_ENTRY.get(name, name)
-        if values and (len(values) > 1 or parameter in changed):
-            names.append(name)
-            changed.discard(parameter)  # the entry shows it
-    order = [*points[0].model.parameters] if points else []
-    return [*names, *sorted(changed, key=order.index)]
+    cells: list[dict[str, Any]] = [{} for _ in loaded]
+    for name in dict.fromkeys(chain(*loaded)):
+        known = {each[name] for each in loaded if name in each}
+        if len(known) == 1 and PARAMETER_OF_ENTRY.get(name, name) not in changed:
+            continue
+        for of_condition, entries in zip(cells, loaded, strict=True):
+            if name in entries:
+                value, unit = entries[name]
+                heading = with_shown_unit(_COVER_LABELS.get(name, name), unit)
+                # A word, such as that of a gear, or a number with the digits of a weighing.
+                number = _Number(value, unit, figures=5)
+                of_condition[heading] = value if isinstance(value, str) else number
+    return cells
 
 
-def _configuration_cells(
-    point: OperatingPoint | None, configuration: Mapping[str, Quantity], names: Sequence[str]
-) -> dict[str, Any]:
-    """Return the cells with the configuration of a condition, by heading."""
+def _loaded(point: OperatingPoint | None) -> dict[str, Quantity]:
+    """Return the configuration of a condition, and the parameters that are no entry of it."""
     if point is None:
         return {}
-    cells: dict[str, Any] = {}
-    for name in names:
-        if name in configuration:
-            value, unit = configuration[name]
-        else:
-            value, unit = point.model.parameters[name].start, point.model.unit(name)
-        heading = with_shown_unit(_COVER_LABELS.get(name, name), unit)
-        # A word, such as that of a gear, or a number with the digits of a weighing.
-        cells[heading] = value if isinstance(value, str) else _Number(value, unit, figures=5)
-    return cells
+    configuration, model = Trimmed(point).configuration, point.model
+    names = (*_COVER_LABELS, "flap", "gear")
+    entries = {name: configuration[name] for name in names if name in configuration}
+    known = {PARAMETER_OF_ENTRY.get(name, name) for name in entries}
+    return entries | {
+        name: Quantity(signal.start, signal.unit)
+        for name, signal in model.parameters.items()
+        if name not in known
+    }
 
 
 def _figure_cells(condition: Condition, controls: Sequence[str]) -> dict[str, Any]:

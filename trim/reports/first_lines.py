@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.signals import ISA, engines_among
+from hfa_aircraft.signals import ISA
 from hfa_support.errors import printable
 from hfa_support.reporting.rows import Row
 from hfa_support.reporting.text import (
@@ -61,7 +61,7 @@ def first_lines(trimmed: Trimmed, linearized: Sequence[Mode] | None = None) -> s
     lines = [f"{subject(model)} {done}: {condition}" if condition else f"{subject(model)} {done}"]
     if modes is not None:  # a growth within the rounding of A is 0 (`trim.linear.modes.spectrum`)
         unstable = [
-            f"{mode.name} ({_largest(mode)}2x in {mode.time_to_double:.3g} {model.time_unit})"
+            f"{mode.name} (2x in {mode.time_to_double:.3g} {model.time_unit})"
             for mode in modes
             if mode.eigenvalue.real > 0.0
         ]
@@ -73,13 +73,6 @@ def first_lines(trimmed: Trimmed, linearized: Sequence[Mode] | None = None) -> s
         if point.initial_point:
             lines.append("Not from the default initial point")
     return "\n".join(lines)
-
-
-def _largest(mode: Mode) -> str:
-    """Return the state that participates most in a mode with a number, as "angle, ", or ""."""
-    shares = mode.participation
-    is_named = not mode.name.startswith("mode ")
-    return "" if is_named else f"{max(shares, key=shares.__getitem__)}, "
 
 
 def uniqueness_lines(trimmed: Trimmed) -> list[str]:
@@ -186,12 +179,10 @@ def _flight_words(
             names.insert(0, "load_factor")
     if model.schedule in (*model.states, *model.inputs):
         names.insert(0, model.schedule)
-    engines_out = engines_without_power(trimmed)  # input or switch -> text
-    has_words = {speed, "altitude", "gamma", "turn_rate", *in_place_of_speed, *engines_out}
+    has_words = {speed, "altitude", "gamma", "turn_rate", *in_place_of_speed}
     for name in dict.fromkeys(names):
         if name not in has_words:
             yield named_value_text(point, name)
-    yield from engines_out.values()
 
 
 def _path_words(trimmed: Trimmed) -> Iterator[str]:
@@ -223,31 +214,6 @@ def _path_words(trimmed: Trimmed) -> Iterator[str]:
 def _is_steady(trimmed: Trimmed, state: str) -> bool:
     """Return whether the rate of a state is 0 as accurately as equations balance."""
     return abs(trimmed.rates[state]) <= BALANCE * trimmed.point.model.rate_scale(state)
-
-
-def engines_without_power(trimmed: Trimmed) -> dict[str, str]:
-    """Return input or switch -> "engine out (throttle1)" for each engine without power while
-    another engine has power. The input of such an engine is held at its lowest value, at least 0,
-    or its switch, a parameter such as engine1, is 0.
-    """
-    model = trimmed.point.model
-    inputs = {name: trimmed.point[name] for name in model.inputs}
-    switches = dict(zip(model.parameters, model.p.tolist(), strict=True))
-    engines_out: dict[str, str] = {}
-    for signals, values, held in (
-        (model.inputs, inputs, trimmed.imposed),
-        (model.parameters, switches, switches),  # the value of each parameter is given
-    ):
-        engines = engines_among(signals)
-        power = {name: values[name] - max(signals[name].min, 0.0) for name in engines}
-        out = [
-            name
-            for name in engines
-            if name in held and not without_rounding(max(power[name], 0.0), signals[name].nominal)
-        ]
-        if len(out) < len(engines):  # without any engine it is a glide
-            engines_out |= {name: f"engine out ({name})" for name in out}
-    return engines_out
 
 
 def title_with_controls(trimmed: Trimmed, rows: Iterable[Row]) -> str:

@@ -42,14 +42,12 @@ class Beside(NamedTuple):
     accuracy: sentences on the accuracy of the entries
     others: figures of other models at the same condition
     printed: tables of the entries beside those printed in the paper
-    bands: matrix -> half-widths of the error bands of its entries
     data: entries by name
     """
 
     accuracy: str
     others: Sequence[Group]
     printed: Sequence[Table]
-    bands: Mapping[str, np.ndarray]
     data: Mapping[str, Any]
 
 
@@ -91,7 +89,7 @@ def report_of_linear(
         data |= {"frequencies": at_modes.frequencies, "responses": at_modes.by_channel}
     if beside is not None:
         parts += beside.printed
-    records = _records(model, blocks, None if beside is None else beside.bands)
+    records = _records(model, blocks)
     notes = without_line_numbers(model.warnings)
     title = _first_lines(model, trimmed, blocks)
     return Report(title, parts, notes, Entries(model, data), records)
@@ -127,29 +125,20 @@ def _offsets_table(model: LinearModel) -> Table:
     return Table(("offset", "value", "unit"), rows)
 
 
-def _records(
-    model: LinearModel, blocks: list[Block], bands: Mapping[str, np.ndarray] | None
-) -> Table:
+def _records(model: LinearModel, blocks: list[Block]) -> Table:
     """Return a table in full precision of the entries and offsets of a linear model: (matrix, "X0"
-    or "U0", row name, column name, value, unit, band).
-
-    bands: matrix -> half-widths of the error bands; None leaves out their column
+    or "U0", row name, column name, value, unit).
     """
     rows: list[tuple[Any, ...]] = []
     for block in blocks:
-        of_block = (bands or {}).get(block.name)
         for i, row in enumerate(block.rows):
             for j, column in enumerate(block.columns):
                 unit = f"({block.row_units[i]})/({block.column_units[j]})"
-                band = "" if of_block is None else of_block[i, j]
-                rows.append((block.name, row, column, block.values[i, j], unit, band))
+                rows.append((block.name, row, column, block.values[i, j], unit))
     unit_of = model.model.unit
     for offset, names in (("X0", model.states), ("U0", model.inputs)):
-        for name in names:
-            rows.append((offset, name, "", model.point.values[name], unit_of(name), ""))
-    header = ("matrix", "row", "column", "value", "unit", "band")
-    width = len(header) - (bands is None)  # without the last column, or with it
-    return Table(header[:width], [row[:width] for row in rows])
+        rows += [(offset, name, "", model.point.values[name], unit_of(name)) for name in names]
+    return Table(("matrix", "row", "column", "value", "unit"), rows)
 
 
 def matrices(model: LinearModel) -> list[Table]:

@@ -38,7 +38,6 @@ from trim.reports.figures import (
 )
 from trim.reports.first_lines import (
     condition_words,
-    engines_without_power,
     first_lines,
     mode_lines,
     subject,
@@ -121,15 +120,12 @@ def nearest_first(trimmed: Trimmed) -> list[Margin]:
 
 
 def limit_rows(limited: Sequence[Margin]) -> list[Row]:
-    """Return a row for the nearest declared limit, and one for the margin of each variable. Only a
-    full sheet prints that of a limit that is not reached.
+    """Return a row for the margin of each variable. Only a full sheet prints that of a limit that
+    is not reached.
 
     limited: the variables, the nearest limit first (`nearest_first`)
     """
     rows = []
-    for nearest in [margin for margin in limited if not margin.assumed][:1]:
-        note = _verdict(nearest) or _distance_text(nearest)
-        rows.append(Row("nearest declared limit", _limit_text(nearest), note=note))
     for margin in limited:
         verdict = _verdict(margin)
         words = [verdict, _limit_text(margin), "assumed" if margin.assumed else ""]
@@ -158,14 +154,6 @@ def _limit_text(margin: Margin) -> str:
     """Return the nearer limit as text: "thrust lowest 0 N"."""
     value = short_number(margin.nearer_limit, margin.unit, 6)
     return beside_unit(f"{margin.name} {margin.nearer} {value}", margin.unit)
-
-
-def _distance_text(margin: Margin) -> str:
-    """Return the distance to the nearer limit as text: "margin 18.85 N, 31.4 % of its range"."""
-    distance = beside_unit(short_number(margin.distance, margin.unit), margin.unit)
-    is_ranged = math.isfinite(margin.highest - margin.lowest)
-    share = f", {100 * margin.share:.1f} % of its range" if is_ranged else ""
-    return f"margin {distance}{share}"
 
 
 def result_of(sheet: Sheet) -> str:
@@ -277,7 +265,6 @@ def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane) -> list[Row]:
         "warnings": warnings_of(trimmed),
         "not determined": uniqueness_lines(trimmed),
         "far out": point._large_angles,
-        "engines out": engines_without_power(trimmed).values(),
         "limits reached": [margin.name for margin in nearest_first(trimmed) if margin.at_limit],
         "assumed limits": [
             margin.name for margin in point.margins.values() if margin.nearer and margin.assumed

@@ -12,7 +12,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.rigid.aircraft import inertia_warning
 from hfa_support.matrices import ROUNDING
 from hfa_support.reporting.rows import Lacking, Row
-from hfa_support.reporting.text import digits, shown_value, without_rounding
+from hfa_support.reporting.text import digits, shown_value
 from hfa_support.units import conversion_factor
 from trim.reports.balances import balances_of
 from trim.reports.trimmed import (
@@ -91,8 +91,6 @@ _STALLING_CL = 0.7
 _SIZES = ("reference_area", "reference_chord", "reference_span")
 #: Largest usual angle of attack, deg.
 _LARGEST_ALPHA = 60.0
-#: Outputs that are 0 without air.
-_ZERO_WITHOUT_AIR = ("density", "dynamic_pressure", "keas", "kcas")
 #: An aircraft with a smaller speed, as a share of the nominal speed, stands.
 _STANDING_SHARE = 1e-2
 #: Largest change of the speed, as a share, for which derivatives by the speed are valid.
@@ -116,7 +114,10 @@ def _warnings_at(trimmed: Trimmed) -> Iterator[str]:
     """Yield sentences on values that wrong units or signs of data cause."""
     point, model, roles = trimmed.point, trimmed.point.model, trimmed.roles
     if "alpha" in roles and abs(math.degrees(trimmed[roles["alpha"]])) > _LARGEST_ALPHA:
-        yield _steep(trimmed)
+        cure = "hold a speed"
+        if model.about.equations == "derivatives":
+            cure = "the data may have degrees without a unit"
+        yield f"{named_value_text(point, roles['alpha'])}: hardly a flight; {cure}"
     speed = roles.get("speed", "")
     is_aircraft = ("alpha" in roles or "lift" in model.outputs) and not is_linear_plant(model)
     if is_aircraft and speed and abs(point[speed]) < _STANDING_SHARE * model.states[speed].nominal:
@@ -142,24 +143,6 @@ def _warnings_at(trimmed: Trimmed) -> Iterator[str]:
     if point.ok and is_aircraft and not trimmed.fault:
         yield from _unusual(trimmed)
     yield from balances_of(trimmed).sentences
-
-
-def _steep(trimmed: Trimmed) -> str:
-    """Return a sentence on an alpha beyond `_LARGEST_ALPHA` with its probable cause: no air, data
-    in degrees, or a condition that is no flight.
-    """
-    point, model = trimmed.point, trimmed.point.model
-    without_air = [
-        name
-        for name in _ZERO_WITHOUT_AIR
-        if name in model.outputs and not without_rounding(point[name], model.outputs[name].nominal)
-    ]
-    words = [named_value_text(point, trimmed.roles["alpha"])]
-    words += [f"{name} {value_text(model, name, 0.0)}" for name in without_air]
-    warning = f"{', '.join(words)}: {'no' if without_air else 'hardly a'} flight"
-    if model.about.equations == "derivatives":
-        return f"{warning}; the data may have degrees without a unit"
-    return f"{warning}; hold a speed"
 
 
 def _unusual(trimmed: Trimmed) -> Iterator[str]:
