@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from itertools import chain
 from types import SimpleNamespace
 from typing import NamedTuple
@@ -23,7 +23,6 @@ from hfa_aircraft.rigid.atmosphere import (
     HEAT_RATIO,
     air_at,
     calibrated_airspeed,
-    equivalent_airspeed,
 )
 from hfa_support.matrices import ROUNDING
 from hfa_support.reporting.rows import Row
@@ -36,7 +35,7 @@ _SMALL = 0.1
 #: Share of the tolerances within which all hold with the one change that explains failures.
 _EXPLAINED = 0.25
 #: Quantities that follow from the altitude, and from Mach number and dynamic pressure.
-_OF_AIR = ("standard_pressure", "standard_density", "kcas_of_mach", "keas_of_pressure")
+_OF_AIR = ("standard_pressure", "standard_density", "kcas_of_mach")
 _NAMES = (*ROLES, *(f"{role}_dot" for role in ROLES), *QUANTITIES, *_OF_AIR)
 
 
@@ -62,6 +61,7 @@ class Balance(NamedTuple):
     is_steady: bool = False
 
 
+_SEA_LEVEL_DENSITY = float(air_at(0.0, "si").density)
 _SHORT = ("sin_climb_angle", "heading_rate", "load_of_gravity", "path_rate")
 _s = SimpleNamespace(**{name: ca.SX.sym(name) for name in (*_NAMES, *_SHORT)})
 _one, _path = ca.SX(1.0), ("theta", "alpha")
@@ -69,7 +69,7 @@ BALANCES = (
     Balance("rate of pitch", _s.theta_dot, _s.q * ca.cos(_s.phi) - _s.r * ca.sin(_s.phi),
         _SMALL * _one, "rad/s", 0.05, ("q",)),
     Balance("rate of roll", _s.phi_dot, _s.p + ca.sin(_s.theta) * _s.heading_rate,
-        _SMALL * _one, "rad/s", 0.05, ("p", "r")),
+        _SMALL * _one, "rad/s", 0.05, ("p",)),
     Balance("rate of yaw", _s.yaw_dot, _s.heading_rate, _SMALL * _one, "rad/s", 0.05, ("r",)),
     Balance("turn rate", _s.turn_rate, _s.heading_rate, _SMALL * _one, "rad/s", 0.05, ("r",)),
     Balance("rate of altitude", _s.altitude_dot, _s.speed * _s.sin_climb_angle,
@@ -90,7 +90,8 @@ BALANCES = (
     Balance("density of the air", _s.dynamic_pressure, _s.standard_density * _s.speed**2 / 2.0,
         _s.dynamic_pressure, "N/m^2", 0.3),
     Balance("calibrated airspeed", _s.kcas, _s.kcas_of_mach, _s.kcas, "m/s", 0.02),
-    Balance("equivalent airspeed", _s.keas, _s.keas_of_pressure, _s.keas, "m/s", 0.02),
+    Balance("equivalent airspeed", _SEA_LEVEL_DENSITY * _s.keas**2 / 2.0, _s.dynamic_pressure,
+        _s.dynamic_pressure, "N/m^2", 0.04),
     Balance("lift coefficient", _s.dynamic_pressure * _s.reference_area * _s.lift_coefficient,
         _s.lift, _s.lift, "N", 0.05, (), True),
     Balance("drag coefficient", _s.dynamic_pressure * _s.reference_area * _s.drag_coefficient,
@@ -145,15 +146,13 @@ def _equations(in_body_axes: bool) -> _Equations:
 
 def _known_of(trimmed: Trimmed) -> dict[str, Known]:
     """Return the quantities of `_NAMES` that a model has."""
-    known = trimmed.quantities | {}
-    none = np.zeros(len(trimmed.model.states) + len(trimmed.model.inputs))
-    excluded: list[str] = []
+    excluded: set[str] = set()
     if trimmed.model.about.equations == "JSBSim":  # further forces of a file are in no output
-        excluded += ["drag", "pitching_moment"]
+        excluded |= {"drag", "pitching_moment"}
     if trimmed.in_wind:  # these may be relative to the ground
-        excluded += ["gamma", "climb_rate", "altitude_dot"]
-    for name in excluded:
-        known.pop(name, None)
+        excluded |= {"gamma", "climb_rate", "altitude_dot"}
+    known = {name: each for name, each in trimmed.quantities.items() if name not in excluded}
+    none = np.zeros(len(trimmed.model.states) + len(trimmed.model.inputs))
     constants: dict[str, float] = {"gravity": STANDARD_GRAVITY}
     if "altitude" in known:
         air = air_at(known["altitude"].value, "si")
@@ -161,10 +160,8 @@ def _known_of(trimmed: Trimmed) -> dict[str, Known]:
     pressure, mach = (
         known[name].value if name in known else 0.0 for name in ("dynamic_pressure", "mach")
     )
-    if pressure > 0.0:
-        constants["keas_of_pressure"] = KNOT * equivalent_airspeed(pressure)
-        if mach > 0.0:
-            constants["kcas_of_mach"] = KNOT * calibrated_airspeed(pressure, mach)
+    if min(pressure, mach) > 0.0:
+        constants["kcas_of_mach"] = KNOT * calibrated_airspeed(pressure, mach)
     return {name: Known("", "", float(each), none) for name, each in constants.items()} | known
 
 
@@ -302,18 +299,11 @@ def _text(side: ca.SX) -> str:
     return text[1:-1] if text[0] == "(" and depths[:-1].min() > 0 else text
 
 
+@lru_cache(maxsize=4)
 def balances_of(trimmed: Trimmed) -> Balances:
     """Return the balances of a point, which need not be a trim: they hold also where a search has
     ended. None is evaluated without derivatives, and for a plant of matrices.
     """
-    if trimmed.balances is None:
-        trimmed.balances = _balances_at(trimmed)
-    found: Balances = trimmed.balances
-    return found
-
-
-def _balances_at(trimmed: Trimmed) -> Balances:
-    """Return the balances of a point for the first time."""
     if trimmed.fault or is_linear_plant(trimmed.model):
         return Balances(0, [], [])
     evaluation = _Evaluation(trimmed)

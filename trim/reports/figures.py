@@ -107,18 +107,6 @@ def unbalanced_rates(trimmed: Trimmed) -> Iterator[Row]:
             yield Row(f"{name}_dot", rate, model.rate_unit(name), "not balanced")
 
 
-def same_as_the_table(trimmed: Trimmed) -> list[str]:
-    """Return the variables that have at the trim the values of the condition for which a table of
-    derivatives was made, up to `NEAR`.
-    """
-    model, point = trimmed.point.model, trimmed.point
-    return [
-        name
-        for name, stated in model.domain.reference.items()
-        if abs(point[name] - stated) <= NEAR * (model.signal(name).nominal + abs(stated))
-    ]
-
-
 def domain_rows(trimmed: Trimmed) -> Iterator[Row]:
     """Yield a row for each variable of a table of derivatives, with its difference from the
     condition of the table, and a row for each range of validity, with whether the trim is inside
@@ -129,7 +117,7 @@ def domain_rows(trimmed: Trimmed) -> Iterator[Row]:
         unit = model.unit(name)
         text = digits_with_unit(stated, unit, 4) if math.isfinite(stated) else "unknown"
         difference = trimmed.point[name] - stated
-        is_same = name in same_as_the_table(trimmed)
+        is_same = abs(difference) <= NEAR * (model.signal(name).nominal + abs(stated))
         yield Row(f"{name} from the table's", difference, unit, f"table: {text}", rare=is_same)
     for name, (lowest, highest, source) in model.domain.range.items():
         unit = model.unit(name)

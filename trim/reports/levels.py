@@ -86,11 +86,9 @@ def chosen_airplane(trimmed: Trimmed, airplane: Airplane) -> Chosen:
     if airplane.class_:
         usual, why = chosen_airplane(trimmed, airplane._replace(class_=""))
         families = {chosen.class_.partition("-")[0] for chosen in (airplane, usual)}
-        contradicts = why.startswith("weight ") and "IV" not in families and len(families) > 1
-        known = contradicts and why != _UNKNOWN_WEIGHT
-        return Chosen(
-            airplane, f"stated; by hfa's convention, {why} is {usual.class_}" if known else ""
-        )
+        if why == _UNKNOWN_WEIGHT or "IV" in families or len(families) == 1:
+            return Chosen(airplane, "")
+        return Chosen(airplane, f"stated; by hfa's convention, {why} is {usual.class_}")
     outputs = trimmed.model.outputs
     largest_load = outputs["load_factor"].max if "load_factor" in outputs else math.inf
     if _LEAST_LOAD_IV <= largest_load < math.inf:
@@ -250,12 +248,10 @@ def _limits_text(limits: Limits) -> str:
     """Return limits as text: "at least 0.08, 0.02, 0", "at most 1.4, 3, 10" or "0.3-2, 0.15-"."""
     # No limit is "any", and a level that does not exist "none".
     words = {-math.inf: "any", math.inf: "none"}
-    if all(math.isinf(span.most) for span in limits):
-        ends = [span.least for span in limits]
-        return "at least " + ", ".join(words.get(end, f"{end:.3g}") for end in ends)
-    if all(math.isinf(span.least) for span in limits):
-        ends = [span.most for span in limits]
-        return "at most " + ", ".join(words.get(end, f"{end:.3g}") for end in ends)
+    leasts, mosts = zip(*limits, strict=True)
+    for prefix, ends, others in (("at least", leasts, mosts), ("at most", mosts, leasts)):
+        if all(map(math.isinf, others)):
+            return f"{prefix} " + ", ".join(words.get(end, f"{end:.3g}") for end in ends)
     ranges = (f"{least:.3g}-{most:.3g}".removesuffix("inf") for least, most in limits)
     return ", ".join(ranges)
 

@@ -20,19 +20,16 @@ from trim.reports.trimmed import Trimmed
 
 
 class Block(NamedTuple):
-    """Matrix A, B, C or D in a report, with the names and units of its rows and columns.
+    """Matrix A to F in a report, with the names of its rows and columns.
 
     name: name of the matrix
     rows, columns: names of the signals
-    row_units, column_units: units of the signals, or of the rates of states
     values: (rows, columns)
     """
 
     name: str
     rows: tuple[str, ...]
-    row_units: tuple[str, ...]
     columns: tuple[str, ...]
-    column_units: tuple[str, ...]
     values: np.ndarray
 
 
@@ -129,13 +126,14 @@ def _records(model: LinearModel, blocks: list[Block]) -> Table:
     """Return a table in full precision of the entries and offsets of a linear model: (matrix, "X0"
     or "U0", row name, column name, value, unit).
     """
+    unit_of, rate_unit = model.model.unit, model.model.rate_unit
     rows: list[tuple[Any, ...]] = []
     for block in blocks:
+        unit_of_row = rate_unit if block.name in "ABE" else unit_of
         for i, row in enumerate(block.rows):
             for j, column in enumerate(block.columns):
-                unit = f"({block.row_units[i]})/({block.column_units[j]})"
+                unit = f"({unit_of_row(row)})/({unit_of(column)})"
                 rows.append((block.name, row, column, block.values[i, j], unit))
-    unit_of = model.model.unit
     for offset, names in (("X0", model.states), ("U0", model.inputs)):
         rows += [(offset, name, "", model.point.values[name], unit_of(name)) for name in names]
     return Table(("matrix", "row", "column", "value", "unit"), rows)
@@ -162,16 +160,15 @@ def reported_matrices(signals: Any) -> str:
 
 def _blocks(model: LinearModel, *, whole: bool) -> list[Block]:
     """Return the `reported_matrices`, E and F only with `whole`."""
-    units = model.model.units
-    rates = (model.states, tuple(model.model.rate_unit(name) for name in model.states))
-    states, inputs, outputs, winds = (
-        (names, units(names))
-        for names in (model.states, model.inputs, model.outputs, model.disturbances)
-    )
-    sides = {"A": (rates, states), "B": (rates, inputs), "C": (outputs, states)}
-    sides |= {"D": (outputs, inputs), "E": (rates, winds), "F": (outputs, winds)}
+    columns = {"A": model.states, "B": model.inputs, "E": model.disturbances}
+    columns |= dict(zip("CDF", columns.values(), strict=True))
     return [
-        Block(name, *sides[name][0], *sides[name][1], getattr(model, name))
+        Block(
+            name,
+            model.states if name in "ABE" else model.outputs,
+            columns[name],
+            getattr(model, name),
+        )
         for name in reported_matrices(model)
         if whole or name not in "EF"
     ]

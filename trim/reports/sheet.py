@@ -32,7 +32,6 @@ from trim.reports.figures import (
     flight_rows,
     other_outputs,
     performance_rows,
-    same_as_the_table,
     stability_rows,
     stall_lines,
 )
@@ -222,14 +221,12 @@ def sheet_of(point: OperatingPoint) -> Sheet:
 def sheet_at(trimmed: Trimmed, airplane: Airplane) -> Sheet:
     """Return the sheet of a point. A point that is not a trim has no loads and no modes."""
     point = trimmed.point
-    same = ", ".join(same_as_the_table(trimmed))
-    table_lines = [f"condition of the derivatives: {same} as in the table"] if same else []
     variables = variable_rows(trimmed)
     groups: list[_Titled] = [
         (
             "condition",
             [*flight_rows(trimmed), balance_row(point), *balances_rows(trimmed)],
-            table_lines,
+            (),
         ),
         ("configuration", configuration_rows(trimmed), inertia_lines(trimmed)),
         (VARIABLES, variables, _meaning_of_stars(variables)),
@@ -354,7 +351,7 @@ def _data(trimmed: Trimmed, sheet: Sheet) -> dict[str, Any]:
         "equations": equations_of(point),
         "modes": trimmed.modes if point.ok else (),
         # Without warnings of the trim, the notes of the point; else the sheet has these in "notes".
-        "warnings": warnings_of(trimmed) or point.warnings,
+        "warnings": [*warnings_of(trimmed)] or point.warnings,
     } | without_empty(
         dihedral_deg=point.dihedral_deg,
         scheduled=point.scheduled,
@@ -382,19 +379,9 @@ def revision(model: Model) -> str:
 
 
 def saved_report(point: OperatingPoint) -> Report:
-    """Return a report of the states and inputs of a point that was not found by a search, and of
-    its residuals.
-    """
+    """Return a report of the values of a point that was not found by a search."""
     unit_of = point.model.unit
-    rows = [
-        Row(name, value, unit_of(name), kind, digits=6)
-        for kind, values in (("state", point.states), ("input", point.inputs))
-        for name, value in values._asdict().items()
-    ]
-    rows += [
-        Row(f"residual of {name}", value, point.equation_unit(name), rare=True)
-        for name, value in point.residuals.items()
-    ]
+    rows = [Row(name, value, unit_of(name), digits=6) for name, value in dict(point).items()]
     sheet = Sheet.of([(VARIABLES, rows, ())])
     notes = without_line_numbers(point.warnings)
     title = first_lines(Trimmed(point))

@@ -24,7 +24,7 @@ from trim.linear.nonsmooth import means_at_nonsmooth_points
 from trim.linear.reduction import Matrices, reduced
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import STARTS, TrimProblem
-from trim.point.solve import MINOR, failure, trim
+from trim.point.solve import MINOR, trim
 from trim.point.status import BALANCE, Status
 from trim.point.system import declared_start
 
@@ -262,11 +262,7 @@ class Trimmed:
     per_second: factor from the model's unit of time to seconds, of eigenvalues
     imposed: variable -> value that the condition of the point imposes
     thrust_name: name of the output, input or state with the thrust, or ""
-    warnings, balances: what `warnings_of` and `balances_of` found, None before their first calls
     """
-
-    warnings: list[str] | None = None
-    balances: Any = None
 
     def __init__(self, point: OperatingPoint) -> None:
         """Compute what each report needs; all else is computed when it is read."""
@@ -508,15 +504,9 @@ class Trimmed:
                 "trim with the least Σ (input / scale)² near the initial point"
             )
         if point.initial_point:
-            from_default = problem.newton(problem.clip(problem.system.start))
-            reason = failure(problem, from_default)
-            sentences.append(f"From the default initial point: {reason}")
             sentences.append(
                 f"Found from initial point {point.initial_point} of {STARTS} between the limits"
             )
-        if problem.idle:
-            idle = ", ".join(problem.idle)
-            sentences.append(f"Neither held nor determined, kept at the start value: {idle}")
         others = other_trims(problem, point) if point.status == Status.TRIMMED else []
         return [*sentences, *(_other_trim(problem, point, other) for other in others)]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 from hfa_aircraft.control_systems import is_linear_plant
@@ -97,17 +98,14 @@ _STANDING_SHARE = 1e-2
 _VALID_SPEED_CHANGE = 0.1
 
 
-def warnings_of(trimmed: Trimmed) -> list[str]:
-    """Return sentences on data and on values of the trim that are probably wrong. `trimmed` keeps
-    them, because several parts of a report have them.
-    """
-    if trimmed.warnings is None:
-        said = [*trimmed.point.model.warnings, *_warnings_at(trimmed)]
-        # The model has warnings on inertias as loaded, which `--hold` may have changed.
-        if "Ixx" in trimmed.model.parameters:
-            said += inertia_lines(trimmed)
-        trimmed.warnings = [*dict.fromkeys(said)]
-    return trimmed.warnings
+@lru_cache(maxsize=4)
+def warnings_of(trimmed: Trimmed) -> tuple[str, ...]:
+    """Return sentences on data and on values of the trim that are probably wrong."""
+    said = [*trimmed.point.model.warnings, *_warnings_at(trimmed)]
+    # The model has warnings on inertias as loaded, which `--hold` may have changed.
+    if "Ixx" in trimmed.model.parameters:
+        said += inertia_lines(trimmed)
+    return tuple(dict.fromkeys(said))
 
 
 def _warnings_at(trimmed: Trimmed) -> Iterator[str]:
