@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import comb
@@ -201,18 +202,10 @@ class Expansion(Result, Reported):
 
         return controller.expansion_report(self)
 
-    def value_to(self, degree: int) -> ca.Function:
-        """Return the CasADi Function z (n,) -> V2 + ... up to a degree."""
-        z = ca.SX.sym("z", self.states)
-        y = ca.DM(self.root.T) @ z
-        terms = enumerate(self.value_terms[: degree + 1 - LOWEST], LOWEST)
-        V = sum((polynomial(y, order, term[None]) for order, term in terms), ca.SX(0))
-        return ca.Function("V", [z], [V])
-
     @cached_property
     def V(self) -> ca.Function:
         """CasADi Function z (n,) -> V(z)."""
-        return self.value_to(self.order)
+        return self._polynomial("V", [term[None] for term in self.value_terms], LOWEST)
 
     @cached_property
     def gradient(self) -> ca.Function:
@@ -223,11 +216,14 @@ class Expansion(Result, Reported):
     @cached_property
     def policy(self) -> ca.Function:
         """CasADi Function z (n,) -> u (m,), a polynomial of degree D - 1."""
+        return self._polynomial("policy", self.policy_terms, 1)
+
+    def _polynomial(self, name: str, terms: Sequence[np.ndarray], lowest: int) -> ca.Function:
+        """Return the CasADi Function of z with terms of degree `lowest` and more, given in y."""
         z = ca.SX.sym("z", self.states)
         y = ca.DM(self.root.T) @ z
-        terms = enumerate(self.policy_terms, 1)
-        u = sum((polynomial(y, order, term) for order, term in terms), ca.SX(0))
-        return ca.Function("policy", [z], [u])
+        parts = [polynomial(y, degree, term) for degree, term in enumerate(terms, lowest)]
+        return ca.Function(name, [z], [sum(parts, ca.SX(0))])
 
     @cached_property
     def disturbance(self) -> ca.Function:

@@ -20,7 +20,7 @@ def expansion_report(expansion: Expansion) -> Report:
     rows = [("z'Pz", "", *(_size_of_set(radius) for radius in radii))]
     units = names.state_units
     for index, (state, unit) in enumerate(zip(names.states, units, strict=True)):
-        extents = [_extent(radius, index, unit) for radius in radii]
+        extents = [shown_value(float(each.extents[index]), unit, ".3g") for each in radii]
         rows.append((state, shown_unit(unit), *extents))
     weights = zip(expansion.basis.exponents.tolist(), expansion.weights.tolist(), strict=True)
     return Report(
@@ -54,10 +54,3 @@ def _size_of_set(radius: Radius) -> str:
     if math.isinf(radius.c):
         return "unlimited"
     return f"{radius.c:.3g}" if radius.c else "none"
-
-
-def _extent(radius: Radius, index: int, unit: str) -> str:
-    """Return the largest deviation of a state, or "" without a bounded set."""
-    if not radius.c or math.isinf(radius.c):
-        return ""
-    return shown_value(float(radius.extents[index]), unit, ".3g")

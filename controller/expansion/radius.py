@@ -204,8 +204,11 @@ class Search:
         final, ended = flown_until_decayed(self._rates, z.T, P, step, ticks)
         cost_to_go = np.array(expansion.V(final[:, :-1].T))[0]  # after the end
         costs = np.where(ended, final[:, -1] + cost_to_go, np.inf)
-        degrees = range(LOWEST, expansion.order + 1)
-        values = np.vstack([np.array(expansion.value_to(degree)(z)) for degree in degrees])
+        terms = [
+            homogeneous(len(P), degree).psi(y) @ term
+            for degree, term in enumerate(expansion.value_terms, LOWEST)
+        ]
+        values = np.cumsum(terms, axis=0)
         with np.errstate(divide="ignore", invalid="ignore"):
             errors = np.abs(values - costs) / np.abs(costs)
         return np.where((costs > 0.0) & np.isfinite(errors), errors, np.inf)

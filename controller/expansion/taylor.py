@@ -112,8 +112,10 @@ class PowerSeries:
                 results[outputs[1]] = memory[inputs[0]]
             else:
                 try:
-                    operation = _OPERATIONS.get(code, _refused)
-                    memory[outputs[0]] = operation(self, *(memory[place] for place in inputs))
+                    if code not in _OPERATIONS:
+                        raise ValueError
+                    operands = [memory[place] for place in inputs]
+                    memory[outputs[0]] = _OPERATIONS[code](self, *operands)
                 except (ValueError, ZeroDivisionError):
                     raise BadInputError(
                         f"the equations have no finite power series at the trim ({_NAMES[code]}); "
@@ -125,11 +127,6 @@ class PowerSeries:
                 "trim; choose a lower order or another trim"
             )
         return results
-
-
-def _refused(ring: PowerSeries, *series: np.ndarray) -> np.ndarray:
-    """Refuse an operation without a power series."""
-    raise ValueError
 
 
 def _sign(series: np.ndarray) -> int:

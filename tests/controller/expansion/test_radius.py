@@ -74,7 +74,7 @@ def test_flights_inside_the_radius_agree_and_some_outside_do_not():
         outside = states_at(expansion, 1.3 * math.sqrt(radius.c), count=200, seed=99)
         errors = []
         for z0 in (inside, outside):
-            value = np.array(expansion.value_to(radius.degree)(z0))[0]
+            value = np.array(expanded(radius.degree).V(z0))[0]
             errors.append(np.abs(value / costs(expansion, z0) - 1.0).max())
         assert errors[0] <= radius.share < errors[1]
 
