@@ -1,20 +1,15 @@
-"""Linear plants as models, and models as python-control's `NonlinearIOSystem`."""
+"""Linear plants of matrices as models."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
-import casadi as ca
 import numpy as np
 
 from hfa_aircraft.about import About
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import PlantNames, Signal
-
-if TYPE_CHECKING:
-    import control
-
 
 #: Note on every model made from matrices, and on one that was read with its offsets X0, U0.
 LINEAR = "linear plant without limits; its trim is the origin"
@@ -116,39 +111,3 @@ def _product(row: np.ndarray, values: Sequence[Any]) -> Any:
 def _signals(names: tuple[str, ...], units: tuple[str, ...]) -> dict[str, Signal]:
     """Return name -> signal without limits. An empty unit becomes 1."""
     return {name: Signal(unit or "1") for name, unit in zip(names, units, strict=True)}
-
-
-def to_control(model: Model) -> control.NonlinearIOSystem:
-    """Return a model as a python-control system x' = f(x, u, p), y = (states, outputs).
-
-    Names are kept. Disturbances are 0.
-
-    >>> import hfa
-    >>> from hfa_aircraft import to_control
-    >>> to_control(hfa.aircraft()).ninputs
-    5
-    """
-    import control
-
-    outputs = [*model.states, *model.outputs]
-    vectors = model.layout.symbols("x", "u", "p")
-    f, y = model.layout.expressions(vectors, outputs)
-
-    def evaluated(expression: ca.SX) -> Callable[..., np.ndarray]:
-        """Return an expression as the function (t, x, u, params) that python-control calls."""
-        function = ca.Function("system", vectors, [expression])
-
-        def at(_: float, x: np.ndarray, u: np.ndarray, params: dict[str, float]) -> np.ndarray:
-            return np.array(function(x, u, [params[name] for name in model.parameters])).ravel()
-
-        return at
-
-    return control.nlsys(
-        evaluated(f),
-        evaluated(y),
-        name="".join(character if character.isalnum() else "_" for character in model.title),
-        states=list(model.states),
-        inputs=list(model.inputs),
-        outputs=outputs,
-        params={name: signal.start for name, signal in model.parameters.items()},
-    )
