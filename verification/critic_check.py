@@ -277,19 +277,14 @@ def _reason(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> s
             return "V of the network has no curvature at the trim"
     elif len(critic.K) == 1 and not critic.K.any():
         return "the output, read as u, has no slope at the trim; if it is V: --network V=NAME"
-    finding = finding_of_policy(critic, exact, box, limit)
-    if finding is None and critic.is_nonsmooth:
+    says, is_all = finding_of_policy(critic, exact, box, limit)
+    if not says and critic.is_nonsmooth:
         return (
             "the policy has a nonsmooth point at the trim, and K has the mean slopes of both sides"
         )
-    if finding is not None and finding.other_error <= limit:
-        return finding.says  # the finding explains all errors of u
-
-    is_right = is_gain_right(critic.K, exact, limit)
-    mistake_in_K = "" if is_right else reason_for(exact, critic, limit)
-    if finding is None or finding.bent > limit:  # the finding explains no errors of u
-        return mistake_in_K
-    return f"{finding.says}; {mistake_in_K}" if mistake_in_K else ""
+    if is_all or is_gain_right(critic.K, exact, limit):
+        return says
+    return "; ".join(filter(None, (says, reason_for(exact, critic, limit))))
 
 
 def _polynomial_section(critic: Critic) -> Section:

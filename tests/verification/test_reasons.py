@@ -328,7 +328,10 @@ def function(game, name, output):
         (scaled([0.2, 3.0, 7.0]), "(x1 0.2, x2 3, x3 7), as of a state that is normalized"),
         (scaled([[0.0], [1.0]]), "u1 is never moved; the other rows of K are exact"),
         # The output of a function with another name than "V" is read as the policy.
-        (function(TWO_INPUTS, "f", lambda z, u, V: 0.0 * u), "the policy never moves an input"),
+        (
+            function(TWO_INPUTS, "f", lambda z, u, V: 0.0 * u),
+            "u1 is never moved; u2 is never moved",
+        ),
         (
             function(TWO_INPUTS, "f", lambda z, u, V: ca.vertcat(0.0, u[1])),
             "u1 is never moved; otherwise the policy is exact",

@@ -20,7 +20,7 @@ NeurIPS 2018 (DeepZ).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,68 +31,49 @@ _ROUNDING = 2.0**-51
 OUTWARD = 1.0 + 1e-9
 
 
-class _Function(NamedTuple):
-    """A function f of each entry.
-
-    derivatives: x -> f and its first three derivatives
-    fourth: the highest argument -> bound of the fourth derivative
-    points: s -> x at which f(x) - s x may be extreme
-    """
-
-    derivatives: Callable[[np.ndarray], Sequence[np.ndarray]]
-    fourth: Callable[[np.ndarray], np.ndarray | float]
-    points: Callable[[np.ndarray], Sequence[np.ndarray]]
-
-
 def _tanh(x: np.ndarray) -> Sequence[np.ndarray]:
     t = np.tanh(x)
     d = 1.0 - t * t
     return t, d, -2.0 * t * d, d * (6.0 * t * t - 2.0)
 
 
-def _tanh_points(slope: np.ndarray) -> Sequence[np.ndarray]:
-    x = np.arctanh(np.sqrt(np.clip(1.0 - slope, 0.0, 1.0 - 1e-15)))
-    return x, -x
-
-
-_FUNCTIONS = {
-    "": _Function(lambda x: (x, 1.0 + 0 * x, 0 * x, 0 * x), lambda _: 0.0, lambda _: ()),
-    "tanh": _Function(_tanh, lambda _: 4.1, _tanh_points),
-    "expm1": _Function(
+#: Kind -> x -> f and its first three derivatives; the highest argument -> a bound of the fourth;
+#: s -> x at which f(x) - s x may be extreme.
+_FUNCTIONS: dict[str, tuple[Callable[..., Any], Callable[..., Any], Callable[..., Any]]] = {
+    "": (lambda x: (x, 1.0 + 0 * x, 0 * x, 0 * x), lambda _: 0.0, lambda _: ()),
+    "tanh": (
+        _tanh,
+        lambda _: 4.1,
+        lambda s: (x := np.arctanh(np.sqrt(np.clip(1.0 - s, 0.0, 1.0 - 1e-15))), -x),
+    ),
+    "expm1": (
         lambda x: (np.expm1(x), *(np.exp(x),) * 3),
         np.exp,
         lambda s: (np.log(np.maximum(s, 1e-300)),),
     ),
-    "square": _Function(
-        lambda x: (x * x, 2.0 * x, 2.0 + 0 * x, 0 * x), lambda _: 0.0, lambda s: (0.5 * s,)
-    ),
-    "relu": _Function(
-        lambda x: (np.maximum(x, 0.0), 1.0 * (x > 0.0), 0 * x, 0 * x),
-        lambda _: np.inf,  # of the kink: the chord alone bounds it
+    "square": (lambda x: (x * x, 2 * x, 2 + 0 * x, 0 * x), lambda _: 0.0, lambda s: (0.5 * s,)),
+    # The fourth derivative of the kink is infinite: the chord alone bounds it.
+    "relu": (
+        lambda x: (np.maximum(x, 0.0), np.heaviside(x, 0.5), 0 * x, 0 * x),
+        lambda _: np.inf,
         lambda s: (0 * s,),
     ),
 }
 
 
-class Form(NamedTuple):
-    """Numbers over N boxes: x (k, N), Z = [C Q] (k, N, terms), Q absent if all are 0, r (k, N)."""
-
-    x: np.ndarray
-    Z: np.ndarray
-    r: np.ndarray
-
-
 class _Step(NamedTuple):
     """An operation over N boxes.
 
-    form: its results
+    x, Z, r: its results: x (k, N), Z = [C Q] (k, N, terms), Q absent if all are 0, r (k, N)
     slope: by which radii of its argument enter, (k, N)
     own: radius that it adds, (k, N)
     least, most: bounds of its argument, (k, N)
     shares: of the states in the width of the argument, (k, N, n)
     """
 
-    form: Form
+    x: np.ndarray
+    Z: np.ndarray
+    r: np.ndarray
     slope: np.ndarray
     own: np.ndarray
     least: np.ndarray
@@ -104,6 +85,7 @@ class BoundedFunction:
     """A function of the state, given by its operations, with bounds over boxes.
 
     is_linear_in_pieces: whether all operations are linear, but for relu
+    is_homogeneous: whether f(a z) = a f(z) for all a >= 0: linear in pieces, with kinks at the trim
     width: largest number of results of an operation
     """
 
@@ -112,23 +94,21 @@ class BoundedFunction:
         self._operations = operations[1:]
         kinds = {operation.kind for operation in self._operations}
         for kind in kinds - {*_FUNCTIONS}:
-            raise NotListedError(kind)
+            raise NotListedError(f"operation {kind} has no bounds")
         self.is_linear_in_pieces = kinds <= {"", "relu"}
+        constants = [operation.constant for operation in self._operations]
+        self.is_homogeneous = self.is_linear_in_pieces and not any(map(np.any, constants))
         self.width = max(len(operation.matrix) for operation in self._operations)
 
-    @property
-    def is_homogeneous(self) -> bool:
-        """Whether f(a z) = a f(z) for all a >= 0: linear in pieces, with kinks at the trim."""
-        constants = (operation.constant for operation in self._operations)
-        return self.is_linear_in_pieces and not any(map(np.any, constants))
-
-    def over(self, c: np.ndarray, h: np.ndarray) -> tuple[Form, np.ndarray]:
-        """Return bounds over the boxes |z - c| <= h, (n, N) each, and how much each state widens
-        the radius, (N, n).
+    def over(
+        self, c: np.ndarray, h: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return x, Z and r over the boxes |z - c| <= h, (n, N) each, and how much each state
+        widens r, (N, n).
         """
         with np.errstate(all="ignore"):
             steps = self._steps(c, h)
-            m, N = steps[-1].form.x.shape
+            m, N = steps[-1].x.shape
             radius, scores = np.zeros((m, N)), np.zeros((N, len(c)))
             weights = {len(steps) - 1: np.repeat(np.eye(m)[:, None], N, axis=1)}
             for place in range(len(steps) - 1, 0, -1):
@@ -140,11 +120,11 @@ class BoundedFunction:
                 radius = radius + added.sum(2)
                 scores = scores + np.einsum("Nk,kNi->Ni", added.sum(0), step.shares)
                 weight = (weight * step.slope.T).reshape(m * N, -1) @ operation.matrix
-                sizes = [len(steps[i].form.x) for i in operation.sources]
+                sizes = [len(steps[i].x) for i in operation.sources]
                 parts = np.split(weight.reshape(m, N, -1), np.cumsum(sizes)[:-1], axis=2)
                 for source, part in zip(operation.sources, parts, strict=True):
                     weights[source] = weights.get(source, 0.0) + part
-            return steps[-1].form._replace(r=radius * OUTWARD), scores
+            return *steps[-1][:2], radius * OUTWARD, scores
 
     def slopes(self, c: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return middle and radius of the slope over one box |z - c| <= h, (m, n) each."""
@@ -157,12 +137,10 @@ class BoundedFunction:
                 size = np.abs(matrix)
                 R = size @ R + (len(M) + 8) * _ROUNDING * (size @ np.abs(M))
                 M = matrix @ M
-                derivatives = _FUNCTIONS[kind].derivatives
+                derivatives = _FUNCTIONS[kind][0]
                 # A slope is monotone on both sides of 0.
                 at = (step.least, np.clip(0.0, step.least, step.most), step.most)
                 slopes = np.array([derivatives(x)[1] for x in at])
-                if kind == "relu":
-                    slopes[2] = step.most >= 0.0
                 middle = 0.5 * (slopes.max(0) + slopes.min(0))
                 radius = 0.5 * (slopes.max(0) - slopes.min(0))
                 radius = radius + 8 * _ROUNDING * (1.0 + np.abs(middle))
@@ -175,58 +153,54 @@ class BoundedFunction:
         Z = np.zeros((n, N, n if self.is_linear_in_pieces else n + n * (n + 1) // 2))
         Z[np.arange(n), :, np.arange(n)] = h
         zero = np.zeros((n, N))
-        steps = [_Step(Form(c, Z, zero), *(zero,) * 4, Z)]
+        steps = [_Step(c, Z, *(zero,) * 5, Z)]
         for kind, sources, matrix, constant in self._operations:
-            x, Z, r = (np.concatenate([steps[i].form[k] for i in sources]) for k in range(3))
+            x, Z, r = (np.concatenate([steps[i][k] for i in sources]) for k in range(3))
             size, shape = np.abs(matrix), (len(matrix), *Z.shape[1:])
             own = size @ (np.abs(x) + np.abs(Z).sum(2) + r) + np.abs(constant)[:, None]
             own = (len(x) + 8) * _ROUNDING * own
-            argument = Form(
-                matrix @ x + constant[:, None],
-                (matrix @ Z.reshape(len(Z), -1)).reshape(shape),
-                size @ r + own,
-            )
-            steps.append(_step(_FUNCTIONS[kind], argument, own, n))
+            Z = (matrix @ Z.reshape(len(Z), -1)).reshape(shape)
+            argument = matrix @ x + constant[:, None], Z, size @ r + own
+            steps.append(_step(kind, *argument, own, n))
         return steps
 
 
-def _step(function: _Function, a: Form, own: np.ndarray, n: int) -> _Step:
-    """Return the step of a function of each entry of a form that has radii of its own, (k, N)."""
-    derivatives, fourth, points = function
-    C = a.Z[:, :, :n]
-    linear = np.abs(C).sum(2)
-    reach = np.abs(a.Z).sum(2) + a.r
-    low, high = a.x - reach, a.x + reach
-    f0, f1, f2, f3 = derivatives(a.x)
+def _step(kind: str, x: np.ndarray, Z: np.ndarray, r: np.ndarray, own: np.ndarray, n: int) -> _Step:
+    """Return the step of a function of each entry of an argument, of whose radius r a part is its
+    own, (k, N).
+    """
+    derivatives, fourth, points = _FUNCTIONS[kind]
+    C = Z[:, :, :n]
+    reach = np.abs(Z).sum(2) + r
+    low, high = x - reach, x + reach
+    f0, f1, f2, f3 = derivatives(x)
     of_low, of_high = derivatives(low)[0], derivatives(high)[0]
 
     # The chord, whose distance from f is largest at an end, or where the slopes are equal.
     is_wide = high - low > 1e-9 * (np.abs(low) + np.abs(high))
     slope = np.where(is_wide, (of_high - of_low) / np.where(is_wide, high - low, 1.0), f1)
-    gaps = [of_low - slope * low, of_high - slope * high]
-    for point in points(slope):
-        inside = np.clip(point, low, high)
-        gaps.append(derivatives(inside)[0] - slope * inside)
+    ends = [low, high, *(np.clip(point, low, high) for point in points(slope))]
+    gaps = [derivatives(end)[0] - slope * end for end in ends]
     least, most = np.minimum.reduce(gaps), np.maximum.reduce(gaps)
     sizes = np.abs(of_low) + np.abs(of_high) + np.abs(slope) * (np.abs(low) + np.abs(high))
     radius = 0.5 * (most - least) + 8 * _ROUNDING * sizes
-    value, half = slope * a.x + 0.5 * (least + most), np.zeros(a.x.shape)
+    value = slope * x + 0.5 * (least + most)
 
     # The parabola, whose ½ f'' acts on the square of the linear part alone.
-    sizes = np.abs(f0) + np.abs(f1) * reach + np.abs(f2) * reach**2 + np.abs(f3) * reach**3
-    of_parabola = (np.abs(f3) * reach**3 + fourth(high) * reach**4) / 24.0 + 8 * _ROUNDING * sizes
-    of_parabola = of_parabola + 0.5 * np.abs(f2) * (reach**2 - linear**2)
-    if a.Z.shape[2] > n:
-        is_better = of_parabola < radius
-        value = np.where(is_better, f0, value)
-        slope = np.where(is_better, f1 + f3 * reach**2 / 8.0, slope)
-        radius = np.where(is_better, of_parabola, radius)
-        half = np.where(is_better, 0.5 * f2, half)
-    Z = slope[:, :, None] * a.Z
-    if a.Z.shape[2] > n:
-        i, j = np.triu_indices(n)
-        Z[:, :, n:] += half[:, :, None] * np.where(i == j, 1.0, 2.0) * C[:, :, i] * C[:, :, j]
-    own = np.abs(slope) * own + radius
+    terms = [np.abs(f) * reach**k for k, f in enumerate((f0, f1, f2, f3, fourth(high)))]
+    of_parabola = (
+        (terms[3] + terms[4]) / 24.0
+        + 0.5 * np.abs(f2) * (reach**2 - np.abs(C).sum(2) ** 2)
+        + 8 * _ROUNDING * sum(terms[:4])
+    )
+    is_better = of_parabola < radius
+    value = np.where(is_better, f0, value)
+    slope = np.where(is_better, f1 + f3 * reach**2 / 8.0, slope)
+    radius = np.where(is_better, of_parabola, radius)
+    half = np.where(is_better, 0.5 * f2, 0.0)[:, :, None]
+    i, j = (places[: Z.shape[2] - n] for places in np.triu_indices(n))
+    Z = slope[:, :, None] * Z
+    Z[:, :, n:] += half * np.where(i == j, 1.0, 2.0) * C[:, :, i] * C[:, :, j]
     shares = np.abs(C) / np.maximum(reach, 1e-300)[:, :, None]
-    form = Form(value, Z, np.abs(slope) * (a.r) + radius)
-    return _Step(form, slope, own, low, high, shares)
+    steep = np.abs(slope)
+    return _Step(value, Z, steep * r + radius, slope, steep * own + radius, low, high, shares)

@@ -92,8 +92,16 @@ def simulated(
     def is_far(rows: np.ndarray) -> np.ndarray:
         return ~(quadratic_forms(rows[:, :-1], exact.P) <= FAR_OF_VALUE * size)  # or nan
 
-    period, after = float(_STEPS_PER_TICK), _steps(rates, game.discount)
-    longest = float(_STEPS)
+    def steps(rows: np.ndarray, time: float, most: int) -> tuple[np.ndarray, int]:
+        """Return the rows after a tick of z⁺ = f(z), and the number of its steps."""
+        for step in range(_STEPS_PER_TICK):
+            after = rates(rows[:, :-1])
+            after[:, -1] = rows[:, -1] + game.discount ** (time + step) * after[:, -1]
+            rows = after
+        return rows, _STEPS_PER_TICK
+
+    period, longest = float(_STEPS_PER_TICK), float(_STEPS)
+    after: _Tick = steps
     if not game.is_discrete:
         period = _DECAY / abs(spectral_abscissa(game.A - game.B @ K))
         longest, after = _TICKS * period, _flow(rates, is_far, np.append(b, size), period)
@@ -102,27 +110,14 @@ def simulated(
     initial, time, left = quadratic_forms(rows[:, :-1], exact.P), 0.0, _STEPS
     with np.errstate(all="ignore"):
         while flying.size and left > 0 and time < longest:
-            rows[flying], steps = after(rows[flying], time, left)
+            rows[flying], taken = after(rows[flying], time, left)
             if (far := is_far(rows)).any():
                 return End(rows[:, :-1], rows[:, -1], time, int(np.argmax(far)), diverges=True)
-            left = left - steps if steps else 0
+            left = left - taken if taken else 0
             time += period
             now = quadratic_forms(rows[flying, :-1], exact.P)
             flying = flying[~has_decayed(now, initial[flying], OF_VALUE)]
     return End(rows[:, :-1], rows[:, -1], time, int(flying[0]) if flying.size else None)
-
-
-def _steps(rates: Callable[[np.ndarray], np.ndarray], discount: float) -> _Tick:
-    """Return the tick of z⁺ = f(z), whose cost is the sum of αᵏ times that of step k."""
-
-    def after(rows: np.ndarray, time: float, most: int) -> tuple[np.ndarray, int]:
-        z, total = rows[:, :-1], rows[:, -1]
-        for step in range(_STEPS_PER_TICK):
-            next_rows = rates(z)
-            z, total = next_rows[:, :-1], total + discount ** (time + step) * next_rows[:, -1]
-        return np.column_stack([z, total]), _STEPS_PER_TICK
-
-    return after
 
 
 def _flow(
@@ -186,20 +181,13 @@ def equilibrium_of(
     game, z = exact.game, critic.symbols
     rates = ca.DM(game.A) @ z + ca.DM(game.B) @ critic.policy(z)
     rates = rates - z if game.is_discrete else rates
-    step = ca.Function("step", [z], [rates, ca.jacobian(rates, z)])
+    newton = ca.Function("newton", [z], [z - ca.solve(ca.jacobian(rates, z), rates)])
     point = np.zeros(len(b)) if start is None else start
     for _ in range(_NEWTON_STEPS):
-        rate, jacobian = (np.array(part) for part in step(point))
-        if not (np.all(np.isfinite(rate)) and np.all(np.isfinite(jacobian))):
+        before, point = point, np.array(newton(point)).ravel()
+        if not (np.abs(point) <= _FARTHEST_EQUILIBRIUM * b).all():  # or nan
             return None
-        try:
-            change = np.linalg.solve(jacobian, rate.ravel())
-        except np.linalg.LinAlgError:
-            return None
-        point = point - change
-        if np.any(np.abs(point) > _FARTHEST_EQUILIBRIUM * b):
-            return None
-        if np.all(np.abs(change) <= _SETTLED_STEP * b):
+        if (np.abs(point - before) <= _SETTLED_STEP * b).all():
             return point
     return None
 
@@ -263,14 +251,13 @@ def fly(
     """Simulate a critic that is not quadratic from the box |z_i| <= b_i.
 
     worst: initial state from which u = -K z costs most, or one that is not finite or 0
-    flights: number of initial conditions. The first are `worst`, and those from which the exact
-        loop comes to a violator
+    flights: number of initial conditions. From the next, the exact loop comes to a violator
     equilibrium: of the policy
     violators: deviations from the equilibrium at which the error of the policy is too large
     """
-    chosen = [worst if np.any(np.nan_to_num(worst)) else b]
+    chosen = [worst] if np.any(np.nan_to_num(worst)) else []
     chosen += [start for at in violators if (start := _start_towards(exact, at, b)) is not None]
-    starts = np.vstack([*chosen[:flights], starts_in(b, max(flights - len(chosen), 0))])
+    starts = np.vstack([*chosen, starts_in(b, flights)])[:flights]
     end = simulated(exact, critic, b, equilibrium, starts)
     if end.failed is not None and end.diverges:
         return FlightResults(flights, worst=CounterExample(starts[end.failed], "diverges"))

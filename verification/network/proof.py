@@ -7,6 +7,7 @@ each, until a state violates it, or until the time is over.
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -14,11 +15,12 @@ import numpy as np
 from controller.critic.network.operations import (
     NotListedError,
     Operation,
+    on_rows,
     operations_of,
-    row_function,
 )
 from controller.riccati.balls import midpoints, radii
 from controller.riccati.gare import Solution
+from verification.box import starts_in
 from verification.network.bounds import OUTWARD, BoundedFunction
 from verification.network.theorem import (
     Claim,
@@ -44,7 +46,6 @@ _SMALLEST_EXCESS = 1e-5
 _AWAY = 1e-9
 #: Number of violators that are kept.
 _KEPT = 8
-_TOO_LARGE = "its error is too large"
 
 
 def proof_of(
@@ -63,102 +64,86 @@ def proof_of(
     wanted: bound of the cost above the optimum, relative
     seconds: of the processor
     """
-    began, over = time.process_time(), f"{seconds:g} s are over"
-    proof = Proof(why=over)
+    began = time.process_time()
+    proof = Proof(why=f"{seconds:g} s are over")
     try:
         prover = _Prover(exact, policy, equilibrium, b)
-        claim = prover.claim(wanted)
+        setting, most = prover.setting, largest_share(prover.setting)
+        claim = claim_of(setting, wanted, most)
         # The cost grows with the square of the error.
-        needed = prover.sampled(claim)[0] ** 2 * claim.excess
+        needed = prover.worst(claim, prover.drawn)[0] ** 2 * claim.excess
         excess = wanted if needed < wanted < _ABOVE * needed else _ABOVE * needed
-        claim = prover.claim(max(excess, _SMALLEST_EXCESS))
+        claim = claim_of(setting, max(excess, _SMALLEST_EXCESS), most)
         while (left := seconds - (time.process_time() - began)) > 0.0:
-            boxes = proof.boxes
-            proof = prover.searched(claim, time.process_time() + 0.5 * left, over)
-            proof.boxes += boxes
-            larger = prover.claim(_NEXT * claim.excess)
+            proof = prover.searched(claim, 0.5 * left, proof)
+            larger = claim_of(setting, _NEXT * claim.excess, most)
             if proof.is_found or larger.excess <= claim.excess:
                 break
             claim = larger
-    except NotListedError as error:
-        proof = Proof(why=f"operation {error} has no bounds")
-    except NotProvedError as error:
+    except (NotListedError, NotProvedError) as error:
         proof = Proof(why=str(error))
     return proof
 
 
 class _Prover:
-    """Policy of a solved game about its equilibrium."""
+    """Policy of a solved game about its equilibrium.
+
+    drawn: random states of the tube at all distances, relative to it, (n, `_SAMPLES`)
+    """
 
     def __init__(
         self, exact: Solution, policy: ca.Function, equilibrium: np.ndarray, b: np.ndarray
     ) -> None:
-        self.setting = setting = setting_of(exact, b)
+        self.setting = setting = setting_of(exact, b, equilibrium)
         steps = operations_of(policy)
-        rows = row_function(policy)
-        assert rows is not None
-        self.b, self.center, T = b, equilibrium, setting.T
+        self.b, self.center, T, S, n = b, equilibrium, setting.T, setting.S, len(b)
         K = midpoints(setting.K) / b  # by the state
         TK = np.hstack([T, T @ K])
         steps.append(Operation("", (len(steps) - 1, 0), TK, np.zeros(len(T))))
-        self.error = BoundedFunction(steps)  # T (u + K z)
+        self.steps, self.error = steps, BoundedFunction(steps)  # T (u + K z)
         # That of T K itself, per unit of the state.
         rounding = (len(T) + 2) * 2.0**-52 * np.abs(K)
         self.error_of_K = np.abs(T) @ (radii(setting.K) / b + rounding)
-        self.error_at = lambda z: T @ (rows(z.T) + z.T @ K.T).T
-        n = len(b)
-        self.at_rest, _ = self.error.over(equilibrium[:, None], np.zeros((n, 1)))
-        self.most = largest_share(setting)
-        self.inverse = np.linalg.inv(setting.S)
-        self.i, self.j = np.triu_indices(n)
+        self.at_rest, _, self.at_rest_radius, _ = self.error.over(
+            equilibrium[:, None], np.zeros((n, 1))
+        )
+        self.inverse = inverse = np.linalg.inv(S)
+        self.rounding = (n + 8) * 2.0**-51 * np.abs(inverse)
+        # |M S⁻¹| <= |M V| / (1 - |1 - S V|) of the inverse V in doubles.
+        off = np.linalg.norm(S @ inverse - np.eye(n)) + np.linalg.norm(np.abs(S) @ self.rounding)
+        if not off < 0.5:
+            raise NotProvedError("the weights of the states are too unequal")
+        self.loss = OUTWARD / (1.0 - off)
+        distances = 2.0 ** -np.random.default_rng(0).uniform(0.0, 8.0, _SAMPLES)
+        self.drawn = starts_in(np.ones(n), _SAMPLES).T * distances
 
-    def claim(self, excess: float) -> Claim:
-        """Return the claim with an excess, from the box about the trim."""
-        widths = (1.0 + np.abs(self.center) / self.b) * OUTWARD
-        return claim_of(self.setting, excess, self.most, widths)
-
-    def sampled(self, claim: Claim) -> tuple[float, np.ndarray]:
-        """Return the largest ratio found at random states of the tube, at all distances, and the
-        deviation z at which it was found, (n,).
+    def worst(self, claim: Claim, s: np.ndarray) -> tuple[float, list[np.ndarray]]:
+        """Return the largest |e| / allowed |e| at states of the tube, relative to it (n, N), and up
+        to `_KEPT` deviations (n,) at which it exceeds 1, the worst first.
         """
-        draw = np.random.default_rng(0)
-        shape = (len(self.b), _SAMPLES)
-        y = draw.uniform(-1.0, 1.0, shape) * 2.0 ** -draw.uniform(0.0, 8.0, shape[1])
-        y *= claim.tube[:, None]
-        ratios = self.ratios(claim, y)
-        worst = int(np.argmax(ratios))
-        return float(ratios[worst]), y[:, worst] * self.b
-
-    def ratios(self, claim: Claim, y: np.ndarray) -> np.ndarray:
-        """Return |e| / allowed |e| at deviations y (n, N) in units of the box, (N,)."""
-        e = self.error_at(self.center[:, None] + y * self.b[:, None]) - self.at_rest.x
-        sizes = np.linalg.norm(self.setting.S @ y, axis=0)
-        allowed = claim.allowed(np.linalg.norm(self.setting.SU @ y, axis=0) ** 2) * sizes
-        is_away = np.abs(y).max(axis=0) > _AWAY
-        return np.where(is_away, np.linalg.norm(e, axis=0) / np.maximum(allowed, 1e-300), 0.0)
+        y, norm = s * claim.tube[:, None], np.linalg.norm
+        e = on_rows(self.steps, self.center + y.T * self.b).T - self.at_rest
+        sizes = norm(self.setting.S @ y, axis=0)
+        allowed = claim.allowed(norm(self.setting.SU @ y, axis=0) ** 2) * sizes
+        ratios = norm(e, axis=0) / np.maximum(allowed, 1e-300)
+        ratios = np.where(np.abs(y).max(axis=0) > _AWAY, ratios, 0.0)
+        first = [k for k in np.argsort(-ratios)[:_KEPT] if ratios[k] > 1.0]
+        return float(ratios.max(initial=0.0)), list(y.T[first] * self.b)
 
     def bounded(
-        self, claim: Claim, low: np.ndarray, high: np.ndarray
+        self, claim: Claim, s: np.ndarray, width: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return bounds of the ratio |e| / allowed |e| over boxes of the tube (n, N), (N,), and the
-        scores of the states, (N, n).
+        """Return bounds of the ratio |e| / allowed |e| over boxes of the tube, relative to it
+        (n, N), (N,), and the scores of the states, (N, n).
         """
-        n, S, SU, norm = len(low), self.setting.S, self.setting.SU, np.linalg.norm
-        y = 0.5 * (low + high) * claim.tube[:, None]
-        h = 0.5 * (high - low) * claim.tube[:, None] * OUTWARD
-        b, z = self.b[:, None], np.abs(self.center)[:, None]
-        (x, Z, r), scores = self.error.over(self.center[:, None] + y * b, h * b)
-        r = r + self.at_rest.r + self.error_of_K @ (z + (np.abs(y) + h) * b)
-        r = r + 2.0**-50 * (np.abs(x) + np.abs(self.at_rest.x))
-        x = x - self.at_rest.x
+        n, S, SU, norm = len(s), self.setting.S, self.setting.SU, np.linalg.norm
+        y, h = s * claim.tube[:, None], width * claim.tube[:, None] * OUTWARD
+        b, center = self.b[:, None], self.center[:, None]
+        x, Z, r, scores = self.error.over(center + y * b, h * b)
+        r = r + self.at_rest_radius + self.error_of_K @ (np.abs(center) + (np.abs(y) + h) * b)
+        r = r + 2.0**-50 * (np.abs(x) + np.abs(self.at_rest))
+        x = x - self.at_rest
         scores = scores + np.abs(Z[:, :, :n]).sum(0)
-        if Z.shape[2] > n:  # s_i² is ½ within ½
-            is_square = self.i == self.j
-            Z = Z * np.append(np.ones(n), np.where(is_square, 0.5, 1.0))
-            Q = Z[:, :, n:]
-            x = x + Q[:, :, is_square].sum(2)
-            has = (self.i[:, None] == np.arange(n)) | (self.j[:, None] == np.arange(n))
-            scores = scores + np.abs(Q).sum(0) @ has
         above = np.minimum(
             norm(x, axis=0) + norm(Z, axis=0).sum(1) + norm(r, axis=0),
             norm(np.abs(x) + np.abs(Z).sum(2) + r, axis=0),
@@ -171,65 +156,55 @@ class _Prover:
 
     def central(self, claim: Claim) -> float:
         """Return the size of the largest central box in which the slope is small enough, or 0."""
-        size = 1.0
+        norm, size = np.linalg.norm, 1.0
         while size >= _SMALLEST:
-            h = size * claim.tube
-            M, R = self.error.slopes(self.center, h * self.b * OUTWARD)
-            R = ((R + self.error_of_K) * self.b) @ np.abs(self.inverse)
-            M = (M * self.b) @ self.inverse
-            rounding = 2.0**-46 * (np.abs(M) @ np.abs(self.setting.S @ self.inverse))
-            slope = float(np.linalg.norm(M, 2) + np.linalg.norm(R + rounding))
-            value = (np.linalg.norm(self.setting.SU, axis=0) @ h * OUTWARD) ** 2
-            if slope * OUTWARD <= claim.allowed(np.array([value]))[0]:
+            h = size * claim.tube * OUTWARD
+            M, R = self.error.slopes(self.center, h * self.b)
+            M, R = M * self.b, (R + self.error_of_K) * self.b
+            slope = norm(R @ np.abs(self.inverse) + np.abs(M) @ self.rounding)
+            allowed = claim.allowed((norm(self.setting.SU, axis=0)[None] @ h * OUTWARD) ** 2)[0]
+            if np.isfinite(M).all() and (norm(M @ self.inverse, 2) + slope) * self.loss <= allowed:
                 return size
             size /= 2.0
         return 0.0
 
-    def searched(self, claim: Claim, end: float, over: str) -> Proof:
-        """Return the result of the search in units s of the tube, |s_i| <= 1, until `end`,
-        which is told as `over`."""
-        worst, at = self.sampled(claim)
-        if worst > 1.0:
-            return Proof(why=_TOO_LARGE, violators=[at])
-        n, size = len(claim.tube), self.central(claim)
-        low, high = -np.ones((n, 1)), np.ones((n, 1))
+    def searched(self, claim: Claim, seconds: float, before: Proof) -> Proof:
+        """Return the result of a search, in boxes of the tube relative to it.
+
+        seconds: of the processor, after which the search ends
+        before: result whose `why` is told then, and whose boxes count, too
+        """
+        end = time.process_time() + seconds
+        n, size, proof = len(claim.tube), self.central(claim), replace(before, share=0.0)
+        boxes = np.stack([np.zeros((n, 1)), np.ones((n, 1))])  # centers and half-widths, (2, n, N)
         if not size:
+            size = _SMALLEST
             if not self.error.is_homogeneous:
                 return Proof(why="the policy is not smooth at its equilibrium")
-            size = _SMALLEST  # the bound on the surface of this box is that within
-            surface = np.repeat(size * np.eye(n), 2, axis=1) * np.tile([1.0, -1.0], n)
-            edge = np.where(surface == 0.0, size, 0.0)
-            low, high = np.hstack([low, surface - edge]), np.hstack([high, surface + edge])
-        batch = max(_FEWEST, _NUMBERS // (self.error.width * (n + len(self.i))))
-        proof = Proof()
-        while low.shape[1] and time.process_time() < end:
-            lower, upper = low[:, -batch:], high[:, -batch:]
-            low, high = low[:, :-batch], high[:, :-batch]
-            volume = np.prod((upper - lower) / 2.0, axis=0)
-            ratio, scores = self.bounded(claim, lower, upper)
-            is_central = (np.abs(lower) <= size) & (np.abs(upper) <= size) & (lower < upper)
-            is_good = (ratio <= 1.0) | is_central.all(0)
-            proof.boxes += lower.shape[1]
-            proof.share += float(volume[is_good].sum())
-            lower, upper, ratio = lower[:, ~is_good], upper[:, ~is_good], ratio[~is_good]
-            true = self.ratios(claim, 0.5 * (lower + upper) * claim.tube[:, None])
-            if (true > 1.0).any():
-                worst_first = np.argsort(-true)[: min(_KEPT, int((true > 1.0).sum()))]
-                at = 0.5 * (lower + upper)[:, worst_first] * (claim.tube * self.b)[:, None]
-                proof.why, proof.violators = _TOO_LARGE, list(at.T)
+            # The bound on the surface of this box is that within.
+            faces = np.hstack([np.eye(n), -np.eye(n)])
+            boxes = np.concatenate([boxes, size * np.stack([faces, faces == 0.0])], axis=2)
+        _, violators = self.worst(claim, self.drawn)
+        while boxes.shape[2] and not violators:
+            if time.process_time() > end:
                 return proof
+            most = max(_FEWEST, _NUMBERS // (self.error.width * n * (n + 3)))
+            (s, h), boxes = boxes[:, :, -most:], boxes[:, :, :-most]
+            ratio, scores = self.bounded(claim, s, h)
+            is_good = (ratio <= 1.0) | ((np.abs(s) + h <= size) & (h > 0.0)).all(0)
+            proof.boxes += len(ratio)
+            proof.share += float(np.prod(h, axis=0)[is_good].sum())
+            s, h, ratio, scores = s[:, ~is_good], h[:, ~is_good], ratio[~is_good], scores[~is_good]
+            _, violators = self.worst(claim, s)
             # Cut the state with the largest score; the worst boxes come next.
-            scores = np.where((upper > lower).T, scores[~is_good] * 1.0 + 1e-300, 0.0)
-            i, k = np.argmax(np.nan_to_num(scores, posinf=1e300), axis=1), np.arange(len(ratio))
-            low2, high2 = lower.copy(), upper.copy()
-            upper[i, k] = low2[i, k] = 0.5 * (lower[i, k] + high2[i, k])
-            order = np.argsort(np.concatenate([ratio, ratio]), kind="stable")
-            low = np.hstack([low, np.hstack([lower, low2])[:, order]])
-            high = np.hstack([high, np.hstack([upper, high2])[:, order]])
-        proof.why = over
-        if not low.shape[1]:
-            proof.why, proof.share, proof.excess = "", 1.0, claim.excess
-        return proof
+            scores = np.where(h.T > 0.0, np.nan_to_num(scores, posinf=1e300) + 1e-300, 0.0)
+            half = np.where(np.argmax(scores, axis=1) == np.arange(n)[:, None], 0.5 * h, 0.0)
+            halves = np.concatenate([[s - half, h - half], [s + half, h - half]], axis=2)
+            order = np.argsort(np.tile(ratio, 2), kind="stable")
+            boxes = np.concatenate([boxes, halves[:, :, order]], axis=2)
+        if violators:
+            return replace(proof, why="its error is too large", violators=violators)
+        return Proof(claim.excess, "", 1.0, proof.boxes)
 
 
 def _least(S: np.ndarray, c: np.ndarray, h: np.ndarray) -> np.ndarray:

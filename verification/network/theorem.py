@@ -50,12 +50,10 @@ import numpy as np
 from controller.riccati.balls import (
     BITS,
     ball_matrix,
-    identity,
     is_positive_definite,
     midpoints,
     precision,
     radii,
-    stacked,
     symmetric_part,
 )
 from controller.riccati.gare import Solution
@@ -85,41 +83,44 @@ class NotProvedError(Exception):
 
 
 class Loop(NamedTuple):
-    """Loop with what acts on it, in balls.
+    """Loop with what acts on it, in units y_i = z_i / b_i.
 
-    F: (n, n)
-    of_a: Γ, (n, k)
-    of_e, of_w: V = τ of_e + of_w, (k, k)
+    F: (n, n), in balls
+    disturbance: δ⁻²E E' of a disturbance w beside the errors, in balls, or 0
+    peaks: bound of sup_t Σ_j |exp(F t)_ij| b_j, (n,)
+    reached: bound of G_ii, the squares that e of energy 1 reaches, (n,)
     """
 
     F: arb_mat
-    of_a: arb_mat
-    of_e: arb_mat
-    of_w: arb_mat
+    disturbance: arb_mat
+    peaks: np.ndarray
+    reached: np.ndarray
 
 
 class Setting(NamedTuple):
     """A solved game in units y_i = z_i / b_i.
 
+    widths: half-widths of the box of starts, (n,)
     loops: that of the cost, with both players, and those of flights in the tube: without d and with
         d = L z
     K: (m, n), in balls
     S, SU, T: roots of W = S'S, U = SU'SU and R <= T'T, upper triangular, exact
-    reach: BR⁻¹B', in balls
+    errors: BR⁻¹B', in balls
     reference: largest optimum Σ y_i² = 1, to which costs are relative
     """
 
+    widths: np.ndarray
     loops: tuple[Loop, ...]
     K: arb_mat
     S: np.ndarray
     SU: np.ndarray
     T: np.ndarray
-    reach: arb_mat
+    errors: arb_mat
     reference: float
 
 
-def setting_of(exact: Solution, b: np.ndarray) -> Setting:
-    """Return a solved game in units of the box |z_i| <= b_i.
+def setting_of(exact: Solution, b: np.ndarray, center: np.ndarray) -> Setting:
+    """Return a solved game in units of the box |z_i| <= b_i, about an equilibrium (n,).
 
     Raises NotProvedError for a game in discrete time, and if there is no weight of the errors.
     """
@@ -128,22 +129,21 @@ def setting_of(exact: Solution, b: np.ndarray) -> Setting:
     game, enclosure = exact.game, exact.enclosure
     if game.is_discrete:
         raise NotProvedError("the theorem is one of continuous time")
+    widths = (1.0 + np.abs(center) / b) * (1.0 + _STRICT)
     with precision(BITS):
         unit = ball_matrix(np.diag(b))
         A, B, E = (unit.inv() * ball_matrix(M) for M in (game.A, game.B, game.E))
         K, R = enclosure.K * unit, ball_matrix(game.R)
+        errors = symmetric_part(B * R.solve(B.transpose()))
         F = A * unit - B * K
-        loops = [Loop(F, B, R, R * 0)]
+        loops = [Loop(F, errors * 0, _peaks(F, widths), _reached(F, errors))]
         if math.isfinite(game.delta) and np.any(game.E):
             F = F + E * (enclosure.L * unit)
-            delta, crossed = identity(E.ncols()) * arb(game.delta) ** 2, B.transpose() * E * 0
-            of_e, of_w = (
-                stacked([[R * k, crossed], [crossed.transpose(), delta * (1 - k)]]) for k in (1, 0)
-            )
-            loops = [Loop(F, stacked([[B, E]]), of_e, of_w), *loops, Loop(F, B, R, R * 0)]
-        reach = symmetric_part(B * R.solve(B.transpose()))
+            both = Loop(F, errors * 0, _peaks(F, widths), _reached(F, errors))
+            disturbance = symmetric_part(E * E.transpose() / arb(game.delta) ** 2)
+            loops = [both._replace(disturbance=disturbance), *loops, both]
         optimum = midpoints(symmetric_part(unit * enclosure.P * unit))
-        poles = np.linalg.eigvals(midpoints(loops[-1].F))
+        poles = np.linalg.eigvals(midpoints(F))
         largest = float(np.linalg.eigvalsh(optimum)[-1])
         U = optimum + _FLOOR * largest * np.eye(len(b))
         policy = np.vstack([np.diag(b), -midpoints(K)])
@@ -156,29 +156,31 @@ def setting_of(exact: Solution, b: np.ndarray) -> Setting:
         root = ball_matrix(T)
         if not is_positive_definite(symmetric_part(root.transpose() * root - R)):
             raise NotProvedError("the weights of the inputs are too unequal")
-    return Setting(tuple(loops), K, S, SU, T, reach, largest * (1.0 - 1e-12 * len(b)))
+    return Setting(widths, tuple(loops), K, S, SU, T, errors, largest * (1.0 - 1e-12 * len(b)))
 
 
 def _excess(setting: Setting, loop: Loop, rho: float, tau: float) -> np.ndarray:
     """Return the smallest D of the lemma, (n, n). Raise NotProvedError if none is proved."""
+    from flint import arb
     from scipy.linalg import solve_continuous_are
 
-    W, F, of_a = setting.S.T @ setting.S, midpoints(loop.F), midpoints(loop.of_a)
     with precision(BITS):
-        V = loop.of_e * tau + loop.of_w
+        acting = setting.errors * (arb(1.0) / tau) + loop.disturbance  # Γ V⁻¹ Γ'
+        sizes, directions = np.linalg.eigh(midpoints(acting))
+        root = directions * np.sqrt(np.maximum(sizes, 0.0))
+        Y = (1.0 + tau) * (1.0 + _STRICT) * setting.S.T @ setting.S
+        unit = (_STRICT - 1.0) * np.eye(len(Y))
         try:  # of D / ρ², whose size does not depend on ρ
             with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
-                Y = (1.0 + tau) * (1.0 + _STRICT) * W
-                D = solve_continuous_are(F, rho * of_a, Y, -(1.0 - _STRICT) * midpoints(V))
+                D = solve_continuous_are(midpoints(loop.F), rho * root, Y, unit)
         except (np.linalg.LinAlgError, ValueError):
-            D = np.full(F.shape, math.nan)
+            D = np.full(Y.shape, math.nan)
         D = rho**2 * (D + D.T) / 2.0
         S, X = ball_matrix(setting.S), ball_matrix(D)
-        back, beside = loop.F.transpose() * X, X * loop.of_a
-        # M < 0 by the Schur complement of V
-        first = (back + back.transpose() + S.transpose() * S * (1.0 + tau) * rho**2) * -1
-        whole = symmetric_part(stacked([[first, beside], [beside.transpose(), V]]))
-        if not (is_positive_definite(X) and is_positive_definite(whole)):
+        back = loop.F.transpose() * X
+        M = back + back.transpose() + S.transpose() * S * (1.0 + arb(tau)) * arb(rho) ** 2
+        M = symmetric_part(M + X * acting * X)
+        if not (is_positive_definite(X) and is_positive_definite(M * -1)):
             raise NotProvedError("the inequality of the cost is not proved")
     return D
 
@@ -246,11 +248,10 @@ def largest_share(setting: Setting) -> float:
     return _largest(is_possible, 1e-3, 2.0, "a loop of the exact policy is not stable, or nearly")
 
 
-def claim_of(setting: Setting, excess: float, most: float, widths: np.ndarray) -> Claim:
+def claim_of(setting: Setting, excess: float, most: float) -> Claim:
     """Return the claim that a policy costs at most a share `excess` above the optimum.
 
     most: `largest_share`
-    widths: half-widths of the box of starts, in units of the box, (n,)
 
     Raises NotProvedError if no error is small enough.
     """
@@ -275,30 +276,31 @@ def claim_of(setting: Setting, excess: float, most: float, widths: np.ndarray) -
 
     why = "no error is small enough"
     first = _largest(lambda rho: total(rho) <= excess, most * 1e-6, most, why)
-    tube = np.zeros(len(widths))
+    tube = np.zeros(len(setting.widths))
     for loop in setting.loops[1:] or setting.loops:
         D, added = levels_of(loop, first)
-        energy = float(widths @ np.abs(D) @ widths) + added
-        reached = np.sqrt(_reached(setting, loop.F) * energy)
-        tube = np.maximum(tube, _peaks(loop.F, widths) + reached)
+        energy = float(setting.widths @ np.abs(D) @ setting.widths) + added
+        tube = np.maximum(tube, loop.peaks + np.sqrt(loop.reached * energy))
     thresholds[0] = math.inf
     return Claim(tube * (1.0 + _STRICT), thresholds, shares_of(first), total(first))
 
 
-def _reached(setting: Setting, F: arb_mat) -> np.ndarray:
-    """Return a proved bound of G_ii, the squares that e of energy 1 reaches, (n,)."""
+def _reached(F: arb_mat, errors: arb_mat) -> np.ndarray:
+    """Return a proved bound of G_ii, the squares that e of energy 1 reaches, (n,).
+
+    errors: BR⁻¹B'
+    """
     from scipy.linalg import solve_continuous_lyapunov
 
-    middle = midpoints(setting.reach)
+    middle = midpoints(errors)
     Y = middle * (1.0 + _STRICT) + _FLOOR * float(np.trace(middle)) * np.eye(len(middle))
     G = solve_continuous_lyapunov(midpoints(F), -Y)
     G = (G + G.T) / 2.0
-    with precision(BITS):
-        X = ball_matrix(G)
-        FX = F * X
-        rest = symmetric_part((FX + FX.transpose() + setting.reach) * -1)
-        if not (is_positive_definite(X) and is_positive_definite(rest)):
-            raise NotProvedError("what errors reach is not proved")
+    X = ball_matrix(G)
+    FX = F * X
+    rest = symmetric_part((FX + FX.transpose() + errors) * -1)
+    if not (is_positive_definite(X) and is_positive_definite(rest)):
+        raise NotProvedError("what errors reach is not proved")
     return np.diag(G)
 
 
@@ -312,11 +314,10 @@ def _peaks(F: arb_mat, widths: np.ndarray) -> np.ndarray:
     """
     middle = midpoints(F)
     n, h = len(middle), 1.0 / (_STEPS_PER_RATE * np.abs(np.linalg.eigvals(midpoints(F))).max())
-    with precision(BITS):
-        step = (F * float(h)).exp()
-        bend = h**2 / 8.0 * midpoints((ball_matrix(np.abs(middle)) * float(h)).exp())
-        E, E_radius = midpoints(step), radii(step)
-    defect = E_radius + (n + 4) * 2.0**-52 * np.abs(E)
+    step = (F * float(h)).exp()
+    bend = h**2 / 8.0 * midpoints((ball_matrix(np.abs(middle)) * float(h)).exp())
+    E = midpoints(step)
+    defect = radii(step) + (n + 4) * 2.0**-52 * np.abs(E)
     squared = middle @ middle
     X, top, lost, bent = np.eye(n), widths.copy(), 0.0, np.zeros(n)
     for _ in range(_MOST_STEPS):
@@ -327,9 +328,7 @@ def _peaks(F: arb_mat, widths: np.ndarray) -> np.ndarray:
         top = np.maximum(top, reached)
         if (reached < 0.9 * widths).all():
             break
-    else:
+    if not ((reached < 0.9 * widths).all() and lost < 0.01):
         raise NotProvedError("the exact loop has both fast and slow modes")
-    if not lost < 0.01:
-        raise NotProvedError("rounding of the exact loop is not small")
     bent = bent * (1.0 + _STRICT) + lost * (bend @ (np.abs(squared) @ top))
     return np.asarray(top / (1.0 - lost) + bent)

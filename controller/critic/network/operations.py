@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import casadi as ca
@@ -17,6 +18,7 @@ _FUNCTIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 }
 _NAMES = {getattr(ca, f"OP_{name.upper()}"): name for name in _FUNCTIONS} | {ca.OP_SQ: "square"}
 _FUNCTIONS |= {"square": np.square, "relu": lambda x: np.maximum(x, 0.0), "": lambda x: x}
+_NUMBERS = [(name, number) for name, number in vars(ca).items() if name.startswith("OP_")]
 #: Operations that are affine, at least for constants in all arguments but one.
 _AFFINE = {
     getattr(ca, f"OP_{name}")
@@ -28,7 +30,7 @@ _AFFINE = {
 
 
 class NotListedError(Exception):
-    """An operation is not one of those in an `Operation`; its message names the operation."""
+    """An operation is not one of those in an `Operation`, as the message says."""
 
 
 class Operation(NamedTuple):
@@ -68,7 +70,7 @@ def operations_of(function: ca.Function) -> list[Operation]:
         used = [symbols[k] for k in places]
         slopes = ca.densify(ca.horzcat(*(ca.jacobian(column, symbol) for symbol in used)))
         if ca.symvar(slopes):
-            raise NotListedError("product of results")
+            raise NotListedError("a product of results has no bounds")
         zeros = [np.zeros(symbol.numel()) for symbol in used]
         matrix, constant = (
             np.array(part) for part in ca.Function("affine", used, [slopes, column])(*zeros)
@@ -110,7 +112,7 @@ def operations_of(function: ca.Function) -> list[Operation]:
                 of_both = of("relu", x - y)
                 by = y + of_both if kind == ca.OP_FMAX else x - of_both
             elif not (limits == (-np.inf if kind == ca.OP_FMAX else np.inf)).all():
-                raise NotListedError("limit of some entries")
+                raise NotListedError("a limit of some entries has no bounds")
         elif kind == ca.OP_FABS:
             by = 2.0 * of("relu", x) - x
         elif kind == ca.OP_MUL and all(variable):
@@ -120,16 +122,22 @@ def operations_of(function: ca.Function) -> list[Operation]:
         elif kind in _AFFINE:
             continue
         else:
-            names = [
-                name
-                for name, number in vars(ca).items()
-                if name.startswith("OP_") and number == kind
-            ]
-            raise NotListedError(names[0].removeprefix("OP_").lower())
+            name = next(name for name, number in _NUMBERS if number == kind)
+            raise NotListedError(f"operation {name[3:].lower()} has no bounds")
         nodes.append(node)
         replaced.append(by)
     of("", *now([graph(z)]))
     return operations
+
+
+def on_rows(operations: Sequence[Operation], x: np.ndarray) -> np.ndarray:
+    """Return the results of operations for rows x (N, n), (N, k)."""
+    values = [x]
+    with np.errstate(all="ignore"):
+        for kind, sources, matrix, constant in operations[1:]:
+            joined = np.hstack([values[i] for i in sources])
+            values.append(_FUNCTIONS[kind](joined @ matrix.T + constant))
+    return values[-1]
 
 
 def row_function(function: ca.Function) -> RowNetwork | None:
@@ -137,17 +145,6 @@ def row_function(function: ca.Function) -> RowNetwork | None:
     operation that is not listed.
     """
     try:
-        operations = operations_of(function)
+        return partial(on_rows, operations_of(function))
     except NotListedError:
         return None
-
-    def on_rows(x: np.ndarray) -> np.ndarray:
-        """Return the results of all rows."""
-        values = [x]
-        with np.errstate(all="ignore"):
-            for kind, sources, matrix, constant in operations[1:]:
-                joined = np.hstack([values[i] for i in sources])
-                values.append(_FUNCTIONS[kind](joined @ matrix.T + constant))
-        return values[-1]
-
-    return on_rows

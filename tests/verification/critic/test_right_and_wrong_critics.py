@@ -126,7 +126,7 @@ WRONG = {
     ),
     "saturated": (
         lambda case: network(case, **{"0_weight": 10 * case.K, "2_weight": -0.1 * np.eye(2)}),
-        ("a squash",),
+        (),
     ),
 }
 

@@ -46,8 +46,6 @@ def cost_of_steps(limit, K):
 def test_a_policy_that_is_slow_at_its_limit_has_the_cost_of_its_flight(game, cost, limit):
     """The policy u = -limit tanh(K z / limit) has the cost of a simulation from the edge of the box,
     z = 1, from which its flight returns slowly: z' = z + u, and |u| is at most 1.05.
-
-    The reason names the input at the edge.
     """
     exact = solve(game)
     K = exact.K.item()
@@ -56,8 +54,6 @@ def test_a_policy_that_is_slow_at_its_limit_has_the_cost_of_its_flight(game, cos
     assert verdict.cost_above_optimum_percent == pytest.approx(above, rel=1e-3)
     shown = f"{above:.0f}" if limit == 1.05 else f"{above:.2g}"
     assert f": at least {shown} % above the optimum" in verdict.headline
-    reached = limit * math.tanh(K / limit)  # at the edge of the box, z = 1
-    assert f"K is right, but u1 is {reached:.4g}, where the exact one is {K:.4g}" in verdict.reason
 
 
 @pytest.mark.parametrize("game", [FLOW, STEP])

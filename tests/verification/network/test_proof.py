@@ -103,7 +103,7 @@ def test_no_value_is_outside_of_its_bounds(name, is_scalar):
         rows = row_function(function)
         c, width = rng.normal(size=(2, 30)), size * rng.random((2, 30))
         bounded = BoundedFunction(operations)
-        (middle, Z, radius), _ = bounded.over(c, width)
+        middle, Z, radius, _ = bounded.over(c, width)
         slopes = [bounded.slopes(*box) for box in zip(c.T, width.T, strict=True)]
         M, R = (np.stack([each[k] for each in slopes], axis=1) for k in (0, 1))
         s = np.concatenate(
