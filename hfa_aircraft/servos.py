@@ -106,9 +106,8 @@ class _WithServos:
         )
         moving = {}
         for name, position in positions.items():
-            signal, command = self.model.inputs[name], commands[name]
-            if math.isfinite(signal.max - signal.min):
-                command = saturated(command, signal.min, signal.max)
+            signal = self.model.inputs[name]
+            command = saturated(commands[name], signal.min, signal.max)
             speed = (command - position) / getattr(p, f"{name}_servo_lag")
             fastest = getattr(p, f"{name}_servo_rate", None)
             moving[f"{name}_servo"] = (

@@ -10,6 +10,7 @@ from typing import Any
 from hfa.options.command import ProgressLine
 from hfa_aircraft.control_systems import is_linear_plant
 from hfa_aircraft.model import Model
+from hfa_aircraft.servos import positions_of_servos
 from hfa_flight.judge.assessed_point import AssessedPoint
 from hfa_flight.judge.assessment_report import (
     Finding,
@@ -193,7 +194,10 @@ class Assessment(Result, Reported):
         """Return the trims at which the policy holds, or the worst failure."""
         if self.holds and not self.ok:  # as for a requirement that is not satisfied
             return self.findings[0].text
-        rate = f" at {1.0 / self.deployed.deployment.dt:.4g} Hz"
+        timing = self.deployed.deployment
+        is_prompt = not (timing.delay or positions_of_servos(self.deployed.model))
+        without = "without sensor errors" + " and latency" * is_prompt
+        rate = f" at {1.0 / timing.dt:.4g} Hz {without}"
         failing = [point for point in self.points if not point.holds]
         where = where_text(failing or self.points, self.points)
         is_linear = all(point.flights is None for point in self.points)

@@ -81,9 +81,8 @@ def sampled_policy(
     sample time, if a network was trained behind a normalizer, or if the file contains neither.
     """
     kind = kind_of_file(path)
-    inputs = tuple(model.inputs)
-    names = PlantNames(model.linear, inputs, model.units(model.linear), model.units(inputs))
-    observation: dict[str, dict[str, Any]] = {name: {} for name in model.linear}
+    names = _names_of(model, entries_in(path) if kind == GAIN else {})
+    observation: dict[str, dict[str, Any]] = {name: {} for name in names.states}
     policy: Any = path.name
     if kind == TABLE:
         observation["scheduling variable"] = {"formula": model.schedule, "about": 0.0}
@@ -99,7 +98,7 @@ def sampled_policy(
     deployment = Deployment(
         policy={"file": policy},
         observation=observation,
-        action={name: {} for name in inputs},
+        action={name: {} for name in names.inputs},
         timing={"dt": dt},
         cost=_cost_of_file(path, names),
         folder=path.parent,
@@ -109,6 +108,16 @@ def sampled_policy(
         with prefix_errors(path):
             refuse_normalizer(deployment.actor.declared)
     return deployment
+
+
+def _names_of(model: Model, entries: Mapping[str, Any]) -> PlantNames:
+    """Return the names of a policy in a file, whose gain K may not see the positions of servos, the
+    last states.
+    """
+    inputs, count = tuple(model.inputs), len(model.linear) - len(positions_of_servos(model))
+    is_reduced = np.shape(entries.get("K", 0.0))[-1:] == (count,)
+    states = model.linear[:count] if is_reduced else model.linear
+    return PlantNames(states, inputs, model.units(states), model.units(inputs))
 
 
 def _cost_of_file(path: Path, names: PlantNames) -> dict[str, Any] | None:
@@ -178,11 +187,12 @@ def policy_of_file(
         at = condition or usual_condition(point.model).at
         return scheduled_gains(f"gains of {path}", schedule, point, at, commands)
     entries: Mapping[str, Any] = {} if kind == NETWORK else entries_in(path)
-    K: Any = entries.get("K")
     dt = sample_time(entries)
-    without_servos = len(point.model.linear) - len(positions_of_servos(point.model))
-    if np.ndim(K) == 2 and (isinstance(dt, float) or np.shape(K)[1] == without_servos):
-        return GainPolicy(f"gain of {path}", np.asarray(K), dt=dt or None)
+    is_sampled = isinstance(dt, float) and "policy_weights" not in entries
+    if "K" in entries and (is_sampled or positions_of_servos(point.model)):
+        with prefix_errors(path):
+            K = gain_in(entries, _names_of(point.model, entries))
+        return GainPolicy(f"gain of {path}", K, dt=dt or None)
     critic = critic_in(path, game or _without_cost(point.linearize()), reading)
     if game is None and critic.slope_gain is not None:  # u = -½ R⁻¹B' ∂V/∂z
         raise BadInputError(

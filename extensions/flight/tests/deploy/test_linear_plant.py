@@ -131,7 +131,7 @@ def test_a_table_of_gains_has_the_loop_and_cost_of_its_gain_at_the_trim(folder):
         ("P.npy --sample-time 0.05", "P.npy: the file contains no linear policy u = -K x"),
         (
             "plant.npz --sample-time 0.05",
-            "the file contains no linear policy u = -K x; give a K of 1 x 2",
+            "the file contains no linear policy u = -K x; give a K",
         ),
         ("steps_of_K.npz --sample-time 0.05", "K is a gain for dt = 0.1 s"),
         ("K.npz", "add --sample-time"),
