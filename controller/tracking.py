@@ -392,7 +392,7 @@ def tracked(
     """
     exact = feedforward(solution, reference)
     if not stabilizes(solution.game, K):
-        abscissa = solution.closed_loops.poles(K).abscissa
+        abscissa = solution.closed_loops.poles(K).real.max()
         raise BadInputError(
             f"tracking: A - B K has abscissa {abscissa:+.4g} 1/s; give a K that stabilizes the game"
         )

@@ -9,11 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from controller.critic.critic import Critic
-from controller.riccati.balls import ball_matrix
 from controller.riccati.gare import Solution
 from controller.riccati.suboptimality import Suboptimality, suboptimality_of, without_bound
 from hfa_support.cached import cached_property
-from hfa_support.matrices import spectral_abscissa, spectral_radius
 from hfa_support.reporting.parts import Part
 from hfa_support.reporting.report import Check, at_least
 from hfa_support.reporting.results import without_empty
@@ -23,10 +21,9 @@ from verification.verdict import NEAR, state_text
 
 
 class _Robustness(NamedTuple):
-    """L2 gain, distance to instability, and disk margin at all inputs, None of an unstable loop."""
+    """L2 gain, and disk margin at all inputs, None of an unstable loop."""
 
     gain: float
-    distance: float
     margin: DiskMargin | None
 
 
@@ -70,11 +67,8 @@ class LinearLoop:
         game, loops, K = self.exact.game, self.exact.closed_loops, self.critic.K
         is_stable = self.suboptimality.is_stable  # proved
         stable_below = 1.0 if game.is_discrete else 0.0
-        closed = loops.with_gain(ball_matrix(K))  # A - B K
-        pole = spectral_radius(closed) if game.is_discrete else spectral_abscissa(closed)
-        if (pole < stable_below) != is_stable:  # the double contradicts the proof
-            poles = loops.poles(K)
-            pole = poles.spectral_radius if game.is_discrete else poles.abscissa
+        poles = loops.poles(K) if self.critic.is_finite else np.full(1, math.nan)  # of A - B K
+        pole = float((np.abs(poles) if game.is_discrete else poles.real).max())
         if game.is_discrete:
             unstable = f"A - B K has the spectral radius {pole:.7g}"
             if self.is_exact:
@@ -107,13 +101,10 @@ class LinearLoop:
     def robustness(self) -> dict[str, _Robustness]:
         """Robustness of the loop, "learned", and of another optimum, "exact"."""
         exact, closed_loops, K = self.exact, self.exact.closed_loops, self.critic.K
-        found = {"learned": _Robustness(self.gain, 0.0, None)}
-        if self.suboptimality.is_stable:
-            distance, margin = closed_loops.distance(K), closed_loops.disk_margin(K)
-            found["learned"] = _Robustness(self.gain, distance, margin)
+        margin = closed_loops.disk_margin(K) if self.suboptimality.is_stable else None
+        found = {"learned": _Robustness(self.gain, margin)}
         if not self.is_exact or 100.0 * self.suboptimality.high > NEAR:
-            best = _Robustness(exact.l2_gain, closed_loops.distance(exact.K), exact.disk_margin)
-            found["exact"] = best
+            found["exact"] = _Robustness(exact.l2_gain, exact.disk_margin)
         return found
 
     @property
@@ -132,7 +123,6 @@ class LinearLoop:
                 (f"% above the optimum, {which}", percent(above, 3).removesuffix(" %"), *zeros)
             )
         rows.append(("L2 gain", *(f"{loop.gain:.4g}" for loop in loops)))
-        rows.append(("distance to instability", *(f"{loop.distance:.3g}" for loop in loops)))
         for name, unit in (("disk", ""), ("gain", ""), ("phase", ", deg")):
             margins = (
                 f"{getattr(loop.margin, name):.4g}" if loop.margin else "-" for loop in loops
@@ -156,7 +146,7 @@ class LinearLoop:
         margins = {}
         for whose, loop in self.robustness.items():
             end = "_exact" if whose == "exact" else ""
-            graded |= {f"l2_gain{end}": loop.gain, f"distance_to_instability{end}": loop.distance}
+            graded[f"l2_gain{end}"] = loop.gain
             margins[f"disk_margin{end}"] = loop.margin.disk if loop.margin else math.nan
         if _has_worst(suboptimality):
             graded["worst_initial_state"] = suboptimality.worst

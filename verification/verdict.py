@@ -31,8 +31,8 @@ class Section(NamedTuple):
 
     part: text or table of the report
     data: entries that the part adds to the data of the verdict:
-      - graded: cost above the optimum, L2 gain, distance to instability; with a limit of the cost,
-        also the limit and the verdict on the cost
+      - graded: cost above the optimum, L2 gain; with a limit of the cost, also the limit and the
+        verdict on the cost
       - disk_margin, disk_margin_exact: of K, and of another exact gain
       - discount, dt: discount factor of a step; sampling time of a sampled plant, s
       - box: box of states in which V and the policies are compared

@@ -169,13 +169,14 @@ def _in_units_of_solution(
 
 def sizes_of(X: np.ndarray) -> np.ndarray:
     """Return s with |X_ij|² <= s_i s_j, (n,): the diagonal of X, or of |X| if X is indefinite."""
+    sizes = np.abs(np.diag(X))
     try:
         np.linalg.cholesky(X)
     except np.linalg.LinAlgError:
         if np.isfinite(X).all():
             values, vectors = np.linalg.eigh(X)
-            return np.asarray(vectors**2 @ np.abs(values))
-    return np.diag(X).astype(float)
+            sizes = np.maximum(sizes, vectors**2 @ np.abs(values))  # which loses small ones
+    return sizes
 
 
 def _root_of(X: np.ndarray, game: Game, noise: float) -> np.ndarray | None:

@@ -47,7 +47,6 @@ from controller.riccati.refusal import (
     prove_value,
     refuse_modes,
     stabilizing,
-    why_at_boundary,
     why_no_value,
 )
 from hfa_support.cached import cached_property
@@ -58,9 +57,6 @@ if TYPE_CHECKING:
     from flint import arb_mat
 
 
-#: Largest number of states for which an eigenvalue on the boundary of stability is decided in
-#: rationals, which takes a second.
-MOST_STATES = 16
 #: Relative radius of an enclosure whose midpoints are right to the last digit of doubles: an eighth
 #: of their roundoff 2^-53, far below which the rounding of this radius is.
 ALL_DIGITS = 2.0**-56
@@ -319,9 +315,6 @@ def _outcomes(
                 yield why_no_value(equation, None, in_bits=True)
             else:
                 yield _outcome(candidate, digits=digits, in_bits=True)
-        # An eigenvalue exactly on the boundary of stability is decided by no number of bits.
-        if n_bits == 2 * BITS and len(game.A) <= MOST_STATES:
-            yield why_at_boundary(game, delta)
 
 
 @lru_cache(maxsize=8)

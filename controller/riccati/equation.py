@@ -411,20 +411,19 @@ class StepEquation(Equation):
         return (L + M).mid().solve((L - M).mid()).mid()
 
 
-def pencil_blocks(A: Any, G: Any, Q: Any, W: Any, C: Any, one: Any, growth: Any = 1) -> Any:
+def pencil_blocks(A: Any, G: Any, Q: Any, W: Any, C: Any, one: Any) -> Any:
     """Return the blocks of L and of M, whose pencil L - z M is singular at the eigenvalues z of the
-    loop of both players in discrete time, and at 1 / (growth z).
+    loop of both players in discrete time, and at 1 / z.
 
-    A, G, Q, W, C: of `StepEquation`, matrices of balls or of rationals of FLINT
+    A, G, Q, W, C: of `StepEquation`, matrices of balls or doubles
     one: the identity, (n, n)
-    growth: discount, if it is not in A and G
     """
     of_states, of_gains, of_inputs = 0 * A, 0 * G, 0 * W
     L = [[A, of_states, G], [-1 * Q, one, -1 * C], [C.transpose(), of_gains.transpose(), W]]
     M = [
         [one, of_states, of_gains],
-        [of_states, A.transpose() * growth, of_gains],
-        [of_gains.transpose(), G.transpose() * -growth, of_inputs],
+        [of_states, A.transpose(), of_gains],
+        [of_gains.transpose(), G.transpose() * -1, of_inputs],
     ]
     return L, M
 

@@ -12,7 +12,7 @@ from controller.game.basis import q_function
 from controller.game.linear_game import game
 from controller.game.zero_sum import Game
 from controller.riccati.balls import BITS, ball_matrix, midpoints, precision
-from controller.riccati.closed_loops import ClosedLoops, Poles, poles_of, rounded_loop
+from controller.riccati.closed_loops import POLE_BITS, ClosedLoops, poles_of, rounded_loop
 from controller.riccati.enclosure import (
     Certificate,
     Enclosure,
@@ -96,7 +96,7 @@ class Solution(Result, Reported):
     @property
     def spectral_radius(self) -> float | None:
         """Spectral radius of A - B K in discrete time, otherwise None."""
-        return self.enclosed_poles.spectral_radius if self.game.is_discrete else None
+        return float(np.abs(self.poles()).max()) if self.game.is_discrete else None
 
     @property
     def H(self) -> Matrix | None:
@@ -132,19 +132,14 @@ class Solution(Result, Reported):
         return self.closed_loops.l2_gain()
 
     @cached_property
-    def enclosed_poles(self) -> Poles:
-        """Eigenvalues of A - B K with the radii of their discs."""
-        return self.closed_loops.poles()
-
-    @property
     def closed_loop_eigenvalues(self) -> Roots:
         """Eigenvalues of A - B K, the loop without disturbance, (n,), 1/s."""
-        return self.enclosed_poles.values
+        return self.closed_loops.poles()
 
     @cached_property
     def worst_case_eigenvalues(self) -> Roots:
         """Eigenvalues of A - B K + E L, the loop under the worst disturbance, (n,), 1/s."""
-        return self.closed_loops.worst_poles().values
+        return self.closed_loops.worst_poles()
 
     @property
     def closed_loop(self) -> control.StateSpace:
@@ -164,7 +159,7 @@ class Solution(Result, Reported):
         raise BadInputError("no tuple; write solution.K, solution.P, solution.poles()")
 
     def poles(self) -> np.ndarray:
-        """Return the eigenvalues of A - B K, (n,) complex, 1/s, enclosed (`enclosed_poles`)."""
+        """Return the eigenvalues of A - B K, (n,) complex, 1/s."""
         return self.closed_loop_eigenvalues
 
     @cached_property
@@ -375,7 +370,8 @@ def margins(linear: LinearModel | Game, K: ArrayLike) -> dict[str, LoopMargin]:
 
 def _unstable(plant: Game, K: np.ndarray) -> str:
     """Return a clause on the pole that is not stable."""
-    poles = poles_of(lambda _: loop_with(plant, ball_matrix(K)), is_discrete=plant.is_discrete)
+    with precision(POLE_BITS):
+        poles = poles_of(loop_with(plant, ball_matrix(K)))
     if plant.is_discrete:
-        return f"the loop has the spectral radius {poles.spectral_radius:.4g}"
-    return f"the loop has a pole at {poles.abscissa:+.4g} 1/s"
+        return f"the loop has the spectral radius {np.abs(poles).max():.4g}"
+    return f"the loop has a pole at {poles.real.max():+.4g} 1/s"

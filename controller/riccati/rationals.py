@@ -9,20 +9,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from enum import Enum
 from functools import lru_cache
-from itertools import chain, pairwise
+from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balls import ball_matrix, block_entries
-from controller.riccati.equation import pencil_blocks
 from controller.riccati.lyapunov import discounted, stability_of
 
 if TYPE_CHECKING:
-    from flint import acb, fmpq, fmpq_mat, fmpq_poly, fmpz_poly
+    from flint import acb, fmpq, fmpq_mat, fmpz_poly
 
 
 #: A prime: a matrix that has a rank modulo it has at least this rank in rationals.
@@ -75,6 +73,8 @@ def unreachable_modes(A: fmpq_mat, B: fmpq_mat) -> fmpz_poly | None:
     A: (n, n)
     B: (n, m)
     """
+    from flint import fmpq_mat
+
     n = A.nrows()
     if _reaches_all_modulo_prime(A, B):
         return None
@@ -82,7 +82,7 @@ def unreachable_modes(A: fmpq_mat, B: fmpq_mat) -> fmpz_poly | None:
     rank = reached.rank()
     for _ in range(n):
         A_power_B = A * A_power_B
-        with_next_power = stacked_rationals([[reached, A_power_B]])
+        with_next_power = fmpq_mat(block_entries([[reached, A_power_B]]))
         _, pivots = echelon(with_next_power)
         if len(pivots) == rank:
             break
@@ -173,83 +173,24 @@ def _roots(polynomial: fmpz_poly) -> list[acb]:
 
 
 def boundary_root(polynomial: fmpz_poly, *, is_discrete: bool) -> complex | None:
-    """Return the root nearest to the boundary of stability if one is proved to be on it, or None.
+    """Return a root that is proved to be on the boundary of stability, or None.
 
-    p(z) has a root on the boundary if the symmetric p(z) z^n p(1/z), or p(s) p(-s), has one.
+    Such a root r is its own mirror image -r̄, in discrete time 1 / r̄. The roots that p(s) has in
+    common with p(-s), or p(z) with z^n p(1/z), are the mirror images of one another: one in whose
+    image is no other one is its own.
     """
-    from flint import fmpq, fmpq_poly
+    from flint import fmpz_poly
 
     coefficients = polynomial.coeffs()
     mirrored = coefficients[::-1]
     if not is_discrete:
         mirrored = [entry * (-1) ** power for power, entry in enumerate(coefficients)]
-    product = fmpq_poly(coefficients) * fmpq_poly(mirrored)
-    exists = has_root_on_circle(product, fmpq(1)) if is_discrete else has_root_on_axis(product)
-    if not exists:
-        return None
-
-    def distance(root: acb) -> float:
-        from_boundary = abs(root) - 1 if is_discrete else root.real
-        return abs(float(from_boundary.mid()))
-
-    nearest = complex(min(_roots(polynomial), key=distance))
-    return nearest if is_discrete else complex(0.0, nearest.imag)
-
-
-def has_root_on_axis(even: fmpq_poly) -> bool:
-    """Return whether an even polynomial in s has a root on the imaginary axis."""
-    from flint import fmpq, fmpq_poly
-
-    in_square = fmpq_poly(list(even.coeffs())[::2])
-    return bool(in_square[0] == 0) or _real_roots(in_square, None, fmpq(0)) > 0
-
-
-def has_root_on_circle(polynomial: fmpq_poly, square: fmpq) -> bool:
-    """Return whether a polynomial t^n h(t + 1 / (square t)) has a root t with |t|² square = 1.
-
-    On this circle, x = t + 1 / (square t) is real, and x² is at most 4 / square: the real roots x
-    of h in this interval are counted.
-    """
-    from flint import fmpq, fmpq_poly
-
-    coefficients = polynomial.coeffs()
-    while coefficients[0] == 0:  # roots at 0 and infinity
-        coefficients = coefficients[1:]
-    n = (len(coefficients) - 1) // 2
-    powers = [fmpq_poly([2]), fmpq_poly([0, 1])]  # t^k + 1 / (square t)^k
-    while len(powers) <= n:
-        powers.append(powers[1] * powers[-1] - powers[-2] / square)
-    h = fmpq_poly([coefficients[n]])
-    for k in range(1, n + 1):
-        h = h + powers[k] * coefficients[n + k]
-    if h.gcd(fmpq_poly([-4, 0, square])).degree() > 0:
-        return True
-    # A number below 2 / √square by less than 2^-300; h has no root at ±2 / √square.
-    scale = 1 << 300
-    inside = fmpq(math.isqrt(int((4 / square * scale * scale).floor())), scale)
-    return _real_roots(h, -inside, inside) > 0
-
-
-def _real_roots(polynomial: fmpq_poly, low: fmpq | None, high: fmpq) -> int:
-    """Return the number of real roots in (low, high], by Sturm's theorem; a low of None is -inf."""
-    if polynomial.degree() < 1:
-        return 0
-    sturm_sequence = [polynomial, polynomial.derivative()]
-    while sturm_sequence[-1].degree() > 0:
-        rest = sturm_sequence[-2] % sturm_sequence[-1]
-        if rest.degree() < 0:
-            break
-        sturm_sequence.append(-rest / abs(rest[rest.degree()]))
-
-    def sign_changes(point: fmpq | None) -> int:
-        if point is None:  # the signs at -inf are those of the leading terms
-            values = [p[p.degree()] * (-1) ** (p.degree() % 2) for p in sturm_sequence]
-        else:
-            values = [p(point) for p in sturm_sequence]
-        signs = [value > 0 for value in values if value != 0]
-        return sum(left != right for left, right in pairwise(signs))
-
-    return sign_changes(low) - sign_changes(high)
+    roots = _roots(polynomial.gcd(fmpz_poly(mirrored)))
+    for root in roots:
+        image = 1 / root.conjugate() if is_discrete else -root.conjugate()
+        if [other is root for other in roots if image.overlaps(other)] == [True]:
+            return complex(root) if is_discrete else complex(0.0, complex(root).imag)
+    return None
 
 
 def rational_root(value: float) -> fmpq | None:
@@ -261,57 +202,6 @@ def rational_root(value: float) -> fmpq | None:
     of_numerator, of_denominator = math.isqrt(numerator), math.isqrt(denominator)
     is_exact = of_numerator**2 == numerator and of_denominator**2 == denominator
     return fmpq(of_numerator, of_denominator) if is_exact else None
-
-
-class Boundary(Enum):
-    """Whether the Hamiltonian, or the pencil, has an eigenvalue on the boundary of stability."""
-
-    SINGULAR = "every number is an eigenvalue"
-    CROSSED = "an eigenvalue is on the boundary"
-    CLEAR = "none is"
-
-
-def boundary_of(game: Game, delta: float) -> Boundary:
-    """Return whether the Hamiltonian of a game has an eigenvalue exactly on the axis, in discrete
-    time its pencil on the circle.
-    """
-    from flint import fmpq, fmpq_mat, fmpq_poly
-
-    exact = RationalGame.of(game)
-    is_disturbed = math.isfinite(delta)
-    weight = exact_fraction(delta) ** 2 if is_disturbed else fmpq(1)
-    if not game.is_discrete:
-        A, B, E, Q, R, _ = exact.without_cross_weights
-        S = B * R.solve(B.transpose())
-        if is_disturbed:
-            S = S - E * E.transpose() / weight
-        H = stacked_rationals([[A, -1 * S], [-1 * Q, -1 * A.transpose()]])
-        return Boundary.CROSSED if has_root_on_axis(H.charpoly()) else Boundary.CLEAR
-    A, B, E, Q, R, N = exact
-    n, m, k = A.nrows(), B.ncols(), E.ncols() if is_disturbed else 0
-    growth = exact_fraction(game.discount)
-    G = stacked_rationals([[B, E]]) if is_disturbed else B
-    C = stacked_rationals([[N, fmpq_mat(n, k)]])  # with zeros
-    of_disturbance = rational(-np.eye(k)) * weight
-    W = stacked_rationals([[R, fmpq_mat(m, k)], [fmpq_mat(k, m), of_disturbance]])
-    # The eigenvalues of √growth A are √growth z.
-    blocks = pencil_blocks(A, G, Q, W, C, rational(np.eye(n)), growth)
-    L, M = map(stacked_rationals, blocks)
-    for point in range(-n, n + 1):  # det(L - z M) is a polynomial of the degree 2n, or 0
-        at_point = L - M * point
-        if at_point.det() != 0:
-            # det(1 - (z - point) at_point⁻¹ M)
-            in_difference = fmpq_poly(at_point.solve(M).charpoly().coeffs()[::-1])
-            polynomial = in_difference(fmpq_poly([-point, 1]))
-            return Boundary.CROSSED if has_root_on_circle(polynomial, growth) else Boundary.CLEAR
-    return Boundary.SINGULAR
-
-
-def stacked_rationals(blocks: list[list[fmpq_mat]]) -> fmpq_mat:
-    """Return the matrix [[a, b], [c, d]] of blocks a, b, c and d."""
-    from flint import fmpq_mat
-
-    return fmpq_mat(block_entries(blocks))
 
 
 @lru_cache(maxsize=4)

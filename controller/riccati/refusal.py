@@ -27,9 +27,7 @@ from controller.riccati.equation import ContinuousEquation, Equation, StepEquati
 from controller.riccati.lyapunov import NotProvedError, change_along, stability_of
 from controller.riccati.rationals import (
     MOST_STATES,
-    Boundary,
     RationalGame,
-    boundary_of,
     boundary_root,
     rational_root,
     unreachable_modes,
@@ -171,7 +169,8 @@ def too_large_at(equation: Equation, frequency: float) -> str:
     The determinant of the pencil at a frequency is real. Its sign differs from that without
     disturbance (in continuous time, from that at infinite frequency) only if an eigenvalue is on
     the boundary of stability, at this frequency for this or a larger delta (in continuous time, at
-    this or a higher frequency for this delta). If the game has a value, no eigenvalue is there.
+    this or a higher frequency for this delta; without disturbance, between two frequencies). If the
+    game has a value, no eigenvalue is there.
 
     frequency: rad/s, in discrete time rad/step
     """
@@ -224,20 +223,22 @@ def half_plane_eigenvalues(equation: Equation, *, in_bits: bool) -> np.ndarray:
 
 def _relative_sign(equation: Equation, frequency: float) -> int:
     """Return the sign of the determinant of `too_large_at`, relative to the usual one; 0 if one of
-    them is not proved, and in discrete time without a disturbance.
+    them is not proved.
 
-    The usual sign is that without disturbance, in continuous time that at infinite frequency.
+    The usual sign is that without disturbance, in continuous time that at infinite frequency; of a
+    game without disturbance in discrete time, that at z = -1.
     """
     from flint import acb
 
     if isinstance(equation, StepEquation):
-        if not equation.is_disturbed:
-            return 0
-        undisturbed = StepEquation(equation.game, equation.units, math.inf)
         z = acb(0, frequency).exp()
-        usual = _determinant_sign(*undisturbed.pencil(), z, equation.n)
-        # With a large delta, each column of E is a factor -delta² of the determinant.
-        usual *= (-1) ** equation.E.ncols()
+        if equation.is_disturbed:
+            undisturbed = StepEquation(equation.game, equation.units, math.inf)
+            usual = _determinant_sign(*undisturbed.pencil(), z, equation.n)
+            # With a large delta, each column of E is a factor -delta² of the determinant.
+            usual *= (-1) ** equation.E.ncols()
+        else:
+            usual = _determinant_sign(*equation.pencil(), acb(-1), equation.n)
         return usual * _determinant_sign(*equation.pencil(), z, equation.n)
     assert isinstance(equation, ContinuousEquation)
     one = identity(2 * equation.n)
@@ -307,24 +308,6 @@ def refuse_modes(game: Game) -> None:
             f"(A, Q) is not detectable: the undamped {_mode_text(undamped, game)} has no cost; give"
             " it weight in Q"
         )
-
-
-def why_at_boundary(game: Game, delta: float) -> str:
-    """Return why a game has no value whose Hamiltonian, in discrete time its pencil, has an
-    eigenvalue exactly on the boundary of stability, or whose pencil is singular; "" for another.
-    """
-    boundary = boundary_of(game, delta)
-    if boundary is Boundary.SINGULAR and boundary_of(game, math.inf) is Boundary.SINGULAR:
-        return (
-            "the optimal gain is not unique: R + B'P B is singular; give each input a weight in R"
-        )
-    if boundary is Boundary.CLEAR:
-        return ""
-    if math.isinf(delta):
-        if has_semidefinite_weights(game):
-            return "an undamped motion has no cost, whatever the input; give it weight in Q"
-        return "the cost has no lower bound, or an undamped motion has no cost, whatever the input"
-    return f"for every input, the gain from the disturbance is at least {delta:.6g}"
 
 
 def _mode_text(value: complex, game: Game) -> str:

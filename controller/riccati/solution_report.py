@@ -39,7 +39,7 @@ def solution_report(solution: Solution) -> Report:
     )
     if game.is_discrete:
         title += f", discount {game.discount:g} a step"
-        radius = solution.enclosed_poles.spectral_radius
+        radius = np.abs(solution.poles()).max()
         verb = "stabilizes" if solution.is_stable else "does NOT stabilize"
         loop = (
             f"u = -K x {verb}: A - B K has the spectral radius {radius:.7g},"

@@ -520,7 +520,7 @@ def with_tracking(
     """
     assert named.linear is not None  # `reference_of` requires it
     if not stabilizes(solution.game, K):  # the tracking errors grow
-        abscissa = solution.closed_loops.poles(K).abscissa
+        abscissa = solution.closed_loops.poles(K).real.max()
         said = f"Tracking: no late errors, A - B K has abscissa {abscissa:+.4g} 1/s"
         return replace(report, parts=(*report.parts, said))
     commands = stacked(reference, named.linear.states)

@@ -48,8 +48,8 @@ def test_an_exact_gain_without_bounded_cost_does_not_pass():
 
 
 def test_the_cost_and_the_margins_of_a_critic_are_reported(game):
-    """The report on 1.004 P has a cost less than 0.01 % above the optimum, an L2 gain within 1 % of
-    that of the exact solution, and a distance to instability within 2 %.
+    """The report on 1.004 P has a cost less than 0.01 % above the optimum, and an L2 gain within 1 %
+    of that of the exact solution.
     """
     file = stored("P.json", P=1.004 * solve(game).P)
     graded = answer("verify", *AT_15, "--weights", file, code=FAILED)["graded"]
@@ -59,8 +59,7 @@ def test_the_cost_and_the_margins_of_a_critic_are_reported(game):
         < graded["cost_above_optimum_worst_percent"]
         < 0.01
     )
-    for name, error in (("l2_gain", 0.01), ("distance_to_instability", 0.02)):
-        assert graded[name] == pytest.approx(graded[f"{name}_exact"], rel=error)
+    assert graded["l2_gain"] == pytest.approx(graded["l2_gain_exact"], rel=0.01)
 
 
 @pytest.mark.slow

@@ -26,11 +26,6 @@ def test_the_gain_of_a_resonance_equals_its_closed_form(damping):
     assert exact * (1.0 - 1e-15) <= high <= low * (1.0 + 1e-6)
 
 
-def test_gain_of_an_unstable_loop_is_infinite():
-    game = Game([[1.0]], [[1.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]])
-    assert bounds_of(game, np.array([[0.9]])).low == math.inf  # A - B K is 0.1
-
-
 def test_gain_without_disturbance_or_cost_is_zero():
     """The L2 gain is 0 if no path leads from the disturbance to the cost."""
     still = Game([[-1.0]], [[1.0]], E=[[0.0]], Q=[[1.0]], R=[[1.0]])

@@ -11,7 +11,7 @@ from controller.riccati.balls import BITS, precision
 from controller.riccati.candidate import first_units
 from controller.riccati.enclosure import decided, enclosed_in_bits
 from controller.riccati.equation import equation_of
-from controller.riccati.refusal import refuse_modes, why_at_boundary, why_no_value
+from controller.riccati.refusal import refuse_modes, why_no_value
 from hfa import Game
 
 
@@ -56,24 +56,6 @@ def test_a_frequency_proves_that_the_disturbance_gains_too_much(n, k, dt):
             equation = equation_of(game, first_units(game, game.delta), game.delta)
             # None: no enclosure is known, and only a frequency can prove it.
             assert bool(why_no_value(equation, None, in_bits=False)) == is_refused
-
-
-def test_an_eigenvalue_exactly_on_the_axis_is_decided_in_rationals():
-    """x' = -x + d has the gain 1: H has a double eigenvalue 0 at δ = 1, and none above."""
-    game = Game([[-1.0]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]])
-    assert "at least 1" in why_at_boundary(game, 1.0)
-    assert why_at_boundary(game, 1.0 + 2.0**-52) == ""
-
-
-def test_a_gain_that_is_the_same_at_each_frequency_is_the_reason():
-    """z⁺ = d with the cost z² has the gain 1 at each frequency: the pencil is singular at δ = 1,
-    and the reason is the gain. With R = 0, the reason is that the input, which moves nothing, is not
-    unique.
-    """
-    game = Game([[0.0]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[1.0]], dt=True)
-    assert "at least 1" in why_at_boundary(game, 1.0)
-    no_weight = Game([[0.0]], [[0.0]], E=[[1.0]], Q=[[1.0]], R=[[0.0]], dt=True)
-    assert "not unique" in why_at_boundary(no_weight, 1.0)
 
 
 def test_the_root_of_a_discount_is_not_rounded():

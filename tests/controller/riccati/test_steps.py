@@ -77,7 +77,7 @@ def test_regulators_with_a_closed_form(A, B, Q, R, P):
 def test_two_inputs_that_only_act_together_need_a_weight(share):
     """In x⁺ = A x + b (u1 + share u2), only the sum v = u1 + share u2 acts.
 
-    With R = 0, many u give the same v: the gain is not unique, and the game is refused. With r > 0
+    With R = 0, many u give the same v: the gain is not unique, and none is given. With r > 0
     and R = r I, u = [1; share] v / (1 + share²) has the least cost for a v, r v² / (1 + share²).
     """
     A, b, shares = (
@@ -90,7 +90,7 @@ def test_two_inputs_that_only_act_together_need_a_weight(share):
         of_v = Game(A, b, Q=np.eye(2), R=[[R / (1.0 + share**2)]], dt=True)
         K = shares / (1.0 + share**2) @ hfa.solve(of_v).K
         np.testing.assert_allclose(hfa.solve(game).K, K, rtol=1e-14)
-    with pytest.raises(NoSolutionError, match="gain is not unique"):
+    with pytest.raises(NoSolutionError, match="not decided"):
         hfa.solve(replace(game, R=0.0 * np.eye(2)))
 
 

@@ -103,11 +103,8 @@ def test_the_worst_and_mean_costs_are_eigenvalues_of_the_suboptimality(delta):
 
 
 @pytest.mark.parametrize("is_discrete", [False, True])
-def test_gains_and_distances_are_of_both_policies(is_discrete):
-    """The distance is the least σ_min(s I - A + B K) over the boundary of stability, relative to the
-    norm of the loop, and both L2 gains are those on a grid of frequencies. Balancing leaves these
-    loops as they are.
-    """
+def test_gains_are_of_both_policies(is_discrete):
+    """Both L2 gains are those on a grid of frequencies."""
     A, scale, dt = [[-0.3, 1.0], [-1.0, -0.2]], 1.0, None
     if is_discrete:
         A, scale, dt = [[0.6, 0.4], [-0.4, 0.7]], 0.3, 1.0
@@ -120,9 +117,6 @@ def test_gains_and_distances_are_of_both_policies(is_discrete):
         loop = game.A - game.B @ K
         C = np.vstack([np.eye(2), K])
         shifted = s[:, None, None] * np.eye(2) - loop
-        least = np.linalg.svd(shifted, compute_uv=False)[:, -1].min()
-        distance = found[f"distance_to_instability{suffix}"]
-        assert distance == pytest.approx(least / np.linalg.norm(loop, 2), rel=1e-5)
         largest = np.linalg.svd(C @ np.linalg.inv(shifted), compute_uv=False).max()
         assert found[f"l2_gain{suffix}"] == pytest.approx(largest, rel=1e-4)
 
