@@ -22,7 +22,6 @@ from verification.nonlinear_game import NonlinearComparison
 from verification.verdict import NEAR, OPTIMAL, Verdict, state_text
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -409,50 +408,37 @@ _LINEAR_SHARE = 1e-4
 #: Smaller errors are rounding, whose size differs between machines. They are drawn at this value,
 #: the lower end of the axis.
 _ROUNDED = 1e-12
-#: Smaller relative differences are not drawn.
-_LEAST_DIFFERENCE = 1e-6
 
 
 def verdict_figure(verdict: Verdict, make: Callable[[float, float], Figure] = new_figure) -> Figure:
-    """Return a figure with heat maps of a critic's P, the exact P, and their relative difference.
+    """Return a figure with heat maps of a critic's P, the exact P, and their difference.
 
-    - For a critic without P, the maps are those of K.
-    - The relative difference is omitted if every entry is below `_LEAST_DIFFERENCE` in magnitude.
-
-    The color scale is symmetric logarithmic and linear near 0.
+    For a critic without P, the maps are those of K. They have one color scale, which is symmetric
+    logarithmic, and linear near 0.
 
     verdict: verdict on the critic
     make: function (width, height) -> empty figure, in inches
     """
+    from matplotlib.colors import SymLogNorm
+
     names = verdict.exact.names
     solution = game_words(verdict.exact.game).solution
-    title = f"Critic on {names.origin}\nagainst the exact {solution}: {grade_word(verdict.grade)}"
     name = "K" if verdict.critic.P is None else "P"
     rows = names.inputs if name == "K" else names.states
-    learned = getattr(verdict.critic, name)
-    exact = getattr(verdict.exact, name)
-    largest = float(np.abs(exact).max())
-    with np.errstate(divide="ignore", invalid="ignore"):  # undefined if the exact entry is 0
-        relative = np.ma.masked_invalid((learned - exact) / np.abs(exact))  # masked there
-    relative[np.abs(relative) < _ROUNDED] = 0.0
-    difference = float(np.ma.filled(np.abs(relative), 0.0).max())
-    maps: list[tuple[str, np.ndarray, float | None]] = [
-        (f"{name} learned", learned, largest),
-        (f"{name} exact", exact, largest),
-    ]
-    if difference < _LEAST_DIFFERENCE:
-        title += f"; relative differences below {max(difference, _ROUNDED):.1g} in every entry"
-    else:
-        maps.append(("(learned - exact) / |exact|", relative, None))
-    figure = make(4.0 * len(maps) + 0.5, 4.0)
+    learned, exact = getattr(verdict.critic, name), getattr(verdict.exact, name)
+    size = float(np.abs(exact).max()) or 1.0
+    norm = SymLogNorm(linthresh=size * _LINEAR_SHARE, vmin=-size, vmax=size)
+    figure = make(12.5, 4.0)
+    title = f"Critic on {names.origin}\nagainst the exact {solution}: {grade_word(verdict.grade)}"
     figure.suptitle(title, fontsize=11)
-    grid = figure.add_gridspec(1, len(maps))
-    for index, (map_title, entries, size) in enumerate(maps):
-        axes = figure.add_subplot(grid[0, index])
-        _heat_map(figure, axes, map_title, entries, size)
+    maps = {f"{name} learned": learned, f"{name} exact": exact, "learned - exact": learned - exact}
+    for axes, (map_title, entries) in zip(figure.subplots(1, 3), maps.items(), strict=True):
+        axes.set_title(map_title)
+        image = axes.imshow(entries, cmap="RdBu_r", norm=norm, aspect="auto")
+        figure.colorbar(image, ax=axes, format="%g").ax.minorticks_off()
         axes.set_xticks(range(len(names.states)), names.states, rotation=60, ha="right", fontsize=7)
         axes.set_yticks(range(len(rows)), rows, fontsize=7)
-        if any(names.state_units) and size is not None:
+        if any(names.state_units):
             units = ", ".join(dict.fromkeys(names.state_units))
             per = "inputs per states" if name == "K" else "cost per states squared"
             axes.set_xlabel(f"{per}, states in {units}", fontsize=7)
@@ -486,40 +472,9 @@ def verdicts_figure(verdicts: Mapping[str, Verdict]) -> Figure:
     # Marks alone: between two critics there is none.
     for (label, values), mark in zip(shown.items(), "os^x", strict=False):
         axes.semilogy(positions, np.maximum(values, _ROUNDED), mark, label=label)
-    if any(np.nanmin(values, initial=np.inf) < _ROUNDED for values in shown.values()):
-        axes.set_ylim(bottom=_ROUNDED)
-        axes.text(0.0, 0.0, " rounding", transform=axes.transAxes, va="bottom", fontsize=7)
     axes.set_ylabel("relative error")
     axes.grid(alpha=0.3)
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False)
     names = [Path(name).name for name in verdicts]
     axes.set_xticks(positions, names, rotation=30, ha="right", fontsize=7)
     return figure
-
-
-def _heat_map(
-    figure: Figure, axes: Axes, title: str, matrix: np.ndarray, size: float | None
-) -> None:
-    """Draw a matrix as a heat map with a color bar.
-
-    size: largest entry of the color scale; None for relative differences, whose scale ends at a
-        power of ten
-    """
-    from matplotlib.colors import SymLogNorm
-
-    axes.set_title(title)
-    is_difference = size is None
-    if size is None:
-        # The scale ends at the first power of ten that is at least twice the largest difference.
-        size = 10.0 ** np.ceil(np.log10(2.0 * np.ma.filled(np.abs(matrix), 0.0).max()))
-        powers = size * np.array([1.0, 0.1, 0.01])
-    else:
-        size = size or 1.0  # the exact matrix is 0
-        powers = 10.0 ** (np.floor(np.log10(size)) - np.array([0.0, 1.0, 2.0]))
-    norm = SymLogNorm(linthresh=size * _LINEAR_SHARE, vmin=-size, vmax=size)
-    image = axes.imshow(matrix, cmap="RdBu_r", norm=norm, aspect="auto")
-    ticks = [*-powers, 0.0, *powers[::-1]]
-    bar = figure.colorbar(image, ax=axes, ticks=ticks, format="%g")
-    bar.ax.minorticks_off()
-    if is_difference:
-        bar.ax.set_yticklabels([f"{tick:+.2g}" if tick else "0" for tick in ticks])
