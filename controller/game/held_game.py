@@ -36,34 +36,30 @@ def held(game: Game, dt: float, delay: float = 0.0) -> Game:
     held_inputs = np.block([[game.A, game.B], [np.zeros((m, n + m))]])
     _, weights = of_step(held_inputs.T, game.weights, dt)  # ∫ e^(M't) W e^(Mt) dt
     weights = (weights + weights.T) / 2.0
-    Q, N, R = weights[:n, :n], weights[:n, n:], weights[n:, n:]
-    if not count:
-        return replace(step, Q=Q, N=N, R=R)
+    held_game = replace(step, Q=weights[:n, :n], N=weights[:n, n:], R=weights[n:, n:])
+    for age in range(count, 0, -1):
+        held_game = _a_sample_later(held_game, age)
+    return held_game
 
-    # The oldest command acts in the step, each other one becomes a sample older.
-    under_way = count * m
-    A, B = np.zeros((n + under_way,) * 2), np.zeros((n + under_way, m))
-    A[:n, :n], A[:n, n : n + m] = step.A, step.B
-    A[n : n + under_way - m, n + m :] = np.eye(under_way - m)
-    B[n + under_way - m :] = np.eye(m)
-    cost = np.zeros_like(A)
-    cost[: n + m, : n + m] = weights
+
+def _a_sample_later(game: Game, age: int) -> Game:
+    """Return a game whose inputs act a sample later: a command is a state, then it acts.
+
+    age: of the command when it acts, in samples
+    """
+    n, m = game.B.shape
     names = game.names
-    ages = range(count, 0, -1)
+    older = tuple(f"{name}_{age}_before" for name in names.inputs)
     return replace(
-        step,
-        A=A,
-        B=B,
-        E=np.vstack([step.E, np.zeros((under_way, step.E.shape[1]))]),
-        Q=cost,
+        game,
+        A=np.block([[game.A, game.B], [np.zeros((m, n + m))]]),
+        B=np.vstack([np.zeros((n, m)), np.eye(m)]),
+        E=np.pad(game.E, [(0, m), (0, 0)]),
+        Q=game.weights,
         R=np.zeros((m, m)),
-        N=np.zeros(B.shape),
+        N=np.zeros((n + m, m)),
         names=names._replace(
-            states=(
-                *names.states,
-                *(f"{name}_{age}_before" for age in ages for name in names.inputs),
-            ),
-            state_units=(*names.state_units, *(names.input_units * count)),
+            states=names.states + older, state_units=names.state_units + names.input_units
         ),
         half_widths=None,
     )

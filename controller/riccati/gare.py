@@ -141,20 +141,6 @@ class Solution(Result, Reported):
         """Eigenvalues of A - B K + E L, the loop under the worst disturbance, (n,), 1/s."""
         return self.closed_loops.worst_poles()
 
-    @property
-    def closed_loop(self) -> control.StateSpace:
-        """Closed loop z' = (A - B K) z + E d as a python-control `StateSpace`.
-
-        The inputs are the disturbances d, and the outputs are the states z.
-        """
-        import control
-
-        game = self.game
-        A = game.A - game.B @ self.K
-        states = list(self.names.states)
-        time = {"states": states, "outputs": states, "dt": game.dt or 0}
-        return control.ss(A, game.E, np.eye(len(A)), 0, **time)
-
     def __iter__(self) -> NoReturn:
         raise BadInputError("no tuple; write solution.K, solution.P, solution.poles()")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from itertools import chain
 
 import numpy as np
 
@@ -79,18 +78,14 @@ def _gain_table(solution: Solution) -> Iterator[Part]:
 
     If no number of digits is enough, a line says so.
     """
-    names = solution.names
-
-    def with_digits(digits: int | None) -> Table:
-        return matrix_table("K", names.inputs, names.states, solution.K, digits)
-
-    usual = with_digits(None)  # four decimals
-    for table in chain([usual], map(with_digits, range(5, MOST_DIGITS + 1))):
+    names = solution.names.inputs, solution.names.states
+    for digits in (None, 8, MOST_DIGITS):  # None: four decimals
+        table = matrix_table("K", *names, solution.K, digits)
         printed = np.array([row[1:] for row in table.rows], dtype=float)
         if stabilizes(solution.game, printed, is_discounted=True):
             yield table
             return
-    yield usual
+    yield matrix_table("K", *names, solution.K)
     yield "K, rounded to doubles, does not stabilize the plant; give slow modes more weight in Q"
 
 
