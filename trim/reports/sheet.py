@@ -266,7 +266,7 @@ def findings(trimmed: Trimmed, sheet: Sheet, airplane: Airplane) -> list[Row]:
         "assumed limits": [
             margin.name for margin in point.margins.values() if margin.nearer and margin.assumed
         ],
-        "search": [*trimmed.search, *trimmed.unlimited],
+        "search": trimmed.search,
         "notes": without_line_numbers(point.warnings),
     }
     for title, _, lines in sheet.groups:
@@ -334,7 +334,7 @@ def _parts(trimmed: Trimmed, sheet: Sheet, *, full: bool) -> list[Any]:
         parts.append(modes_table(trimmed.modes, point.model.time_unit))
     if trimmed.search:
         parts.append(tuple(trimmed.search))
-    return [*parts, *trimmed.unlimited]
+    return parts
 
 
 def _data(trimmed: Trimmed, sheet: Sheet) -> dict[str, Any]:

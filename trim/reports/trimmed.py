@@ -510,16 +510,6 @@ class Trimmed:
         others = other_trims(problem, point) if point.status == Status.TRIMMED else []
         return [*sentences, *(_other_trim(problem, point, other) for other in others)]
 
-    @property
-    def unlimited(self) -> list[str]:
-        """A sentence on variables without limits, if any."""
-        problem = self.point.trim_problem
-        limits = problem.system.limits
-        is_unlimited = np.isinf(limits.lowest) & np.isinf(limits.highest)
-        names = ", ".join(problem.free[i] for i in np.flatnonzero(is_unlimited))
-        sentence = f"No limits are declared for {names}; check that the values are reachable"
-        return [sentence] if names else []
-
     # Maneuvers.
 
     @cached_property
