@@ -8,7 +8,7 @@ import re
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,16 +26,8 @@ _SIDES_OF_STATES = {
 }
 
 
-class _Entry(NamedTuple):
-    """Row of a .csv table of P and K, which `hfa solve` and `hfa learn` write: one matrix entry."""
-
-    matrix: str
-    row: str
-    column: str
-    value: str
-    unit: str
-
-
+#: Columns of a table of P and K with a row for each entry, as `hfa solve` and `hfa learn` write it.
+_ENTRY = ("matrix", "row", "column", "value", "unit")
 #: Unit of an entry of K: unit of the input, unit of the state.
 _UNIT_OF_GAIN = re.compile(r"\((.*)\)/\((.*)\)")
 
@@ -43,48 +35,32 @@ _UNIT_OF_GAIN = re.compile(r"\((.*)\)/\((.*)\)")
 def matrices_of_entries(path: Path) -> dict[str, Any] | None:
     """Return the matrices of a table with a row for each entry, or None for another file.
 
-    The columns of the table are the fields of `_Entry`. The names and units of states and inputs,
-    stored as in `matrices_and_names`, are those of K.
+    The names of states and inputs, and units if each entry states them, are those of K.
 
     Raises ValueError for a faulty file.
     """
     header, *lines = [row for _, row in rows_of_text(str(path), regular_file(path).read_bytes())]
-    width = len(_Entry._fields)  # a column with the provenance follows
-    if header[:width] != [*_Entry._fields]:
+    width = len(_ENTRY)  # a column with the provenance follows
+    if header[:width] != [*_ENTRY]:
         return None
-    by_matrix: dict[str, list[_Entry]] = {}
-    for line in lines:
-        if len(line) < width:
-            raise ValueError(f"a row has {len(line)} cells; give {', '.join(_Entry._fields)}")
-        entry = _Entry(*line[:width])
-        by_matrix.setdefault(entry.matrix, []).append(entry)
+    entries_of: dict[str, dict[tuple[str, str], tuple[str, str]]] = {}
+    for matrix, row, column, value, unit in (line[:width] for line in lines):
+        entries_of.setdefault(matrix, {})[row, column] = (value, unit)
     stored: dict[str, Any] = {}
-    for matrix, entries in by_matrix.items():
-        rows = list(dict.fromkeys(entry.row for entry in entries))
-        columns = list(dict.fromkeys(entry.column for entry in entries))
-        entry_at = {(entry.row, entry.column): entry for entry in entries}
-        if len(entry_at) != len(rows) * len(columns):
+    for matrix, entries in entries_of.items():
+        rows, columns = ([*dict.fromkeys(names)] for names in zip(*entries, strict=True))
+        if len(entries) != len(rows) * len(columns):
             raise ValueError(f"{matrix} lacks an entry; give a row for each")
         stored[matrix] = np.array(
-            [[float(entry_at[row, column].value) for column in columns] for row in rows]
+            [[float(entries[row, column][0]) for column in columns] for row in rows]
         )
+        units = {place: _UNIT_OF_GAIN.fullmatch(unit) for place, (_, unit) in entries.items()}
         if matrix == "K":
-            stored |= {"inputs": rows, "states": columns} | _units_of_gain(entries)
+            stored |= {"inputs": rows, "states": columns}
+        if matrix == "K" and all(units.values()):
+            stored["input_units"] = [units[row, columns[0]][1] for row in rows]  # type: ignore[index]
+            stored["state_units"] = [units[rows[0], column][2] for column in columns]  # type: ignore[index]
     return stored
-
-
-def _units_of_gain(entries: Sequence[_Entry]) -> dict[str, list[str]]:
-    """Return "input_units" and "state_units" of K by the units of its entries, "(deg)/(ft/s)", or
-    {} unless each entry states both.
-    """
-    of_input: dict[str, str] = {}
-    of_state: dict[str, str] = {}
-    for entry in entries:
-        units = _UNIT_OF_GAIN.fullmatch(entry.unit)
-        if units is None:
-            return {}
-        of_input[entry.row], of_state[entry.column] = units.groups()
-    return {"input_units": [*of_input.values()], "state_units": [*of_state.values()]}
 
 
 class _Table(NamedTuple):
