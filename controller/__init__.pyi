@@ -7,6 +7,5 @@ from .expansion.expansion_report import (
 from .expansion.radius import Radius as Radius, radii_of as radii_of
 from .game.basis import basis as basis
 from .hfa_game import load_game as load_game
-from .learning.published import run as run
 from .riccati.smallest_delta import minimum_delta as minimum_delta
 from .riccati.solution_report import solution_report as solution_report

@@ -44,8 +44,8 @@ def learn(
     game are not used (zeros serve), and E only if the data have no disturbances; the run has what
     the data can tell, and 95 % bands.
 
-    Use `controller.run` for a learning law that you define yourself. The result is not verified.
-    `hfa.verify` verifies it with the matrices of the game.
+    The result is not verified. `hfa.verify` verifies it with the matrices of the game, as it does
+    weights of a law of your own (examples/my_own_law.py).
 
     game: the game
     law: name of the law

@@ -11,11 +11,8 @@ printed one, and the weights overflow.
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,78 +20,12 @@ from controller.learning.recording import Learned, Samples
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
 
-#: Largest number of stored rows of the history.
-MOST_ROWS = 20_001
-#: Longest time without a progress report, s.
-SILENCE = 0.5
-
-
-@dataclass(frozen=True, eq=False)
-class Run:
-    """Final state and history of a learner that has finished.
-
-    memory: memory after the last tick
-    history: name -> values at the recorded ticks, (number of recorded ticks, ...)
-    """
-
-    memory: Any
-    history: dict[str, np.ndarray]
-
-
-class Learner(Protocol):
-    """Learner that is run tick by tick."""
-
-    @property
-    def ticks(self) -> int:
-        """Number of ticks."""
-
-    def start(self) -> Any:
-        """Return the memory before the first tick, any object."""
-
-    def advance(self, tick: int, memory: Any) -> Any:
-        """Return the memory after tick number `tick` (0 .. ticks - 1), without side effects."""
-
-    def observe(self, tick: int, memory: Any) -> Mapping[str, Any]:
-        """Return one row of the history, the values after `tick` ticks (0 .. ticks).
-
-        The row contains "time", s, and further values, with the same names in each row.
-        """
-
-
-def run(learner: Learner, *, progress: Progress | None = None) -> Run:
-    """Run all ticks of a learner, and return its last memory and its history.
-
-    The history has at most `MOST_ROWS` rows, evenly distributed over the ticks.
-
-    progress: called with (fraction done, 1, text), or None
-    """
-    memory = learner.start()
-    rows = [_row(learner, 0, memory)]
-    row_every = math.ceil(learner.ticks / (MOST_ROWS - 1))
-    reported = time.monotonic()
-    for tick in range(1, learner.ticks + 1):
-        memory = learner.advance(tick - 1, memory)
-        last = tick == learner.ticks
-        if tick % row_every == 0 or last:
-            rows.append(_row(learner, tick, memory))
-        if progress is not None and (last or time.monotonic() - reported > SILENCE):
-            progress(tick / learner.ticks, 1.0, f"t = {rows[-1]['time']:.3g} s")
-            reported = time.monotonic()
-    return Run(memory, {name: np.array([row[name] for row in rows]) for name in rows[0]})
-
-
-def _row(learner: Learner, tick: int, memory: Any) -> Mapping[str, Any]:
-    """Return a row of the history, in which a number that overflows is inf, without a warning."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        return learner.observe(tick, memory)
-
-
 #: Settings of Section 5.1: predefined time T_w and integration step, s; η, γ and W(0).
 T_W, STEP, ETA, GAMMA, FIRST_WEIGHT = 10.0, 1e-4, 0.8, 0.01, 100.0
 #: θ, which the paper does not print.
 THETA = 0.9
-#: Number of recorded rows after the first.
-RECORDED_ROWS = 1000
+#: Number of reports of the progress.
+TICKS = 1000
 
 
 class TheoremGains(NamedTuple):
@@ -112,11 +43,11 @@ class TheoremGains(NamedTuple):
 
 
 class PublishedLaw(Samples):
-    """Learner of Eq. (46) of the paper for `controller.run`, on the samples of a game.
+    """Eq. (46) of the paper on the samples of a game.
 
         W' = -γ Σ_j σ̄_j [(α₁+1) sig^(1-η)(ē_j) + (α₂+1) sig^(1+η)(ē_j)],   ē_j = σ̄_j'W + c̄_j
 
-    with sig^p(x) = |x|^p sign(x). The memory is W, (M,).
+    with sig^p(x) = |x|^p sign(x).
     """
 
     @cached_property
@@ -163,21 +94,12 @@ class PublishedLaw(Samples):
         above_1 = (self.gains.alpha2 + 1.0) * sizes ** (1.0 + ETA)
         return np.asarray(-GAMMA * (np.copysign(below_1 + above_1, residuals) @ regressors))
 
-    # The members that `controller.run` uses.
-
-    ticks = RECORDED_ROWS
-
-    def start(self) -> np.ndarray:
-        """Return W(0), (M,)."""
-        return np.full(self.psi.size, FIRST_WEIGHT)
-
-    def advance(self, tick: int, memory: np.ndarray) -> np.ndarray:
-        """Return the weights after the Euler steps of one tick.
+    def advance(self, tick: int, weights: np.ndarray) -> np.ndarray:
+        """Return the weights after the Euler steps of one of the `TICKS`.
 
         Raises NoSolutionError, with the step, if the weights overflow.
         """
-        steps = round(T_W / STEP) // RECORDED_ROWS
-        weights = memory
+        steps = round(T_W / STEP) // TICKS
         for step in range(tick * steps, (tick + 1) * steps):
             with np.errstate(all="ignore"):
                 weights = weights + STEP * self.rate(weights)
@@ -192,10 +114,6 @@ class PublishedLaw(Samples):
                 )
         return weights
 
-    def observe(self, tick: int, memory: np.ndarray) -> Mapping[str, Any]:
-        """Return the time after `tick` ticks, s."""
-        return {"time": tick * T_W / RECORDED_ROWS}
-
 
 def published_law(samples: Samples, progress: Progress | None) -> Learned:
     """Return the weights of Eq. (46) as printed, and the gains of Theorem 1.
@@ -203,4 +121,9 @@ def published_law(samples: Samples, progress: Progress | None) -> Learned:
     Raises NoSolutionError, with the cause, if the weights overflow.
     """
     law = PublishedLaw(samples.game, samples.psi, samples.states)
-    return Learned(run(law, progress=progress).memory, law.gains._asdict())
+    weights = np.full(law.psi.size, FIRST_WEIGHT)
+    for tick in range(TICKS):
+        if progress is not None:
+            progress(tick / TICKS, 1.0, f"t = {tick * T_W / TICKS:.3g} s")
+        weights = law.advance(tick, weights)
+    return Learned(weights, law.gains._asdict())

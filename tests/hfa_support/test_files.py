@@ -14,7 +14,7 @@ from game_files import small, stored
 from project import ROOT
 
 import hfa
-from hfa_support.files import folder_written_whole, write_text
+from hfa_support.files import folder_written_whole
 
 pytestmark = pytest.mark.usefixtures("folder")
 AT_15 = ("--dihedral", "15")
@@ -134,19 +134,6 @@ def test_a_full_disk_is_reported_with_the_name_of_the_output(monkeypatch, is_nam
     assert os.listdir() == []
 
 
-def test_a_full_disk_is_reported_with_the_name_of_a_file_in_the_folder(monkeypatch):
-    """A file in a folder that is written whole is named as the user will know it."""
-
-    def full(temporary, _):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(temporary))
-
-    monkeypatch.setattr(Path, "replace", full)
-    says = f"^cannot write {Path('models/a.json')}: "
-    with pytest.raises(hfa.BadInputError, match=says), folder_written_whole("models") as folder:
-        write_text(folder / "a.json", "{}")
-    assert os.listdir() == []
-
-
 INPUT = "is an input of this run; name another file"
 
 
@@ -225,9 +212,3 @@ def test_a_replaced_file_keeps_its_permissions():
     Path("kept.npz").chmod(0o640)
     SOLUTION.save("kept.npz")
     assert Path("kept.npz").stat().st_mode & 0o777 == 0o640
-
-
-def test_a_file_in_a_folder_that_does_not_exist_is_refused():
-    """A result that is saved in a folder that does not exist is refused with advice."""
-    with pytest.raises(hfa.BadInputError, match="choose a writable folder"):
-        SOLUTION.save("no/state.npz")

@@ -490,7 +490,7 @@ WITHOUT = {
         "verification.verdict_figure",
         "verification.verdict_report",
     ),
-    "has no aircraft among its arguments": ("controller.basis", "controller.run"),
+    "has no aircraft among its arguments": ("controller.basis",),
     "compares two arrays": ("verification.relative_error",),
 }
 #: Functions compared with twins in named units alone: their rows depend on the unit's name.

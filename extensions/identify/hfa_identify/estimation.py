@@ -224,8 +224,8 @@ def _identified(fit: Fit, *, is_chosen: bool) -> Identified:
             for record, start in zip(search.records, fit.starts, strict=True)
         ),
         fitted=tuple(
-            (record, response.y)
-            for record, response in zip(search.records, fit.responses, strict=True)
+            (record, simulated.y)
+            for record, simulated in zip(search.records, fit.simulated, strict=True)
         ),
     )
 

@@ -27,7 +27,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_identify.records import Record
-from hfa_identify.response import Response, Responses, Simulation
+from hfa_identify.response import Responses, Simulation
 
 #: Standard deviations of the guess of an initial state, in nominal values: this one for a measured
 #: state, 1 for another, and the next one for a held state and for one that a trim does not balance
@@ -122,13 +122,12 @@ class Fit:
         return self.search.present
 
     @cached_property
-    def responses(self) -> tuple[Response, ...]:
-        """The simulated quantities of each record with their sensitivities.
+    def slopes(self) -> tuple[np.ndarray, ...]:
+        """Sensitivities of the simulated quantities of each record, (N, k, p + n).
 
         Raises FloatingPointError if a sensitivity is not finite.
         """
-        slopes = self.search.responses.slopes
-        return tuple(Response(response.y, slopes(response)) for response in self.simulated)
+        return tuple(map(self.search.responses.slopes, self.simulated))
 
     @cached_property
     def normals(self) -> tuple[Normal, ...]:
@@ -151,8 +150,7 @@ class Fit:
         """
         p = len(self.theta)
         return tuple(
-            self.beyond_start(number, response.slopes[:, :, :p])
-            for number, response in enumerate(self.responses)
+            self.beyond_start(number, slopes[:, :, :p]) for number, slopes in enumerate(self.slopes)
         )
 
     def weights(self, number: int) -> np.ndarray:
@@ -169,7 +167,7 @@ class Fit:
         slopes: sensitivities, (N, k, c)
         """
         # slopes - S₀ A⁻¹ S₀' R⁻¹ slopes, with the sensitivities S₀ to the initial state
-        S0 = self.responses[number].slopes[:, :, len(self.theta) :]
+        S0 = self.slopes[number][:, :, len(self.theta) :]
         weighted = S0 * self.weights(number)[:, :, None]
         inverse_A = self.normals[number].inverse_A
         return np.asarray(
@@ -329,7 +327,7 @@ class OutputError:
         Raises FloatingPointError if they are not finite.
         """
         p = len(self.responses.free)
-        slopes = fit.responses[number].slopes
+        slopes = fit.slopes[number]
         weights = np.where(self.present[number], 1.0 / np.sqrt(fit.noise), 0.0)
         rows = (slopes * weights[:, :, None]).reshape(-1, slopes.shape[2])
         with np.errstate(over="ignore", invalid="ignore"):

@@ -39,17 +39,11 @@ def white_covariance(fit: Fit) -> np.ndarray:
     of a parameter is inf if no sample depends on the parameter, or if its information is lost in
     rounding errors.
     """
-    covariance = _variance_ratio(fit) * inverse(fit.information)
+    samples = int(fit.search.samples.sum())  # of all quantities and records
+    covariance = samples / max(samples - _unknowns(fit), 1) * inverse(fit.information)
     unseen = (np.diag(fit.information) <= 0.0) | (np.diag(covariance) < 0.0)
     covariance[unseen, unseen] = np.inf  # their variances
     return covariance
-
-
-def _variance_ratio(fit: Fit) -> float:
-    """Return the ratio of noise variance to residual variance, N / (N - number of unknowns)."""
-    # N is the number of measured samples of all quantities and records.
-    samples = int(fit.search.samples.sum())
-    return samples / max(samples - _unknowns(fit), 1)
 
 
 def _unknowns(fit: Fit) -> float:
@@ -84,13 +78,18 @@ def covariance(fit: Fit) -> np.ndarray:
 
 def _covariance_of_score(fit: Fit) -> np.ndarray:
     """Return the covariance (p, p) of Σ S' R⁻¹ v, with the autocovariance of the noise."""
+    from scipy.linalg import matmul_toeplitz
+
     V = np.zeros((len(fit.theta), len(fit.theta)))
     unknowns = _unknowns(fit) / int(fit.search.samples.sum())
     for number, (residual, present) in enumerate(zip(fit.residuals, fit.present, strict=True)):
         projected, weights = fit.projected[number], fit.weights(number)
         for quantity in np.flatnonzero(present.any(axis=0)).tolist():
             noise = noise_covariance(residual[:, quantity], present[:, quantity], unknowns)
-            V += variance_of_sum(projected[:, quantity] * weights[:, quantity, None], noise)
+            at_lags = np.zeros(len(residual))
+            at_lags[: len(noise)] = noise
+            S = projected[:, quantity] * weights[:, quantity, None]
+            V += S.T @ matmul_toeplitz(at_lags, S)
     return V
 
 
@@ -112,23 +111,6 @@ def noise_covariance(residual: np.ndarray, present: np.ndarray, unknowns: float)
     until_white = correlation[: int(white[0])] if len(white) else correlation
     removed = min(unknowns * (1.0 + 2.0 * float(until_white[1:].sum())), _MOST_REMOVED)
     return float(residual @ residual) / count * (until_white + removed)
-
-
-def variance_of_sum(S: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Return the covariance Σ_i Σ_j S_i' r(i - j) S_j of the sum Σ S_i' e_i, (p, p).
-
-    S: (N, p)
-    covariance: autocovariance r of the noise e of one quantity at lags 0, 1, ...
-    """
-    from scipy.signal import oaconvolve
-
-    r = covariance[: len(S)]
-    if len(r) == 1:
-        return np.asarray(r[0] * S.T @ S)
-    at_all_lags = np.concatenate([r[:0:-1], r])[:, None]  # negative lags first
-    filtered = oaconvolve(S, at_all_lags, axes=0)[len(r) - 1 : len(r) - 1 + len(S)]
-    total = S.T @ filtered
-    return np.asarray(0.5 * (total + total.T))
 
 
 def autocorrelation(residual: np.ndarray, present: np.ndarray) -> np.ndarray:

@@ -78,18 +78,6 @@ class Simulation:
     count: int
 
 
-@dataclass(frozen=True, eq=False)
-class Response:
-    """Simulated quantities of a record with their sensitivities.
-
-    y: simulated quantities, (N, k)
-    slopes: dy/d(θ, x₀), (N, k, p + n)
-    """
-
-    y: np.ndarray
-    slopes: np.ndarray
-
-
 class Responses:
     """Simulation of a model with free parameters.
 

@@ -71,17 +71,6 @@ def test_exact_data_give_the_exact_solution_without_a_and_b(game, margin):
     assert_exact(game, learn(replace(blind(game), E=0.0 * game.E), data=with_d))
 
 
-def test_samples_of_a_known_hold_give_the_game_in_continuous_time():
-    """Samples of a random plant in continuous time at steps of 0.05 s, with held inputs, determine
-    P and K of its game in continuous time.
-    """
-    step = RATES.sampled(0.05)
-    data = recorded(step) | {"dt": 0.05}
-    run = learn(blind(RATES), data=data)
-    assert_exact(RATES, run)
-    assert run.data.hold == 0.05
-
-
 def trajectory(game, count, seed=0, probing=1.0):
     """Return successive states (count + 1, n) and inputs (count, m), those of K x and random ones."""
     rng = np.random.default_rng(seed)
