@@ -3,6 +3,7 @@
 import copy
 import json
 import pickle
+import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -163,6 +164,21 @@ def test_biases_are_estimated(point, linear):
         assert flight.loop.policy.biases[name] == pytest.approx(
             true[name], abs=share * IN_THE_AIR[name].bias
         )
+
+
+def test_a_loop_whose_sensor_misses_samples_has_no_margins(linear):
+    """A vane with a value every .1 s: no margins are given, which would be those of values in all samples,
+    and its bias is less known after a minute.
+    """
+    vane = replace(IN_THE_AIR["angle_of_attack"], every=0.1)
+    told = []
+    for sensors in (IN_THE_AIR, IN_THE_AIR | {"angle_of_attack": vane}):
+        policy = hfa.filter(linear, sensors, "light:20000").policy(mild_gain(linear))
+        told.append(policy.filter.text_of_biases())
+        assert (policy.margins is None) == (sensors is not IN_THE_AIR)
+    assert "No margins: angle_of_attack" in " ".join(policy.texts())
+    left = [float(re.search(r"angle_of_attack .*? to (\S+)", text)[1]) for text in told]
+    assert left[1] > left[0]
 
 
 @pytest.mark.slow

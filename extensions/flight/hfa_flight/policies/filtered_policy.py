@@ -167,8 +167,9 @@ class FilteredPolicy(SampledPolicy):
             law = replace(law, tick=kalman.dt)  # the filter calls it once a sample
         name = f"{law.name} behind a filter"
         policy = cls(name, kalman.point, kalman.dt, filter=kalman, law=law, fade=fade)
-        loop = policy.loop()
-        if is_default and loop is not None and loop.compensator_radius >= 1.0:
+        K = policy.gain
+        is_fast = K is not None and FilterLoop.of(kalman, K, 0.0).compensator_radius >= 1.0
+        if is_default and is_fast:
             return replace(policy, fade=_FADE_OF_FAST_GAIN)
         return policy
 
@@ -362,8 +363,10 @@ class FilteredPolicy(SampledPolicy):
         return replace(policy, ahead=scenario.delay), late
 
     def loop(self) -> FilterLoop | None:
-        """Return the linear loop, or None for a law without a gain."""
-        K, unknown = self.gain, self.delay - self.ahead
+        """Return the linear loop, or None for a law without a gain, and where a sensor has no value
+        in some samples.
+        """
+        K, unknown = None if self.filter.intermittent else self.gain, self.delay - self.ahead
         return None if K is None else FilterLoop.of(self.filter, K, self.ahead, unknown)
 
     def sampled_modes(self) -> np.ndarray | None:
@@ -373,11 +376,11 @@ class FilteredPolicy(SampledPolicy):
 
     @cached_property
     def margins(self) -> FilterMargins | None:
-        """Margins of the linear loop, or None for a law without a constant gain, or one that acts
-        before the delay of the loop.
+        """Margins of the linear loop, or None without one, and for a law that acts before the delay
+        of the loop.
         """
         K = self.gain
-        if K is None or self.delay != self.ahead:
+        if K is None or self.delay != self.ahead or self.filter.intermittent:
             return None
         return margins_of(partial(FilterLoop.of, self.filter, K, self.ahead))
 
@@ -391,7 +394,11 @@ class FilteredPolicy(SampledPolicy):
         margins = self.margins
         fading = f"Switched on in flight, commands are faded in over {self.fade:g} s (fade)."
         known = [text for text in (self.filter.text(), self.filter.text_of_biases()) if text]
-        return [*known, *([] if margins is None else [margins.text()]), fading]
+        if margins is not None:
+            known.append(margins.text())
+        elif names := self.filter.intermittent:
+            known.append(f"No margins: {', '.join(names)} has no value in some samples.")
+        return [*known, fading]
 
     def data(self, model: Model) -> dict[str, Any]:
         """Return the JSON data on the policy: those of its law, and the filter."""

@@ -206,6 +206,11 @@ class KalmanFilter(Result):
         """Return the measured values at the states of the filter, (p,), as deviations from trim."""
         return _sensed(self.point, self.sensors, self, x)
 
+    @property
+    def intermittent(self) -> list[str]:
+        """Sensors without a value in some samples, which the stationary filter does not know."""
+        return [name for name, sensor in self.sensors.items() if sensor.every > self.dt]
+
     @cached_property
     def at_trim(self) -> np.ndarray:
         """Measured values at the trim, (p,)."""
@@ -307,16 +312,21 @@ class KalmanFilter(Result):
             f"Kalman filter for {air}, one sample every {1e3 * self.dt:g} ms{without}{beside}: "
             f"spectral radius {near_one(self.radius)}, Riccati residual {self.residual:.1e}, drift "
             f"{DRIFT:g} of the noise a second{exceptions}"
+            + ", as if each sample had all values"
+            * bool(self.intermittent)
         )
 
     def text_of_biases(self) -> str:
         """Return the deviations of the biases at the beginning and after a minute, or ""."""
         if not self.biased:
             return ""
-        P = self.P_at_begin
-        for _ in range(round(60.0 / self.dt)):
-            gain = np.linalg.solve(self.C @ P @ self.C.T + self.R, self.C @ P).T
-            P = self.Phi @ (P - gain @ self.C @ P) @ self.Phi.T + self.Q
+        P, R = self.P_at_begin, np.diag(self.R)
+        samples = [max(1, round(sensor.every / self.dt)) for sensor in self.sensors.values()]
+        for sample in range(round(60.0 / self.dt)):
+            given = sample % np.array(samples) == 0
+            C = self.C[given]
+            gain = np.linalg.solve(C @ P @ C.T + np.diag(R[given]), C @ P).T
+            P = self.Phi @ (P - gain @ C @ P) @ self.Phi.T + self.Q
         after = np.sqrt(np.diag(P)[len(P) - len(self.biased) :]).tolist()
         unit = in_gusts(self.point.model).unit
         told = [
