@@ -55,21 +55,6 @@ def test_advice_of_a_point_mass_is_the_steepest_climb_and_no_fall(folder):
     assert (turn.code, "_dot" in turn.err) == (1, False)
 
 
-def test_a_reason_stands_alone_where_advice_fails(monkeypatch):
-    """If the search for advice raises an error, only the reason of the failed trim is printed.
-
-    The thrust of the aircraft is at most 60 N, too little for 128 m/s.
-    """
-
-    def failing(*_):
-        raise hfa.BadInputError("advice failed")
-
-    monkeypatch.setattr("hfa.options.advice._advice", failing)
-    refused = command("trim", "--aircraft", UAV, "--hold", "speed=128")
-    assert (refused.code, "thrust at maximum 60 N, " in refused.err) == (1, True)
-    assert "advice" not in refused.err
-
-
 @pytest.mark.parametrize(
     ("verb", "airspeed"), [("trim", "kcas"), ("linearize", "keas"), ("solve", "ktas")]
 )

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa
-from game_files import small, stored
-from scipy.linalg import solve_continuous_are
+from game_files import stored
 
 from hfa.main import BAD_INPUT
 
@@ -104,26 +103,6 @@ def test_an_entry_dt_that_is_no_sample_time_is_refused(dt):
         assert ".npz: dt " in result.err
 
 
-@pytest.mark.parametrize(
-    ("entries", "said"),
-    [
-        ({"states": ["speed", "alpha"], "state_units": ["ft/s", "rad"]}, ""),
-        ({"state_units": ["kt", "rad"]}, "converted speed from kt to ft/s"),
-        ({"input_units": ["N"]}, "converted push from N to lbf"),
-    ],
-)
-@pytest.mark.usefixtures("folder")
-def test_converted_units_of_a_critic_are_noted(entries, said):
-    """`hfa verify` names the signals that it converts, and none if units are the same."""
-    names = {"states": ["speed", "alpha"], "inputs": ["push"]}
-    units = {"state_units": ["ft/s", "rad"], "input_units": ["lbf"]}
-    small("plant.json", **names, **units)
-    file = stored("K.json", K=[[1.0, 1.0]], **entries)
-    report = hfa("verify", "--model", "plant.json", "--weights", file).out
-    assert ("converted" in report) == bool(said)
-    assert said in report
-
-
 @pytest.mark.slow
 def test_a_solution_of_another_trim_is_named(tmp_path):
     """`hfa verify` says of which trim, and of which delta, a file of `hfa solve` is, if the game is
@@ -166,17 +145,3 @@ def test_a_critics_file_has_its_game():
     assert other["diagnosis"] == "Q of the file is not that of the game"
     three = stored("K.npz", K=np.ones((1, 2)), Q=np.eye(3), R=np.eye(1))
     assert_refused(hfa(*words[:-1], three), 2, "Q")
-
-
-@pytest.mark.usefixtures("folder")
-def test_under_the_papers_weights_no_gain_is_said_to_contradict_its_own_value():
-    """A right LQR gain and its P of other weights fail on the paper's game, whose weights are the
-    reason, unless the mistake is one of the gain.
-    """
-    linear = answer("linearize", "--dihedral", "7")
-    A, B = np.array(linear["A"]), np.array(linear["B"])
-    P = solve_continuous_are(A, B, np.eye(6), np.eye(5))
-    K = B.T @ P
-    file = stored("colleague.npz", K=K, S=P)
-    found = answer("verify", "--dihedral", "7", "--weights", file, code=1)
-    assert "--Q and --R" in found["diagnosis"]

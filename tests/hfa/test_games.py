@@ -27,29 +27,6 @@ def test_solve_below_the_smallest_delta_names_the_remedy(delta):
     assert list(Path().iterdir()) == []
 
 
-THREE_STATES = {
-    "A": [[-1.0, 0.0, 0.0], [0.2, -2.0, 0.0], [0.0, 0.3, -4.0]],
-    "B": [[1.0], [0.5], [0.2]],
-    "Q": np.diag([1.0, 0.0, 0.0]).tolist(),
-    "E": None,
-}
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [{"delta": math.inf}, THREE_STATES],
-    ids=["delta inf", "no E, two states without cost"],
-)
-def test_commands_accept_plants_with_missing_entries(changes):
-    """`hfa solve`, `learn` and `verify` accept a plant with delta inf, and one without E whose second
-    and third state have no cost. The learned value is the exact one within 1e-12.
-    """
-    plant = small("plant.json", **changes)
-    assert answer("solve", "--model", plant)["certificate"]["ok"] is True
-    assert answer("learn", "--model", plant, "-o", "learned.json")["converged"] is True
-    assert answer("verify", "--model", plant, "--weights", "learned.json")["P_rel_error"] <= 1e-12
-
-
 @pytest.mark.parametrize(("speed", "options"), [(0.01, ()), (0.01 / 0.3048**2, ("--units", "si"))])
 def test_sizes_are_typed_in_degrees_and_in_the_units_of_the_model(speed, options):
     """The K of --sizes is that of Q and R with 1/size², with angles in rad, and the speed 10 ft/s in

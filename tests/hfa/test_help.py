@@ -35,12 +35,6 @@ def test_help_is_short_and_ends_with_an_example(name):
     assert [line for line in whole if len(line) > 80] == []
 
 
-@pytest.mark.parametrize("name", QUICK)
-def test_help_loads_no_aircraft(name):
-    """The help of a command is the same with an aircraft file that does not exist."""
-    assert hfa(name, "--aircraft", "nowhere.py:X", "--help").out == hfa(name, "--help").out
-
-
 def ran(tmp_path, monkeypatch, examples, *more):
     """Run example commands one after the other in a folder, and return the exit code of each.
 

@@ -9,7 +9,7 @@ from cli import assert_refused, hfa
 from game_files import small, stored
 
 from hfa.entry_points import commands
-from hfa.main import BAD_INPUT, FAILED
+from hfa.main import BAD_INPUT
 
 #: A number too long for a double, and for a message.
 DIGITS = "9" * 5000
@@ -176,17 +176,3 @@ def test_unknown_misplaced_and_repeated_words_are_refused(words, named):
     """An unknown, misplaced or repeated word is refused, and the message says what to type."""
     pytest.importorskip("hfa_flight")
     assert_refused(hfa(*shlex.split(words)), BAD_INPUT, named)
-
-
-@pytest.mark.parametrize(
-    ("changes", "code", "named"),
-    [
-        ({"A": [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]}, BAD_INPUT, "A is 2 x 3; give a square matrix"),
-        ({"A": [[1.0, 0.0], [0.0, -1.0]]}, FAILED, "is not stabilizable: no input reaches"),
-    ],
-)
-def test_bad_plants_are_refused_in_one_line(changes, code, named):
-    """Each faulty plant file is refused in one line that names the fault."""
-    assert_refused(
-        hfa("solve", "--model", small("given.json", **changes), "-o", "result.json"), code, named
-    )

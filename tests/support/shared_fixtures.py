@@ -2,6 +2,7 @@
 
 import pytest
 from known_models import exact_gain, game_at, model_at
+from project import ROOT
 
 import hfa
 from hfa.paper import default_parameters
@@ -61,3 +62,12 @@ def elevator_game():
 def gain():
     """Return K of the exact solution of the paper's game at 15 deg."""
     return exact_gain(15.0)
+
+
+@pytest.fixture(scope="session")
+def uav(tmp_path_factory):
+    """Return the path of the small aircraft with a largest lift coefficient."""
+    path = tmp_path_factory.mktemp("uav") / "uav.toml"
+    text = (ROOT / "examples/uav.toml").read_text("utf-8")
+    path.write_text(f"CL_max = 1.0\n{text}", "utf-8")
+    return str(path)

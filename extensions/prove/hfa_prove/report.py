@@ -50,8 +50,8 @@ def claim_of(statement: ScheduleStatement) -> Claim:
     ]
     rate = statement.scheduled_rate
     if rate is not None:
-        how = f"at most {at_least(rate, 4)} {unit}/s" if math.isfinite(rate) else "any rate"
-        lines.append(f"The linear loop is stable while the {model.schedule} moves at {how}.")
+        how = f"at up to {at_least(rate, 4)} {unit}/s" if math.isfinite(rate) else "at any rate"
+        lines.append(f"The linear loop is stable while the {model.schedule} moves {how}.")
     # The paper's aircraft has {"dihedral_deg": [low, high]}, others {"scheduled": {name: [low,
     # high]}}.
     key = model.schedule_key if model.about.names_schedule else "scheduled"

@@ -1,5 +1,6 @@
 """`hfa prove --check` compares every option of the subject with the statement."""
 
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 
@@ -7,8 +8,11 @@ import numpy as np
 import pytest
 from cli import answer, hfa
 
+from hfa import load_model
 from hfa.options.parser import options_of
+from hfa_prove.commands import given
 from hfa_prove.commands.check_request import CheckRequest
+from hfa_prove.fields import close_to
 from hfa_support.errors import NoSolutionError
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -118,6 +122,22 @@ def check_case(path, words, entry, usual, monkeypatch):
     assert found.code == 0 or (found.out == "" and len(found.err.splitlines()) == 1)
 
 
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e12])
+def test_gains_are_compared_in_any_units(size):
+    """A gain that differs by 1 % in one entry is another gain, whatever the unit of the rate: entries are
+    compared in nominal values of the states, here `size` for the rate.
+    """
+    pendulum = load_model(f"{ROOT}/examples/pendulum.py:PENDULUM")
+    states = dict(pendulum.states)
+    states["rate"] = states["rate"]._replace(nominal=size)
+    model = replace(pendulum, states=states)
+    same = close_to(given.SAME_GAIN, given.sizes_of_gain(model))
+    gain = np.array([[2.0, 1.5 / size]])
+    assert same((gain * (1.0 + 1e-10)).tolist(), gain)
+    for factor in ([1.0, 1.01], [1.01, 1.0], [1.0, 0.99]):
+        assert not same((gain * factor).tolist(), gain)
+
+
 def test_the_options_of_the_proof_give_the_subject():
     """With the options of its proof, a certificate is verified; what is not given is named."""
     assert answer("prove", "--check", str(STORED), *BASE)["not_given"] == ["gains"]
@@ -131,3 +151,26 @@ def test_a_changed_option_is_refused_if_it_changes_the_subject(
     and --check refuses the stored certificate. Without a listed entry, the certificate is verified.
     """
     check_case(path, words, entry, usual, monkeypatch)
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        ((), ""),
+        (("--rate",), "moves at any rate"),
+        (("--rate", "1"), "moves at up to 1 deg/s"),
+    ],
+)
+def test_the_asked_rate_is_the_claim_of_a_certificate_that_is_checked(typed, said, folder):
+    """Without --rate, the claim has no motion, with it alone the largest found, here any, and with a
+    number this one. The check accepts the written certificate for its interval, and for no longer one.
+    """
+    words = ("prove", "schedule", "--dihedral", "15:15.001", "-q", *typed, "-o", "c.json")
+    shown = " ".join(hfa(*words).out.split())
+    assert said in shown
+    assert ("dihedral moves" in shown) == bool(said)
+    check = ("prove", "--check", "c.json", "--dihedral")
+    checked = " ".join(hfa(*check, "15:15.001").out.split())
+    assert said in checked
+    assert "parameters identified (" in checked
+    assert hfa(*check, "15:15.002").code == 1
