@@ -18,21 +18,20 @@ from hfa_support.entry_points import AIRCRAFT, loaded, offered
 from hfa_support.errors import (
     BadInputError,
     file_faults,
-    is_finite,
     prefix_errors,
     refuse_unknown,
     shown,
 )
-from hfa_support.files import NUMBER, checked, read_toml, regular_file, resolved
+from hfa_support.files import NUMBER, Number, checked, read_toml, regular_file, resolved
 
 #: Entries of such a file. Other readers use [covariance]; [bands] is checked with an aircraft.
 _FILE: dict[str, Any] = {
     "aircraft": str,
     "sha256": str,
     "parameters": {str: NUMBER},
-    "bands": {str: None},
+    "bands": {str: [Number(infinite=True)]},
     "covariance": None,
-    "sensors": {str: None},
+    "sensors": {str: NUMBER},
 }
 
 
@@ -111,13 +110,7 @@ class ParameterFile:
         values = {**starts, **self.sensors}
         for name, band in self.bands.items():
             refuse_unknown(f"{self.path}: [bands] has the unknown parameter", name, values)
-            numbers = [*band, values[name]] if isinstance(band, list) else [band]
-            if not (
-                len(numbers) == 3
-                and all(map(is_finite, numbers[2:]))
-                and not any(isinstance(end, (bool, str)) for end in numbers)
-                and numbers[0] <= numbers[2] <= numbers[1]
-            ):
+            if len(band) != 2 or not band[0] <= values[name] <= band[1]:
                 raise BadInputError(
                     f"{self.path}: the band of {name} is {shown(band)}; give [low, high] around "
                     f"its value {shown(values[name])}"

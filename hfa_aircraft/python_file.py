@@ -9,6 +9,7 @@ import sys
 import types
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import resolve_name
 from pathlib import Path
 
 import casadi as ca
@@ -110,11 +111,7 @@ def _imported_names(text: bytes, package: str) -> set[str]:
         if isinstance(node, ast.Import):
             names.update(alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            module = node.module or ""
-            if node.level:  # 1 is the package itself, 2 its parent
-                parts = package.split(".")
-                outer = parts[: len(parts) - node.level + 1]
-                module = ".".join([*outer, module] if module else outer)
+            module = resolve_name("." * node.level + (node.module or ""), package)
             names.add(module)
             names.update(f"{module}.{alias.name}" for alias in node.names)
     parents = {

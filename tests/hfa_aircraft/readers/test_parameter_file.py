@@ -91,7 +91,7 @@ def test_files_that_name_each_other_are_refused(folders):
         ("[bands]\nmasss = [1.0, 2.0]", "unknown parameter"),
         ("[bands]\nmass = [1.0, 2.0]", "give [low, high] around its value 13.5"),
         ("[bands]\nmass = [20.0, 10.0]", "give [low, high] around"),
-        ("[bands]\nmass = [nan, 20.0]", "band of mass is [nan, 20.0]"),
+        ("[bands]\nmass = [nan, 20.0]", "bands.mass[0] is nan"),
     ],
 )
 def test_a_wrong_entry_is_refused(folders, entries, message):
