@@ -253,28 +253,11 @@ def numbers_in(what: str, values: Any) -> np.ndarray:
     if array.dtype.kind not in "iuf":
         if hasattr(values, what):  # as a Solution that is given for K has an attribute K
             raise BadInputError(f"{what} is a {type(values).__name__}; give its {what}")
-        rule = f"{what} does not consist of rows of real numbers, all of equal length"
-        raise BadInputError(rule + _faulty_row(values))
+        raise BadInputError(f"{what} does not consist of rows of real numbers, all of equal length")
     mask = getattr(values, "_mask", None)  # importing numpy.ma would take 10 ms
     if mask is not None and np.any(mask):
         raise BadInputError(f"{what} has masked entries; give a number for each entry")
     return array.astype(float)
-
-
-def _faulty_row(rows: Any) -> str:
-    """Return the end of an error message on a list of lists that is not a matrix, "; row 2 has 1
-    number, and row 1 has 2", or "" if no row is faulty.
-    """
-    if not (isinstance(rows, list) and rows and all(isinstance(row, list) for row in rows)):
-        return ""
-    for number, row in enumerate(rows, 1):
-        if len(row) != len(rows[0]):
-            noun = "number" if len(row) == 1 else "numbers"
-            return f"; row {number} has {len(row)} {noun}, and row 1 has {len(rows[0])}"
-        for entry in row:
-            if isinstance(entry, bool) or not isinstance(entry, (int, float)):
-                return f"; row {number} has {shown(entry)}"
-    return ""
 
 
 def shortened(text: str, longest: int = _LONGEST) -> str:

@@ -63,12 +63,31 @@ def matrices_of_entries(path: Path) -> dict[str, Any] | None:
     return stored
 
 
+class Label(NamedTuple):
+    """Name of a row or a column, and its unit or ""."""
+
+    name: str
+    unit: str
+
+    @classmethod
+    def of(cls, text: str) -> Label:
+        """Return the label of a text such as "speed [ft/s]", "speed (ft/s)" or "cg [%MAC]".
+
+        A number in round brackets, without a blank before it, is an index: "x(1)".
+        """
+        bracket = r"\s*\[(.*)\]|(?:\s+|(?!\(\d+\)))\(((?:[^()]|\([^()]*\))*)\)"
+        parts = re.fullmatch(rf"(.*?)(?:{bracket})?", text.strip(), re.DOTALL)
+        assert parts is not None  # any text matches
+        unit = (parts[2] or parts[3] or "").strip()
+        return cls(parts[1], "%" if re.fullmatch(r"%\s*(MAC|mac|c|chord)", unit) else unit)
+
+
 class _Table(NamedTuple):
-    """Matrix in a .csv file, and the texts of its rows and of its columns, [] if it has none."""
+    """Matrix in a .csv file, and the labels of its rows and of its columns, [] if it has none."""
 
     matrix: np.ndarray
-    rows: list[str]
-    columns: list[str]
+    rows: list[Label]
+    columns: list[Label]
 
 
 def _table(name: str, path: Path) -> _Table:
@@ -99,33 +118,8 @@ def _table(name: str, path: Path) -> _Table:
     if len(widths) > 1:
         cells = " and of ".join(map(str, sorted(widths)))
         raise ValueError(f"{name} has rows of {cells} cells; give rows of equal length")
-    return _Table(np.array(rows, dtype=float), row_names, column_names)
-
-
-class Label(NamedTuple):
-    """Name of a row or a column, and its unit or ""."""
-
-    name: str
-    unit: str
-
-    @classmethod
-    def of(cls, text: str) -> Label:
-        """Return the label of a text such as "speed [ft/s]", "speed (ft/s)" or "cg [%MAC]".
-
-        A number in round brackets, without a blank before it, is an index: "x(1)".
-        """
-        bracket = r"\s*\[(.*)\]|(?:\s+|(?!\(\d+\)))\(((?:[^()]|\([^()]*\))*)\)"
-        parts = re.fullmatch(rf"(.*?)(?:{bracket})?", text.strip(), re.DOTALL)
-        assert parts is not None  # any text matches
-        unit = (parts[2] or parts[3] or "").strip()
-        return cls(parts[1], "%" if re.fullmatch(r"%\s*(MAC|mac|c|chord)", unit) else unit)
-
-
-class _Sides(NamedTuple):
-    """Labels of the rows and of the columns of a matrix, [] where the file has none."""
-
-    rows: list[Label]
-    columns: list[Label]
+    labels = ([*map(Label.of, names)] for names in (row_names, column_names))
+    return _Table(np.array(rows, dtype=float), *labels)
 
 
 def _names_and_units(tables: Mapping[str, _Table]) -> dict[str, list[str]]:
@@ -136,11 +130,7 @@ def _names_and_units(tables: Mapping[str, _Table]) -> dict[str, list[str]]:
 
     Raises ValueError if a matrix has the states in another order.
     """
-    sides = {
-        matrix: _Sides([*map(Label.of, table.rows)], [*map(Label.of, table.columns)])
-        for matrix, table in tables.items()
-    }
-    A, B, P, K = (sides.get(matrix, _Sides([], [])) for matrix in "ABPK")
+    A, B, P, K = (tables.get(matrix, _Table(np.empty(0), [], [])) for matrix in "ABPK")
     states = A.rows or A.columns or P.rows or P.columns or K.columns
     inputs = B.columns or K.rows
     stored = {}
@@ -151,9 +141,9 @@ def _names_and_units(tables: Mapping[str, _Table]) -> dict[str, list[str]]:
             stored[f"{kind}_units"] = [label.unit for label in labels]
 
     state_names = stored.get("states", [])
-    for matrix, of_matrix in sides.items():
+    for matrix, table in tables.items():
         for side in _SIDES_OF_STATES.get(matrix, ()):
-            names = [label.name for label in getattr(of_matrix, side)]
+            names = [label.name for label in getattr(table, side)]
             if names != state_names and sorted(names) == sorted(state_names):
                 raise ValueError(
                     f"the {side} of {matrix} are {', '.join(names)}, but the states are "

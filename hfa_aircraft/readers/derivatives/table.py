@@ -416,9 +416,7 @@ def _unknown(name: str, entry: Entry, surfaces: Mapping[str, Any]) -> BadInputEr
     known = (*UNITS, *_TEXTS, *surfaces, *derivatives, INDUCED, THRUST_INPUT, *others)
     if name in known:
         return entry.error(f"{name} has a single value; give the lower and the upper limit")
-    # Names of the same coefficient come first: CL_p is better advice for CL_bet than Cl_beta.
-    alike = [candidate for candidate in known if candidate[:2] == name[:2]]
-    if near := advice(name, alike) or advice(name, known):
+    if near := advice(name, known):
         return entry.error(f"unknown entry {shown(name)}{near}")
     coefficient, _, argument = name.partition("_")
     if coefficient in COEFFICIENTS and argument.isidentifier():
