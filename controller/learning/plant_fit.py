@@ -209,8 +209,7 @@ class PlantFit:
             sizes = (errors / np.where(deviations > 0.0, deviations, 1.0)).max(axis=1)
             kept = np.argsort(sizes)[: max(int(0.8 * len(ends)), begins.shape[1] + 1)]
             inside = np.flatnonzero(sizes <= 6.0)
-        fit, *_ = np.linalg.lstsq(begins[inside], ends[inside], rcond=None)
-        without = _misfit(ends[inside] - begins[inside] @ fit, ends[inside])
+        without = _misfit(errors[inside], ends[inside])
         if len(inside) == len(ends) or without > 0.5 * self.misfit:
             return ""
         rows = map(str, np.delete(self.transitions.rows, inside))

@@ -132,11 +132,6 @@ class Responses:
         self._advances = {}
 
     @cached_property
-    def sizes(self) -> tuple[int, int, int]:
-        """Numbers (n, p, k) of states, unknowns and measured quantities."""
-        return len(self.model.states), len(self.free), len(self.measured)
-
-    @cached_property
     def signals(self) -> dict[str, Signal]:
         """Unknown -> its unit, limits and value at the start of the search."""
         signals = {}
@@ -151,23 +146,18 @@ class Responses:
     def steps_between(self, record: Record, start: np.ndarray, theta: np.ndarray) -> int:
         """Return the number of integration steps between two samples, at most `_MOST_STEPS`.
 
-        A step is at most `STEP` time constants of the fastest mode at the initial state.
+        A step is at most `STEP` time constants of the fastest mode at the initial state, if its
+        Jacobian is finite.
 
         start: initial state, (n,)
         theta: unknowns, (p,)
         """
-        longest_interval = float(np.diff(record.time).max())
-        steps = math.ceil(longest_interval * self._fastest(record, start, theta) / STEP)
+        (slopes,) = self._rate_slopes(start[None], record.inputs[:1], theta[None])
+        if not np.isfinite(slopes).all():
+            return 1
+        fastest = spectral_radius(slopes.reshape(len(start), -1))
+        steps = math.ceil(float(np.diff(record.time).max()) * fastest / STEP)
         return int(np.clip(steps, 1, _MOST_STEPS))
-
-    def _fastest(self, record: Record, start: np.ndarray, theta: np.ndarray) -> float:
-        """Return the largest magnitude of an eigenvalue of ∂f/∂x at the initial state, 1/s, or 0 if
-        the Jacobian is not finite.
-        """
-        slope = self._rate_slopes(start[None], record.inputs[:1], theta[None])[0].reshape(
-            2 * start.shape
-        )
-        return spectral_radius(slope) if np.isfinite(slope).all() else 0.0
 
     def simulated(self, record: Record, start: np.ndarray, theta: np.ndarray) -> Simulation:
         """Return the simulation of a record.
@@ -180,11 +170,13 @@ class Responses:
         count = self.steps_between(record, start, theta)
         grid = integration_grid(record, count)
         states = self._states(start, grid, theta)
-        y = self._outputs(states[::count], record.inputs, theta)
+        at_samples = states[::count]
+        thetas = np.tile(theta, (len(at_samples), 1))
+        (y,) = self._recorded(at_samples, record.inputs, thetas)
         if not np.isfinite(y).all():
             raise FloatingPointError("the simulation diverges")
         return Simulation(
-            record, theta, y, at_samples=states[::count], begins=states[:-1], grid=grid, count=count
+            record, theta, y, at_samples=at_samples, begins=states[:-1], grid=grid, count=count
         )
 
     def slopes(self, simulated: Simulation) -> np.ndarray:
@@ -192,7 +184,7 @@ class Responses:
 
         Raises FloatingPointError if they are not finite.
         """
-        n, p, k = self.sizes
+        n, p, k = len(self.model.states), len(self.free), len(self.measured)
         record, theta, count = simulated.record, simulated.theta, simulated.count
         at_samples = simulated.at_samples
         total = np.empty((len(at_samples), k, p + n))
@@ -233,10 +225,6 @@ class Responses:
         if steps not in self._advances:
             self._advances[steps] = BoundFunction(self._step.mapaccum(steps))
         return self._advances[steps]
-
-    def _outputs(self, states: np.ndarray, inputs: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """Return the measured quantities (N, k) at states (N, n) and inputs (N, m)."""
-        return self._recorded(states, inputs, np.tile(theta, (len(states), 1)))[0]
 
 
 def _slopes(arguments: list[ca.SX], values: ca.SX, *unknowns: ca.SX) -> RowFunction:
