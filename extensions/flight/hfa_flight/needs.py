@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
+from typing import NamedTuple
+
 from hfa.options.argument_types import number
-from hfa_support.errors import BadInputError, shown
+from hfa_support.errors import BadInputError, choice_of, shown
 from hfa_support.files import Number
 from hfa_support.reporting.text import percent
 
@@ -25,11 +28,30 @@ def refuse_share(share: float) -> None:
         raise BadInputError(f"share is {shown(share)}; give {_SHARE}")
 
 
-def needed_share(name: str, text: str) -> float:
-    """Return the share that is typed after `--need share=`."""
-    if name != SHARE:
-        raise BadInputError(f"is unknown; use {SHARE}=X, such as {SHARE}=0.95")
-    return number(text, _SHARE)
+class Need(NamedTuple):
+    """Requirement: the sentence if it is not satisfied, and the permitted values."""
+
+    unmet: str
+    values: Number
+
+
+#: Name of a requirement of `hfa assess` -> requirement.
+NEEDS = {
+    "delay": Need("a delay of {:g} s is not tolerated", Number(0.0)),
+    "margin": Need("the disk margin is not at least {:g}", Number(0.0)),
+    "cost": Need("the median cost is not within {:g} % of the exact gain's", Number(0.0)),
+    SHARE: Need("fewer than the share {:g} of the flights converge", _SHARE),
+}
+
+
+def needed(names: tuple[str, ...], name: str, text: str) -> float:
+    """Return the value that is typed after `--need NAME=`, of a command with these names."""
+    if name not in names:
+        raise BadInputError(f"is unknown; {choice_of(name, names)}")
+    return number(text, NEEDS[name].values)
+
+
+needed_share = partial(needed, (SHARE,))
 
 
 def is_enough(count: int, flights: int, share: float) -> bool:

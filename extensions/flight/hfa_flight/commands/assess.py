@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 from controller.critic.critic_file import critic_suffixes
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import each_of, input_file, linear_state, number, whole
-from hfa.options.command import Outcome, ProgressLine, Request, command
+from hfa.options.command import Outcome, Request, command
 from hfa.options.parser import is_given, option
 from hfa.options.plants import aircraft_help
 from hfa.options.trims import GivenTrims, SeveralTrims, at_name, given_trims
-from hfa_flight.needs import ALL, SAMPLES, SHARE, needed_share
-from hfa_support.errors import BadInputError, choice_of
-from hfa_support.files import POSITIVE, Number
+from hfa_flight.needs import NEEDS, SAMPLES, needed
+from hfa_support.errors import BadInputError
+from hfa_support.files import POSITIVE
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
@@ -25,17 +25,6 @@ if TYPE_CHECKING:
 
 _MOST_POINTS = 1000
 _MOST_SAMPLES = 100_000
-
-
-def _need(name: str, text: str) -> float:
-    """Return the required value that is typed after --need, a number of at least 0."""
-    from hfa_flight.judge.assessment import NEEDS
-
-    if name not in NEEDS:
-        raise BadInputError(f"is unknown; {choice_of(name, NEEDS)}")
-    if name == SHARE:
-        return needed_share(name, text)
-    return number(text, Number(0.0))
 
 
 def _deployment_path(text: str) -> Path:
@@ -84,7 +73,7 @@ class AssessRequest(Request, SeveralTrims):
         "requirement: delay to tolerate (s), smallest disk margin, largest median cost (percent "
         "above the exact gain's), or share of flights that converge (default 1); repeatable",
         "delay|margin|cost|share=X",
-        _need,
+        partial(needed, tuple(NEEDS)),
         named=True,
     )
 
@@ -143,8 +132,6 @@ def assess(request: AssessRequest, given: GivenTrims) -> Outcome:
     box = each_of("--box", model, request.box, partial(linear_state, declared=POSITIVE))
     points = tuple(map(trimmed, given.trims))
     deployed = Deployed(_deployment(request, points), model)
-    share = request.need.get(SHARE, ALL)
-    assessor = Assessor(deployed, points, request.samples, request.seed, box, share)
-    assessment = assessment_of(assessor, needs=request.need, progress_of=ProgressLine)
-    result = replace(assessment, assumed=_assumed_trim(request, points[0]))
+    assessor = Assessor(deployed, points, request.samples, request.seed, box, request.need)
+    result = replace(assessment_of(assessor), assumed=_assumed_trim(request, points[0]))
     return Outcome(report=result.report(), ok=result.ok, source=given.source, notes=result.warnings)

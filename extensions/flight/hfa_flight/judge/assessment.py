@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from hfa_flight.judge.assessment_report import (
 )
 from hfa_flight.judge.assessor import Assessor
 from hfa_flight.judge.flight_costs import has_weights
-from hfa_flight.needs import ALL, IN_AIR, SAMPLES, SHARE, is_enough, refuse_share
+from hfa_flight.needs import IN_AIR, NEEDS, SAMPLES, SHARE, is_enough
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_support.errors import (
@@ -88,15 +88,6 @@ def _listed(points: Any) -> list[Any]:
         return [points]
 
 
-#: Name of a requirement -> sentence if it is not satisfied.
-NEEDS = {
-    "delay": "a delay of {:g} s is not tolerated",
-    "margin": "the disk margin is not at least {:g}",
-    "cost": "the median cost is not within {:g} % of the exact gain's",
-    SHARE: "fewer than the share {:g} of the flights converge",
-}
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Assessment(Result, Reported):
     """Assessment of a policy as it is deployed, at one or more trims.
@@ -138,7 +129,7 @@ class Assessment(Result, Reported):
                 where = ""
                 if len(self.points) > 1:
                     where = f" at {len(wrong)} of {len(self.points)} trims"
-                sentences.append(f"{NEEDS[name].format(need)}{where}")
+                sentences.append(f"{NEEDS[name].unmet.format(need)}{where}")
         return sentences
 
     @property
@@ -272,16 +263,12 @@ def _median_ratio(point: AssessedPoint) -> float:
 def _meets(point: AssessedPoint, name: str, need: float) -> bool:
     """Return whether the result at a trim satisfies a requirement."""
     if name == "delay":
-        if not point.holds or (point.delays is None and point.late is None):
-            return False
-        if point.late is not None and not is_enough(
-            point.late.converged, point.late.starts, point.share
-        ):
-            return False
-        delays = point.delays  # None of a policy with steps, whose flights decide
-        return delays is None or (
-            delays.searched >= need if delays.limit is None else delays.limit > need
-        )
+        late, delays = point.late, point.delays  # None without flights, or of a policy with steps
+        flown = late is None or is_enough(late.converged, late.starts, point.share)
+        if delays is None:
+            return point.holds and flown and late is not None
+        is_stable = delays.searched >= need if delays.limit is None else delays.limit > need
+        return point.holds and flown and is_stable
     if name == "margin":
         return point.margins is not None and point.margins.disk.disk >= need
     if name == SHARE:
@@ -331,10 +318,10 @@ def assess(
     >>> hfa.assess(hfa.aircraft(), deployment, [0.1], samples=0).points[0].holds
     True
     """
-    for name in needs or {}:
+    for name, need in (needs or {}).items():
         refuse_unknown("unknown requirement", name, NEEDS)
-    share = (needs or {}).get(SHARE, ALL)
-    refuse_share(share)
+        if NEEDS[name].values.of(need) is None:
+            raise BadInputError(f"needs: {name} is {shown(need)}; give {NEEDS[name].values}")
     refuse_unless_whole("samples", samples, 0)
     refuse_unless_whole("seed", seed, 0)
     deployed = Deployed(Deployment.of(deployment), model)
@@ -342,29 +329,19 @@ def assess(
         refuse_unknown("box names an unknown state", name, model.linear)
         refuse_unless_positive(f"box of {name}", width)
     trims = trims_of(model, points)
-    return assessment_of(
-        Assessor(deployed, trims, samples, seed, box or {}, share),
-        needs=needs or {},
-        progress_of=ProgressLine if progress is None else lambda _: progress,
-    )
+    return assessment_of(Assessor(deployed, trims, samples, seed, box or {}, needs or {}), progress)
 
 
-def assessment_of(
-    assessor: Assessor,
-    *,
-    needs: Mapping[str, float],
-    progress_of: Callable[[str], Progress | None],
-) -> Assessment:
+def assessment_of(assessor: Assessor, progress: Progress | None = None) -> Assessment:
     """Return the assessment of a policy at the trims of an assessor.
 
-    needs: requirement -> required value
-    progress_of: function from the name of a step to the callback for its progress, or None
+    progress: callback, by default a line on a terminal
     """
-    deployed = assessor.deployed
+    deployed, needs = assessor.deployed, assessor.needs
     if "cost" in needs and not has_weights(deployed):
         raise BadInputError(
             f"a required cost: {deployed.deployment.origin} has no table [cost]; give a deployment "
             "file with Q and R in [cost], or Q and R in the plant file"
         )
-    assessor = replace(assessor, late=needs.get("delay"))
-    return Assessment(deployed, tuple(assessor.assessed(progress_of("fly"))), needs)
+    points = assessor.assessed(progress or ProgressLine("fly"))
+    return Assessment(deployed, tuple(points), needs)

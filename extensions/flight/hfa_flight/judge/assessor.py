@@ -15,21 +15,18 @@ from hfa_flight.judge.assessed_point import AssessedPoint
 from hfa_flight.judge.outcomes import (
     BALL,
     ExactFlights,
-    Outcomes,
     TrimCase,
     exact_flights,
     fly_cases,
     refuse_edges,
     seeded_starts,
 )
-from hfa_flight.needs import ALL, SAMPLES
+from hfa_flight.needs import ALL, SAMPLES, SHARE
 from hfa_flight.plan.problem import start_box
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.sampled_loop import (
-    Chain,
     Delays,
     EquilibriumSearch,
-    Margins,
     chain_margins,
     chain_of,
     searched_delays,
@@ -120,8 +117,8 @@ class Assessor:
     samples: number of initial conditions at each trim.
     seed: seed of the initial conditions.
     box: linear state -> half-width of the initial-condition box, instead of the usual half-width.
-    share: share of the flights that must converge.
-    late: delay of a requirement, s, with which flights are simulated, too, or None.
+    needs: requirement -> required value, as in `assess`; with that of "delay", flights are
+        simulated, too.
     """
 
     deployed: Deployed
@@ -129,8 +126,7 @@ class Assessor:
     samples: int = SAMPLES
     seed: int = 0
     box: Mapping[str, float] = field(default_factory=dict)
-    share: float = ALL
-    late: float | None = None
+    needs: Mapping[str, float] = field(default_factory=dict)
 
     def assessed(self, progress: Progress | None = None) -> list[AssessedPoint]:
         """Assess the policy at each trim.
@@ -147,37 +143,32 @@ class Assessor:
         if not self.samples:
             return points
         flight, error = resolved_flight(self._flight(cases), cases, self.seed)
-        exact: list[ExactFlights | None] = []
+        exact = [ExactFlights()] * len(cases)
         for number, case in enumerate(cases):
             try:
                 shrinks = not self.box
-                exact.append(exact_flights(flight, case, self.samples, self.seed, shrinks))
+                exact[number] = exact_flights(flight, case, self.samples, self.seed, shrinks)
             except NoSolutionError as failure:
-                exact.append(None)
                 remark = f"no costs are compared: {failure}"
                 points[number] = replace(points[number], remarks=(*points[number].remarks, remark))
         flown = fly_cases(flight, cases, exact, self.samples, self.seed, progress)
-        late: list[Outcomes | None] = [None] * len(cases)
-        if self.late is not None:
-            delayed = replace(flight, delay=max(self.late, flight.delay))
-            shrunk = [
-                replace(case, box=of.box * case.box) for case, of in zip(cases, flown, strict=True)
-            ]
-            none: list[ExactFlights | None] = [None] * len(cases)
-            found = fly_cases(delayed, shrunk, none, self.samples, self.seed, None)
-            late = [outcomes.plain for outcomes in found]
-        return [
+        points = [
             replace(
                 point,
                 flights=of.plain,
                 disturbed=of.disturbed,
                 box=of.box,
-                late=with_delay,
                 costs=of.costs,
                 integration=error,
             )
-            for point, of, with_delay in zip(points, flown, late, strict=True)
+            for point, of in zip(points, flown, strict=True)
         ]
+        if "delay" in self.needs:
+            delayed = replace(flight, delay=max(self.needs["delay"], flight.delay))
+            same_boxes = [ExactFlights(box=of.box) for of in exact]
+            late = fly_cases(delayed, cases, same_boxes, self.samples, self.seed, None)
+            points = [replace(at, late=of.plain) for at, of in zip(points, late, strict=True)]
+        return points
 
     def _case(self, point: OperatingPoint) -> TrimCase:
         """Return one trim with its box, equilibrium and sampled loop."""
@@ -207,25 +198,20 @@ class Assessor:
 
     def _linear_point(self, case: TrimCase, delays: Delays | None) -> AssessedPoint:
         """Return the result of the linear loop at a trim, without flights."""
+        point = AssessedPoint(self.deployed, case, share=self.needs.get(SHARE, ALL))
         if not _has_slope(self.deployed, case):
             steps = (
                 "no linear figures: the slope of the policy at the trim is not that over its steps "
                 "or its noise; the flights decide"
             )
-            return AssessedPoint(
-                self.deployed, replace(case, loop=None), remarks=(steps,), share=self.share
-            )
-        if case.equilibrium is None or case.loop is None:
-            return AssessedPoint(self.deployed, case, share=self.share)
-        margins = _margins(case.loop)  # or the reason why they are missing
-        return AssessedPoint(
-            self.deployed,
-            case,
-            delays=delays,
-            margins=None if isinstance(margins, str) else margins,
-            remarks=(margins,) if isinstance(margins, str) else (),
-            share=self.share,
-        )
+            return replace(point, case=replace(case, loop=None), remarks=(steps,))
+        if case.loop is None:
+            return point
+        try:
+            margins = None if case.radius >= 1.0 else chain_margins(case.loop)
+        except (NoSolutionError, np.linalg.LinAlgError):
+            return replace(point, delays=delays, remarks=("the margins could not be computed",))
+        return replace(point, delays=delays, margins=margins)
 
 
 #: Deviations, in half-widths of the box, over which a slope is compared with the derivative, and
@@ -261,13 +247,3 @@ def _has_slope(deployed: Deployed, case: TrimCase) -> bool:
         if slope > _OTHER_SLOPE * size or (share in _NEAR and size > _OTHER_SLOPE * slope):
             return False
     return True
-
-
-def _margins(loop: Chain) -> Margins | str | None:
-    """Return the margins of a loop, None if it is unstable, or why they are missing."""
-    if loop.radius >= 1.0:
-        return None
-    try:
-        return chain_margins(loop)
-    except (NoSolutionError, np.linalg.LinAlgError):
-        return "the margins could not be computed"

@@ -365,16 +365,16 @@ class CaseOutcomes(NamedTuple):
 
 
 class ExactFlights(NamedTuple):
-    """Flights of the exact gain about one trim.
+    """Flights of the exact gain about one trim; by default none.
 
-    price: cost of the samples of flights of the policy
+    price: cost of the samples of flights of the policy, or None
     costs: cost of each flight from its own initial conditions, (N,), inf if it leaves
     box: fraction of the box from which none leaves, or 1.0
     """
 
-    price: SampleCost
-    costs: np.ndarray
-    box: float
+    price: SampleCost | None = None
+    costs: np.ndarray = np.empty(0)
+    box: float = 1.0
 
 
 #: Fractions of the box of initial conditions, of which the largest is found that holds.
@@ -421,20 +421,17 @@ def exact_flights(
 def fly_cases(
     flight: SampledFlight,
     cases: list[TrimCase],
-    exact: Sequence[ExactFlights | None],
+    exact: Sequence[ExactFlights],
     samples: int,
     seed: int,
     progress: Progress | None,
 ) -> list[CaseOutcomes]:
     """Return the outcomes of flights about each trim, without and with a disturbance pulse.
 
-    exact: flights of the exact gain about each trim, or None
+    exact: flights of the exact gain about each trim
     samples: number of initial conditions at each trim
     """
-    boxes = [1.0 if each is None else each.box for each in exact]
-    cases = [
-        replace(case, box=fraction * case.box) for case, fraction in zip(cases, boxes, strict=True)
-    ]
+    cases = [replace(case, box=of.box * case.box) for case, of in zip(cases, exact, strict=True)]
     drawn = [
         seeded_starts(case, samples, seed, with_pulse)
         for with_pulse in (False, True)
@@ -443,16 +440,14 @@ def fly_cases(
     starts, pulses = map(np.vstack, zip(*drawn, strict=True))
     owners = np.repeat(np.arange(2 * len(cases)), samples)
     # All trims without a pulse, then all with one.
-    prices = [None if each is None else each.price for each in exact]
-    flown = CaseFlights(
-        flight, cases + cases, owners, starts, pulses, [*prices, *[None] * len(cases)]
-    )
+    prices = [*(of.price for of in exact), *[None] * len(cases)]
+    flown = CaseFlights(flight, cases + cases, owners, starts, pulses, prices)
     flown.fly(progress)
     found = []
-    for owner, (each, box) in enumerate(zip(exact, boxes, strict=True)):
+    for owner, of in enumerate(exact):
         plain, disturbed = flown.outcomes(owner), flown.outcomes(owner + len(cases))
         costs = None
-        if each is not None:
-            costs = cost_ratio(flown.costs[owners == owner], each.costs, flown.seconds)
-        found.append(CaseOutcomes(plain, disturbed, box, costs))
+        if of.price is not None:
+            costs = cost_ratio(flown.costs[owners == owner], of.costs, flown.seconds)
+        found.append(CaseOutcomes(plain, disturbed, of.box, costs))
     return found
