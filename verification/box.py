@@ -70,7 +70,7 @@ def ordinary_box(
             return None
         widths = widths * [si_factor(unit) for unit in LINEAR_UNITS]
         speed = f"{widths[0]:.4g} m/s"
-    about = f"typical deviations of the aircraft, {speed}, 0.1 rad, 0.1 rad/s"
+    about = f"states of {speed}, 0.1 rad, 0.1 rad/s"
     return Box(widths, about, "typical box")
 
 
@@ -88,9 +88,9 @@ def usual_box(game: Game) -> Box:
     if box is not None:
         return box
     if game.half_widths is not None:
-        about = "within the limits of the states that the model declares"
+        about = "states within the limits that the model declares"
         return Box(game.half_widths, about, "box of limits")
-    about = "balanced units of the game (a convention, because no typical deviations are given)"
+    about = "states with which the terms of the game are of similar size, as no limits are declared"
     return Box(balanced_units(game), about, "balanced box")
 
 

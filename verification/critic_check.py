@@ -141,7 +141,7 @@ def verify(
     if judged.P is not None and judged.is_finite:
         checks.append(value_check(exact, judged.P, widths, limit))
     sections: list[Section | LinearLoop] = [
-        Section((f"Box of states: {in_box.about}",), {"box": in_box}),
+        Section((f"{in_box.name.capitalize()}: {in_box.about}",), {"box": in_box}),
         loop,
     ]
     if findings is not None:

@@ -86,9 +86,9 @@ def error_check(name: str, error: float, limit: float, what: str) -> Check:
     name: name of the check
     error: the error
     limit: the limit
-    what: quantity with the error, for the reason of a failure: "K" gives "K is off by 0.1"
+    what: quantity with the error, for the reason of a failure: "K" gives "K is off by 10 %"
     """
-    size = percent(error, up=True).removesuffix(" %")  # rounded up to two digits
+    size = percent(100.0 * error, up=True)
     return at_most(name, error, limit, f"{what} is off by {size}", kind="error")
 
 

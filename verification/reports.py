@@ -155,6 +155,8 @@ def _facts(verdict: Verdict, limit_cost: float | None) -> list[str]:
         facts.append(_cost_text(verdict))
     else:
         facts += _network_facts(verdict, limit_cost)
+    if verdict.reason and verdict.reason == verdict.critic.declared.assumed:
+        facts.append("by the paper's Q, R, delta, as none are given")
     if not verdict.stabilizing:
         facts.append("not stabilizing")
     if not is_nonsmooth:

@@ -180,7 +180,7 @@ class TrainingRun(Result, Reported):
         names = self.names.completed(n, m)
         data_rank = self.excitation
         parts: list[Any] = [
-            f"Residual: {self.residual_norm:.2g} of the costs",
+            f"Residual: {self.residual_norm:.2g} of the costs (settled: {SETTLED:g})",
             f"Data: {data_rank.samples} samples, rank {data_rank.rank} of {data_rank.size},"
             f" condition {data_rank.condition:.3g}",
             matrix_table("P", names.states, names.states, self.P),

@@ -178,9 +178,9 @@ def weights_line(game: Game, whose: Mapping[str, str] | None = None) -> str:
 
 
 def disturbance_text(game: Game) -> str:
-    """Return the disturbance matrix of a game as text: "E identity", "E gust" or "E [0; 1]"."""
+    """Return the disturbance matrix of a game as text: "E gust" or "E [0; 1]"."""
     if np.array_equal(game.E, np.eye(len(game.A))):
-        return "E identity"
+        return "E identity (d acts on each state)"
     return f"E {', '.join(game.names.disturbances) or matrix_text(game.E)}"
 
 

@@ -227,10 +227,6 @@ def learn(request: LearnRequest, named: NamedGame) -> Outcome:
         judged["entries_in_bands"] = {name: int(entries.sum()) for name, entries in inside.items()}
         counts = [f"{each.sum()} of {each.size} of {name}" for name, each in inside.items()]
         parts = (f"Exact entries in the 95 % bands: {', '.join(counts)}", *parts)
-    title = report.title
-    if verdict.ok:
-        parts = (verdict.headline, *parts)
-    else:  # the first line says that the weights are wrong
-        title = f"{verdict.headline}\n{title}"
+    title = f"{verdict.headline}\n{report.title}"
     report = replace(report, title=title, parts=parts).with_data(named, judged)
     return Outcome(report=report, ok=verdict.ok, source=named.source, notes=named.warnings)

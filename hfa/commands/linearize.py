@@ -92,7 +92,7 @@ def _of_conditions(request: LinearizeRequest, given: TrimInput) -> Outcome:
     return Outcome(
         report=replace(report, notes=()),
         source=source,
-        notes=(*given.notes_on_rows, *report.notes),
+        notes=report.notes,
         write=partial(book.save, provenance=origin),
     )
 

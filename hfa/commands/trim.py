@@ -188,7 +188,6 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
         data={"schema": "hfa.trims/1", "sheets": [report.data for report in reports]},
         records=matrix(stated, [report.sheet for report in reports]) if is_whole else NO_RECORDS,
         failure=f"{failed} of {len(results)} conditions have no trim" if failed else "",
-        notes=points.trims.notes_on_rows,
     )
     return overview, conditions
 

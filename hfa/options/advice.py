@@ -15,7 +15,6 @@ from trim.point.condition import release, usual_condition
 from trim.point.operating_point import OperatingPoint
 from trim.point.reasons import Reason, reason_of
 from trim.point.solve import TrimError, trim
-from trim.point.status import BALANCE
 from trim.reports.balances import balances_of
 from trim.reports.trimmed import Trimmed
 
@@ -67,8 +66,6 @@ def _advice(given: GivenTrim, failure: TrimError, reason: Reason) -> str:
         return advice_on_inputs
     names = sorted(_releasable(given), key=lambda name: name != reason.free)
     most = 1 if reason.sentence else _MOST_ADVICE
-    if together := _rates_together(given, failure, names):
-        return f"a trim exists with {' '.join(f'--free {name}' for name in together)}"
     model, condition = given.model, given.condition
     saturated = _saturated_input(given, failure)
     options: list[str] = []  # with each of them a trim exists
@@ -137,24 +134,6 @@ def _releasable(given: GivenTrim) -> list[str]:
     dihedral = model.schedule if model.about.names_schedule else ""
     names = [name for name in (*rates, *condition.imposed) if name != dihedral]
     return sorted(names, key=lambda name: name in given.hold)
-
-
-def _rates_together(given: GivenTrim, failure: TrimError, names: Sequence[str]) -> list[str]:
-    """Return the rates among some names that must all be free so that a trim exists, or []."""
-    residuals = failure.attempt.scaled_residuals  # state -> residual of its rate
-    rates = [
-        name
-        for name in names
-        if abs(residuals.get(name.removesuffix("_dot"), 0.0)) > BALANCE
-        and name not in given.condition.imposed
-    ]
-    if len(rates) < 2 or not _exists(given, rates):
-        return []
-    for name in list(rates):  # leave out what need not be free
-        fewer = [other for other in rates if other != name]
-        if fewer and _exists(given, fewer):
-            rates = fewer
-    return rates
 
 
 def _free_inputs(given: GivenTrim) -> str:

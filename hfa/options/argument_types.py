@@ -7,7 +7,6 @@ user are converted only in this module. `quantity` converts degrees to radians.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -20,6 +19,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, choice_of, shortened
 from hfa_support.files import NUMBER, POSITIVE, Number, note_read
+from hfa_support.reporting.text import shown_unit
 from hfa_support.units import conversion_factor, split_unit
 
 if TYPE_CHECKING:
@@ -89,10 +89,13 @@ def quantity(model: Model, name: str, text: str, declared: Number = NUMBER) -> f
         if name not in model.signals:  # raises unless a trim imposes it, such as a rate
             model.refuse_unheld("is the unknown variable", name)
         return number(typed_number, declared) * model.factor_of(name, text, typed_unit)
-    value = number(text, declared)
     known = {**model.rates, **model.airspeeds, **model.signals}
-    is_angle = name in known and known[name].unit.startswith("rad")
-    return math.radians(value) if is_angle else value
+    return number(text, declared) * typed_unit_of(known[name].unit if name in known else "")
+
+
+def typed_unit_of(unit: str) -> float:
+    """Return what 1 is that is typed for a quantity with this unit: a degree for angles."""
+    return conversion_factor(shown_unit(unit), unit) or 1.0
 
 
 @contextmanager

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import sys
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -25,43 +24,23 @@ if TYPE_CHECKING:
     from hfa_support.reporting.results import Result
 
 
-#: Seconds of work before the duration is estimated, and shortest duration that is announced.
-_SECONDS_OF_TRIAL = 3.0
-_SECONDS_OF_LONG_RUN = 60.0
-
-
 class ProgressLine:
     """Display of the progress of a run, on one line of standard error that is erased at the end.
 
-    The line is shown only on a terminal. A note on a long run is printed in any case.
+    The line is shown only on a terminal.
     """
 
     def __init__(self, name: str) -> None:
         self._name = name
-        #: Time and amount done at the first call after the preparation.
-        self._began: tuple[float, float] | None = None
-        self._is_announced = False
         self._is_terminal = sys.stderr is not None and sys.stderr.isatty()
         self._last_line = ""
 
     def __call__(self, done: float, total: float, what: str = "", /) -> None:
-        """Show the progress as a percentage, and once a note with the remaining time of a long run.
+        """Show the progress as a percentage.
 
         done, total: amounts of work, in any unit
         what: current step, shown after the percentage
         """
-        now = time.monotonic()
-        # The estimate begins anew until some work is done, and when a next computation begins: its
-        # amount done is smaller than that of the one before.
-        if self._began is None or done < self._began[1] or not done:
-            self._began = now, done
-        start, done_before = self._began
-        if not self._is_announced and now - start >= _SECONDS_OF_TRIAL and done > done_before:
-            self._is_announced = True
-            seconds = (now - start) * (total - done) / (done - done_before)
-            if seconds > _SECONDS_OF_LONG_RUN:
-                text = f"about {seconds / 60:.3g} minutes more; Ctrl-C ends it"
-                print_notes([f"{self._name}: {text}"])
         line = f"{self._name}: {int(100 * done / total):3d} %"
         if what:
             line += f"  {what}"

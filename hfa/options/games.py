@@ -36,6 +36,7 @@ from hfa.options.argument_types import (
     option_errors,
     positive,
     seconds,
+    typed_unit_of,
 )
 from hfa.options.parser import option, refuse
 from hfa.options.trims import OF_THE_TRIM, GivenTrim, TrimOptions, given_trim
@@ -46,8 +47,6 @@ from hfa_support.errors import BadInputError, choice_of, prefix_errors
 from hfa_support.files import MATRIX_FILES, POSITIVE, Number
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Result, without_empty
-from hfa_support.reporting.text import shown_unit
-from hfa_support.units import conversion_factor
 from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import linearize
 
@@ -248,9 +247,8 @@ def _sizes_of_file(texts: Mapping[str, str], names: PlantNames) -> dict[str, flo
     units |= zip(names.inputs, names.input_units, strict=True)
     sizes = {}
     for name, text in texts.items():
-        unit = units.get(name, "")
         with option_errors(f"--sizes {name}"):
-            sizes[name] = positive(text) * (conversion_factor(shown_unit(unit), unit) or 1.0)
+            sizes[name] = positive(text) * typed_unit_of(units.get(name, ""))
     return sizes
 
 

@@ -172,48 +172,23 @@ class TrimInput(NamedTuple):
         return self.trim(None if at is None else float(at[0]), self.held())
 
     def for_row(self, row: ListedCondition) -> TrimInput:
-        """Return the options of the trim of one condition: those of the request, and its cells,
-        which replace them.
+        """Return the options of the trim of one condition: those of the request, and its cells.
 
-        Raises BadInputError for a variable that an option and each condition give.
+        Raises BadInputError for a variable that an option and a condition give.
         """
-        for name, rows in self.rows_replacing_options().items():
-            if len(rows) == len(self.rows):
-                option = "--hold" if name in self.hold else f"--{at_name(self.model)}"
-                raise BadInputError(
-                    f"give {name} either in the file of --conditions or by {option}"
-                )
+        by_option = dict.fromkeys(self.hold, "--hold")
+        if self.at is not None:
+            by_option[self.model.schedule] = f"--{at_name(self.model)}"
+        for name, flag in by_option.items():
+            if any(name in other.values for other in self.rows):
+                raise BadInputError(f"give {name} either in the file of --conditions or by {flag}")
         free = tuple(name for name in self.free if name not in row.values)
         return self._replace(
             hold={**self.hold, **{name: (value,) for name, value in row.values.items()}},
             free=tuple(dict.fromkeys((*free, *row.free))),
             limits={**self.limits, **row.limits},
-            at=None if self.model.schedule in row.values else self.at,
             rows=(),
         )
-
-    def rows_replacing_options(self) -> dict[str, list[ListedCondition]]:
-        """Return variable of --hold or --at -> the conditions that give it too, at least one."""
-        names = [*self.hold, *([] if self.at is None else [self.model.schedule])]
-        stated = {name: [row for row in self.rows if name in row.values] for name in names}
-        return {name: rows for name, rows in stated.items() if rows}
-
-    @property
-    def notes_on_rows(self) -> list[str]:
-        """Notes on rows that repeat an earlier row, and on cells that replace a value of --hold."""
-        names = [row.name or str(number) for number, row in enumerate(self.rows, start=1)]
-        unnamed = [row._replace(name="", where="", in_degrees=()) for row in self.rows]
-        firsts = [unnamed.index(condition) for condition in unnamed]  # place of the first alike
-        repeated = [
-            f"condition {names[place]} is that of condition {names[first]} again"
-            for place, first in enumerate(firsts)
-            if first < place
-        ]
-        return repeated + [
-            f"{name} of {', '.join(row.name or 'a condition' for row in rows)} is that of the "
-            "file, not that of the option"
-            for name, rows in self.rows_replacing_options().items()
-        ]
 
     def trim_of(self, row: ListedCondition) -> GivenTrim:
         """Return the trim of a condition, of a file or of a grid, which states all values."""
@@ -514,22 +489,20 @@ def _scheduled(
     schedule, is_hfa = model.schedule, model.about.names_schedule
     if request.dihedral is not None and not is_hfa:
         raise BadInputError(f"--dihedral applies only to the HFA; {model.name} takes --at VALUE")
-    texts = {text for text in (request.at, request.dihedral) if text is not None}
-    if not texts:
+    text = request.dihedral if request.at is None else request.at
+    if text is None:
         if request.needs_dihedral and is_hfa and request.conditions is None:
             raise BadInputError(f"no value of {schedule} is given; add --{schedule} DEG")
         return None
     option = f"--{at_name(model)}"
-    if len(texts) > 1:
-        raise BadInputError(
-            f"{option} is given twice ({' and '.join(sorted(texts))}); give one value"
-        )
+    if request.at is not None and request.dihedral is not None:
+        raise BadInputError(f"--at and {option} are the same; give one of them")
     if not schedule:
         raise BadInputError(
             f"--at must be removed, because {model.name} declares no scheduling variable"
         )
     with option_errors(option):
-        values = values_of(model, schedule, texts.pop())
+        values = values_of(model, schedule, text)
     is_guess = len(values) == 1  # at which the search begins, if the variable is free
     other = "--hold" if schedule in hold else "--free"
     if schedule in hold or (schedule in free and not is_guess):

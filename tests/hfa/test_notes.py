@@ -1,12 +1,9 @@
 """Notes and progress on standard error, and text on terminals."""
 
 import re
-import time
 
 import pytest
 from cli import Terminal, hfa
-
-from hfa.extend import ProgressLine
 
 
 def test_quiet_suppresses_all_but_errors():
@@ -39,23 +36,3 @@ def test_a_terminal_gets_colors(environment, colored, monkeypatch):
     assert bool(COLOR.search(shown)) == colored
     assert not COLOR.search(plain + hfa(*TRIM, "--json", out=Terminal()).out)
     assert COLOR.sub("", shown).split() == plain.split()
-
-
-def test_a_run_of_a_minute_is_announced_once(monkeypatch, capsys):
-    """A run expected to take more than a minute is announced once.
-
-    A shorter run is not announced.
-    """
-    # A clock that is 2 s later at each call replaces minutes of waiting.
-    clock = iter(range(0, 1000, 2))
-    monkeypatch.setattr(time, "monotonic", lambda: float(next(clock)))
-    long = ProgressLine("fly")
-    short = ProgressLine("fly")
-    for done in range(1, 10):
-        long(done, 183)  # 183 parts of 2 s
-    announced = capsys.readouterr().err
-    assert announced.startswith("hfa: note: fly: about 6 minutes")  # 366 s
-    assert announced.count("\n") == 1
-    for done in range(1, 10):
-        short(done, 20)
-    assert capsys.readouterr().err == ""

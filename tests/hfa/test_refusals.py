@@ -160,7 +160,7 @@ def test_bad_requests_are_refused_in_one_line(command, words, named):
     [
         ("--frobnicate", "unknown option --frobnicate (see `hfa --help`)"),
         ("--dihedral 10 trim", "write hfa trim --dihedral"),
-        ("trim --at 10 --dihedral 12", "--dihedral is given twice (10 and 12); give one value"),
+        ("trim --at 10 --dihedral 12", "--at and --dihedral are the same; give one of them"),
         (
             "trim --hold speed=70 --hold speed=71",
             "speed is given twice (70 and 71); give one value",

@@ -136,7 +136,7 @@ def _accuracy(bands: Bands | None, model: LinearModel, other: LinearModel | None
     sentences = []
     if bands is not None:
         largest = _largest(bands.A, bands.B)
-        sentences.append(f"Largest band of an entry from the printed rounding: {largest}")
+        sentences.append(f"Largest error of an entry from the printed digits: {largest}")
     else:
         sentences.append(
             "No error bands: only the six printed states of the identified aircraft have them"

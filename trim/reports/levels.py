@@ -230,7 +230,7 @@ def level_lines(trimmed: Trimmed, airplane: Airplane, rows: Sequence[Row]) -> li
         reason = f" (by hfa's convention, {why}; --class changes it)"
     sentences = [
         f"{STANDARD}: class {chosen.class_}{reason}, category {chosen.category} (--category "
-        "changes it)"
+        "changes it); limits are those of the levels 1, 2, 3"
     ]
     # A family is the name of a mode without an addition, such as that of "roll (fast)".
     families = dict.fromkeys(mode.name.partition(" (")[0] for mode in trimmed.modes)

@@ -81,7 +81,8 @@ def read_model(text: str) -> Model:
         documents = [read_document(path) for path in paths]
     except OSError as error:
         raise BadInputError(
-            f"{error.filename} cannot be read ({error.strerror}); give readable files joined by +"
+            f"{error.filename} cannot be read ({error.strerror}); give a readable file"
+            + (f", or several joined by +, as in {text}" if len(paths) > 1 else "")
         ) from error
     source = Source(text, hashlib.sha256(b"".join(contents)).hexdigest())
     model = _Files(documents).model(source)

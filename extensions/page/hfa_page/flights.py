@@ -90,7 +90,7 @@ def load_flights(path: str) -> StoredFlights:
         return _flights(data)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise BadInputError(
-            f"{file} is damaged ({error!r}); take the file of {_STORED_IN}"
+            f"{file}: an entry is missing or wrong ({error!r}); take the file of {_STORED_IN}"
         ) from error
 
 

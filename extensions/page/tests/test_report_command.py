@@ -291,4 +291,4 @@ def test_damaged_results_of_a_study_are_refused(place):
     data = json.loads((FLIGHTS / "best_flights.json").read_text("utf-8"))
     Path("best_flights.json").write_text(json.dumps(replaced(data, place, "x")))
     words = ("report", "--dihedral", "15", "--json", "--flights", ".")
-    assert_refused(hfa(*words), BAD_INPUT, "damaged")
+    assert_refused(hfa(*words), BAD_INPUT, "an entry is missing or wrong")

@@ -376,20 +376,6 @@ def test_commands_print_the_same_for_a_row_and_for_its_values_as_options(verb, b
     assert of_row.partition("\nhfa 0")[0] == of_options.partition("\nhfa 0")[0] != ""
 
 
-def test_a_cell_replaces_an_option(tmp_path):
-    """A cell of the file replaces --hold mass=15, which holds for the row without a cell. Notes name
-    the rows with a value of their own, and a row that repeats another.
-    """
-    path = tmp_path / "conditions.csv"
-    path.write_text("name,speed,mass\na,30,\nb,30,20\nc,30,20\n", "utf-8")
-    matrix = tmp_path / "matrix.csv"
-    run = command("trim", *UAV, "--conditions", str(path), "--hold", "mass=15", "-o", str(matrix))
-    assert [float(cells["mass [kg]"]) for cells in rows_of(matrix).values()] == [15.0, 20.0, 20.0]
-    said = " ".join((run.out + run.err).split())
-    assert "mass of b, c is that of the file" in said
-    assert "condition c is that of condition b again" in said
-
-
 def test_a_center_of_gravity_is_a_share_in_percent(tmp_path):
     """28 in the column "c.g. [%]" is cg = 0.28 chords. Headings may have capitals, flight levels (30 is
     3000 ft) and knots. "30 lb" and "2,000 lbs" are masses, 0.45359237 kg each pound. Empty columns

@@ -305,10 +305,10 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
     def _costs(self) -> Group:
         """Return the cost of each flight, with its ratio to the best, its end and its inputs."""
         name = "best flight found" if self.reason is None else "cheapest simulated flight"
-        rows = [Row(name, self.cost, note=f"converges; {_saturated(self.saturated)}", digits=6)]
+        rows = [Row(name, self.cost, note=f"converges{_saturated(self.saturated)}", digits=6)]
         for row in self.policies:
             ratio = "" if row.over_best is None else f"{row.over_best:.4g}x; "
-            note = f"{ratio}{row.outcome()}; {_saturated(row.saturated)}"
+            note = f"{ratio}{row.outcome()}{_saturated(row.saturated)}"
             cost = row.cost if row.converges else "-"
             rows.append(Row(row.policy, cost, note=note, digits=6))
         return Group("costs of flights", tuple(rows))
@@ -341,5 +341,5 @@ class BestFlight(OfProblem, StatesAndInputs, Result, Reported):
 
 
 def _saturated(names: Sequence[str]) -> str:
-    """Return which inputs are saturated as text, such as "no input saturated"."""
-    return f"{', '.join(names) or 'no input'} saturated"
+    """Return which inputs are saturated as text, such as "; throttle saturated", or ""."""
+    return f"; {', '.join(names)} saturated" if names else ""

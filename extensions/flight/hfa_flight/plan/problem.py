@@ -23,6 +23,7 @@ from hfa_flight.policies.policy import deviations_of
 from hfa_flight.simulate.envelope import flight_envelope
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.reporting.results import Matrix
+from hfa_support.units import si_unit
 from trim.linear.linear_model import LinearModel
 from trim.linear.linearize import linearize
 from trim.point.operating_point import OperatingPoint
@@ -387,7 +388,7 @@ def start_box(model: Model, point: OperatingPoint) -> np.ndarray:
         signal = model.states[name]
         value = float(getattr(point.states, name))
         width = signal.nominal
-        if not signal.unit.startswith("rad") and abs(value) >= 0.5 * signal.nominal:
+        if si_unit(signal.unit) not in ("rad", "rad/s") and abs(value) >= 0.5 * signal.nominal:
             width = 0.1 * signal.nominal
         room = min(value - signal.min, signal.max - value)
         widths.append(min(width, 0.5 * max(room, 0.0)))

@@ -136,7 +136,7 @@ def gain_function(K: np.ndarray) -> ca.Function:
     K: (m, k)
     """
     o = ca.SX.sym("o", K.shape[1])
-    return ca.Function("policy", [o], [ca.densify(-ca.DM(K) @ o)])
+    return ca.Function("gain", [o], [ca.densify(-ca.DM(K) @ o)])
 
 
 def box_of(boxes: Mapping[str, Any]) -> ActionBox:
