@@ -8,7 +8,6 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from shlex import quote
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfa.options.argument_types import one_of, positive, seconds
@@ -39,13 +38,6 @@ def _parameters_help() -> str:
     return f"parameters: {named}, or a file, of any aircraft, of hfa identify -o FILE.toml"
 
 
-def _parameter_file(text: str) -> str:
-    """Return the name or path of --parameters. Raises BadInputError for NAME=VALUE."""
-    if "=" in text and not Path(text).exists():
-        raise BadInputError(f"is {text}, not a file; a parameter is set by --hold {quote(text)}")
-    return text
-
-
 def _servo(text: str) -> tuple[float, float]:
     """Return lag, s, and rate limit, deg/s or inf, of the typed servos."""
     lag, _, rate = text.partition(":")
@@ -73,7 +65,6 @@ class AircraftOptions:
     parameters: str | None = option(
         _parameters_help,
         "FILE",
-        _parameter_file,
         group=PAPER,
     )
     mass: Path | None = option(

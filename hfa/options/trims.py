@@ -368,7 +368,8 @@ def trim_input(
     begin, start = ({}, None) if request.start is None else _start(request.start, model)
     condition = usual_condition(model)
     if request.condition is not None:
-        condition = _named_condition(request.condition, condition)
+        with option_errors("--condition"):
+            condition = load_condition(request.condition, condition)
     rows: tuple[ListedCondition, ...] = ()
     if request.conditions is not None:
         rows = tuple(listed_conditions(request.conditions, model))
@@ -518,17 +519,6 @@ def _freed(model: Model, text: str) -> str:
         options = " ".join(f"--free {name.strip()}" for name in text.split(","))
         raise BadInputError(f"--free takes one variable; write {options}")
     return model.about.name_of(text)
-
-
-def _named_condition(name: str, usual: TrimCondition) -> TrimCondition:
-    """Return the condition of --condition. Raises BadInputError for a list of conditions."""
-    if name.lower().endswith(".csv"):
-        raise BadInputError(
-            f"--condition {name} is a list of conditions; give one condition, or "
-            "`hfa trim --conditions FILE` or `hfa sweep --conditions FILE`"
-        )
-    with option_errors("--condition"):
-        return load_condition(name, usual)
 
 
 def _start(text: str, model: Model) -> tuple[dict[str, float], OperatingPoint | None]:
