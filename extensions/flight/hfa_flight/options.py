@@ -337,27 +337,20 @@ def sensors_of_options(request: SensorOptions, model: Model) -> dict[str, Sensor
     Raises BadInputError for a bias without noise.
     """
     declared = {str: {"noise*": None, "bias": None, "every": None}}
-    tables: dict[str, Any] = {}
-    if request.sensors is not None:
-        tables = checked(str(request.sensors), read_toml(request.sensors), declared)
-    file = str(request.sensors)
-    sizes = {
-        entry: each_of(
-            f"{file}: {entry} of",
-            model,
-            {name: str(table[entry]) for name, table in tables.items() if entry in table},
-            _deviation if entry != "every" else lambda model, name, text: seconds(text),
-        )
-        for entry in ("noise", "bias", "every")
-    }
-    sizes["noise"] |= each_of("--noise", model, request.noise, _deviation)
-    sizes["bias"] |= each_of("--bias", model, request.bias, _deviation)
+    file, tables = request.sensors, dict[str, Any]()
+    if file is not None:
+        tables = checked(str(file), read_toml(file), declared)
+    given: dict[str, Mapping[str, str]] = {"noise": request.noise, "bias": request.bias}
+    sizes = {}
+    for entry in ("noise", "bias", "every"):
+        of_file = {name: str(table[entry]) for name, table in tables.items() if entry in table}
+        kind = _deviation if entry != "every" else lambda model, name, text: seconds(text)
+        sizes[entry] = each_of(f"{entry} of", model, {**of_file, **given.get(entry, {})}, kind)
     for name in sizes["bias"]:
         if name not in sizes["noise"]:
             raise BadInputError(f"--bias {name}: no such sensor is given; add --noise {name}=VALUE")
-    others = {entry: sizes[entry] for entry in ("bias", "every")}
     return {
-        name: Sensor(noise, **{entry: of.get(name, 0.0) for entry, of in others.items()})
+        name: Sensor(noise, sizes["bias"].get(name, 0.0), sizes["every"].get(name, 0.0))
         for name, noise in sizes["noise"].items()
     }
 
@@ -409,16 +402,6 @@ def gust_at(typed: tuple[float, ...], point: OperatingPoint, duration: float) ->
             f"{duration:g} s"
         )
     return OneMinusCosine(length, peak, gust_speed(point), begin)
-
-
-def _state(model: Model, name: str, text: str) -> float:
-    """Return the number that is typed for a state, in the model's units."""
-    return among(tuple(model.states), model, name, text)
-
-
-def _disturbed(model: Model, name: str, text: str) -> float:
-    """Return the number that is typed for a linear state or a disturbance, in the model's units."""
-    return among((*model.linear, *model.disturbances), model, name, text)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -487,8 +470,9 @@ def scenario_of(
     duration = _DURATION if request.duration is None else request.duration
     delay = request.delay
     model = point.model
-    initial = each_of("--initial", model, request.initial, _state)
-    disturbed = each_of("--disturbance", model, request.disturbance, _disturbed)
+    initial = each_of("--initial", model, request.initial, partial(among, tuple(model.states)))
+    names = (*model.linear, *model.disturbances)
+    disturbed = each_of("--disturbance", model, request.disturbance, partial(among, names))
     sensors = sensors_of_options(request, model)
     if delay and not 0.0 < delay < duration:
         raise BadInputError(
