@@ -247,7 +247,7 @@ _KINDS: tuple[Callable[[AssessedPoint], _AtTrim | None], ...] = (
 
 _RULE_OF_CONVERGENCE = (
     f"A flight converges if it ends within {100 * BALL:g} % of the initial-condition box about the "
-    "policy's equilibrium, and its distance does not grow."
+    "policy's equilibrium, and the distances of most flights do not grow."
 )
 
 

@@ -23,9 +23,10 @@ from trim.point.operating_point import OperatingPoint
 #: Half-widths of the ball within which a flight has converged, in half-widths of the
 #: initial-condition box.
 BALL = 0.05
-#: A flight has converged only if its largest distance in the last `_LAST_WINDOWS` windows is not
-#: `_GROWTH_FACTOR` times that in as many before: about an unstable equilibrium, it leaves in the
-#: end. Smaller distances, in half-widths of the ball, are rounding.
+#: Flights about an unstable equilibrium leave in the end: the largest distances in the last
+#: `_LAST_WINDOWS` windows are more than `_GROWTH_FACTOR` times those in as many before, in most
+#: flights. A single one may be so by chance, as a limit cycle of a quantizer wanders. Smaller
+#: distances, in half-widths of the ball, are rounding.
 _LAST_WINDOWS = 10
 _GROWTH_FACTOR = 1.02
 _ROUNDING = 1e-3
@@ -111,7 +112,7 @@ class Outcomes(Result):
 
     starts: number of flights.
     converged: number of flights that converged. Such a flight is within the ball about the end at
-        the end, and its distance does not grow before.
+        the end, and its distance, or that of most flights, does not grow before.
     end: linear state -> value to which flights converge: that of the equilibrium, or without one,
         as of a policy with steps, the median of the last window.
     left_envelope: number of flights that left the limits of the model's states.
@@ -156,7 +157,8 @@ class CaseFlights:
     """Simulation of N flights about several trims, and how they end, decided window by window.
 
     A flight ends with the window in which it leaves the limits, or a state is not a number. A
-    flight of the full duration converges if it ends in the ball, and its distance does not grow.
+    flight of the full duration converges if it ends in the ball, and its distance does not grow, as
+    those of most flights about the trim then do.
 
     flight: the aircraft over a sample.
     cases: the trims with their boxes and equilibria.
@@ -253,9 +255,13 @@ class CaseFlights:
             elif (staying := (self.owners == owner) & ~is_left).any():
                 self.middles[owner] = np.median(self._ranges[2][:, staying].mean(axis=0), axis=0)
         late, before, self.nearest = map(self._distance, self._ranges)
+        in_ball = ~is_left & (self.nearest <= 1.0)
         grows = (late > _GROWTH_FACTOR * before) & (late > _ROUNDING)
-        in_ball = (self.nearest <= 1.0) & ~grows
-        self.ends[~is_left & in_ball] = FlightOutcome.CONVERGED
+        for owner in range(len(self.cases)):
+            own = in_ball & (self.owners == owner)
+            if 2 * np.count_nonzero(grows & own) > np.count_nonzero(own):
+                in_ball &= ~(grows & own)
+        self.ends[in_ball] = FlightOutcome.CONVERGED
 
     def _over(self, flown: History) -> np.ndarray:
         """Return a mask (F, T + 1), True at the end of a window in which a flight ends.

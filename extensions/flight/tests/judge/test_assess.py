@@ -141,6 +141,28 @@ def test_flights_decide_and_linear_figures_explain(policy, passes, is_linear, se
         assert ("no linear figures" in str(told)) is not is_linear
 
 
+def test_flights_whose_limit_cycle_wanders_inside_the_ball_converge():
+    """A rod balanced with quantized measurements ends in a limit cycle of a tenth of the ball, whose size
+    varies by a third from one interval to the next, in each flight another way.
+    """
+    model = hfa.Model(
+        "rod",
+        {"angle": hfa.Signal("rad", nominal=0.2), "rate": hfa.Signal("rad/s", nominal=0.5)},
+        {"moment": hfa.Signal(nominal=0.2)},
+        lambda x, u, p, w: ({"angle": x.rate, "rate": 12.0 * x.angle + 30.0 * u.moment}, {}),
+        trim={"angle": 0.0, "rate": 0.0},
+    )
+    o = ca.SX.sym("o", 2)
+    rounding = Deployment(
+        policy={"file": ca.Function("gain", [o], [-1.5 * o[0] - 0.4 * o[1]])},
+        observation={"angle": {"quantizer": 0.001}, "rate": {"quantizer": 0.0025}},
+        action={"moment": {}},
+        timing={"dt": 0.02},
+    )
+    (point,) = assess(model, rounding, samples=50).points
+    assert (point.flights.converged, point.disturbed.converged) == (50, 50)
+
+
 def test_a_required_delay_is_that_of_its_own_flights_between_samples():
     """v' = f with f = -k v held: the loop is unstable from a delay between two samples on, which SciPy's
     search over the closed form finds. A need above it is not met, one below it is.
