@@ -199,7 +199,7 @@ def c_filter_texts(policy: FilteredPolicy, origin: str) -> dict[str, str]:
         "fade": policy.fade,  # s
         "restarts_after": RESTARTS_AFTER,  # samples
         "sample": c_function(filter_sample(policy), "sample", ("memory", "y"), ("u", "later")),
-        "sensed": c_function(_sensed(policy), "sensed", ("x", "w"), ("y",)),
+        "sensed": c_function(sensed_values(policy), "sensed", ("x", "w"), ("y",)),
         "state": state.upper(),
         "amount": amount,
         "unit": model.unit(state),
@@ -218,7 +218,7 @@ def _meanings(policy: FilteredPolicy) -> dict[str, str]:
     }
 
 
-def _sensed(policy: FilteredPolicy) -> ca.Function:
+def sensed_values(policy: FilteredPolicy) -> ca.Function:
     """Return the function (X, w) -> measured values y without errors, in absolute values."""
     point, model = policy.point, policy.point.model
     x = ca.SX.sym("x", len(model.states))

@@ -17,8 +17,7 @@ from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.held_step import in_samples
 from hfa_flight.air.scenario import Scenario
-from hfa_flight.air.sensors import measured
-from hfa_flight.export.c_text import filter_sample
+from hfa_flight.export.c_text import filter_sample, sensed_values
 from hfa_flight.policies.estimate import known_start, memory_size, memory_slices
 from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.policy import Measurements, Policy
@@ -131,16 +130,13 @@ def _sampled(policy: FilteredPolicy, y: ca.SX, w: ca.SX, v: ca.SX) -> Sampled:
     v: symbols of the noise of the sensors, then of the held commands
     """
     kalman, model, count = policy.filter, policy.point.model, len(policy.sensors)
-    x = y[: len(model.states)] - ca.DM(policy.point.x)
-    u = v[count:] - ca.DM(policy.point.u)
-    winds = dict(zip(model.disturbances, ca.vertsplit(w), strict=True))
-    without_errors = measured(policy.point, policy.sensors, x, u, model.p, winds)
-    values = without_errors + ca.DM(kalman.at_trim) + v[:count]
+    X = y[: len(model.states)]
+    values = sensed_values(policy)(X, w if w.numel() else 0.0) + v[:count]
     # An FMU begins with a memory of zeros, in place of that of its states, which are known.
     under_way = np.zeros(policy.under_way * len(model.inputs))
     start = ca.SX(ca.DM(np.append(known_start(kalman), under_way)))
     memory, places = ca.SX.sym("memory", start.numel()), memory_slices(kalman)
-    start[: len(kalman.states)] = x[model.state_places(kalman.states)]
+    start[: len(kalman.states)] = (X - ca.DM(policy.point.x))[model.state_places(kalman.states)]
     before = ca.if_else(memory[places.begun] == 0, start, memory)
     u, later = filter_sample(policy).call([before, values])
     if policy.delay:  # the command of some whole samples ago acts, of those under way

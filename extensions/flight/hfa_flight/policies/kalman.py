@@ -301,19 +301,13 @@ class KalmanFilter(Result):
         without = f", without a sensor of {', '.join(missing)}" if missing else ""
         beside = f", with sensors of {', '.join(outputs)}" if outputs else ""
         air = "still air" if self.turbulence is None else level_text(self.turbulence)
-        default = _default_drifts(self.point, self.sensors)
-        given = [
-            f"{self.drift[name]:g} {self.point.model.states[name].unit} of {name}"
-            for name in self.states
-            if self.drift[name] != default[name]
-        ]
-        exceptions = f", but {', '.join(given)}" if given else ""
+        is_given = self.drift != _default_drifts(self.point, self.sensors)
+        drift = "drift as given" if is_given else f"drift {DRIFT:g} of the noise a second"
+        drift += ", as if each sample had all values" * bool(self.intermittent)
         return (
             f"Kalman filter for {air}, one sample every {1e3 * self.dt:g} ms{without}{beside}: "
-            f"spectral radius {near_one(self.radius)}, Riccati residual {self.residual:.1e}, drift "
-            f"{DRIFT:g} of the noise a second{exceptions}"
-            + ", as if each sample had all values"
-            * bool(self.intermittent)
+            f"spectral radius {near_one(self.radius)}, Riccati residual {self.residual:.1e}, "
+            f"{drift}"
         )
 
     def text_of_biases(self) -> str:
