@@ -274,7 +274,7 @@ def _near(middle: np.ndarray, error: float) -> Near:
 
 def _size(matrix: np.ndarray) -> float:
     """Return the norm of Frobenius of doubles, rounded up."""
-    return float(np.linalg.norm(matrix)) * ROUNDED_UP + UNDERFLOW
+    return math.sqrt(np.vdot(matrix, matrix)) * ROUNDED_UP + UNDERFLOW
 
 
 def norm(matrix: Any) -> arb:

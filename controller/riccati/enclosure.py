@@ -123,17 +123,11 @@ class Enclosure:
         """L of the worst disturbance d = L z, (k, n); 0 without a disturbance."""
         return self._of_user("L")
 
-    @cached_property
-    def _known(self) -> dict[str, Numbers]:
-        """What `numbers` has returned, by name."""
-        return {}
-
+    @lru_cache(maxsize=8)  # noqa: B019 - of few enclosures at once
     def numbers(self, name: str) -> Numbers:
         """Return the numbers of "P", "K" or "L" in units of powers of two."""
-        if name not in self._known:
-            balls = getattr(self, f"{name}_in_units")
-            self._known[name] = Numbers(midpoints(balls), radii(balls))
-        return self._known[name]
+        balls = getattr(self, f"{name}_in_units")
+        return Numbers(midpoints(balls), radii(balls))
 
     def rounded(self, name: str) -> np.ndarray:
         """Return the midpoints of "P", "K" or "L", read-only, 0 where no digit is known."""

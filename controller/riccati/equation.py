@@ -57,8 +57,7 @@ class Units(NamedTuple):
 
 def users_units(game: Game) -> Units:
     """Return the units in which the user gave a game: all exponents are 0."""
-    n, m = game.B.shape
-    sizes = (n, m, game.E.shape[1])
+    sizes = (*game.B.shape, game.E.shape[1])
     states, inputs, disturbances = (np.zeros(size, dtype=int) for size in sizes)
     return Units(states, inputs, disturbances)
 

@@ -15,13 +15,10 @@ from stored_games import stored as stored_game
 from controller import load_game
 from controller.game.linear_game import stored_game as read_game
 from hfa import BadInputError, Game, read_critic, solve
-from hfa_model import LINEAR_STATES, published_models
-from hfa_model.parameters import published_data
 
 A2 = [[0.0, 1.0], [-2.0, -3.0]]
 B2 = [[0.0], [1.0]]
 PLANT = {"A": A2, "B": B2, "Q": [[2.0, 0.0], [0.0, 1.0]], "R": [[4.0]]}
-MODEL = {"A": published_models()[0].A, "B": published_models()[0].B}
 pytestmark = pytest.mark.usefixtures("folder")
 
 
@@ -47,48 +44,6 @@ def test_games_and_solutions_survive_their_files(path, of_solution):
     found = solve(game)
     found.save(of_solution)
     assert read_critic(of_solution, game).K.tobytes() == found.K.tobytes()
-
-
-def test_the_papers_game_is_converted_to_meters():
-    """For a plant with speed in m/s and the second input in deg, the paper's Q, E and R, which are
-    per ft and rad, are converted. A plant with other state names has no default for Q.
-    """
-    units = ["m/s", "rad", "rad", "rad/s", "rad", "rad/s"]
-    inputs = ["1", "deg", "rad", "rad", "rad"]
-    names = {"states": LINEAR_STATES, "state_units": units, "input_units": inputs}
-    with pytest.warns(UserWarning, match="not given: E, Q, R, delta"):
-        si = load_game(stored("si.npz", **MODEL, **names))
-    np.testing.assert_allclose(
-        np.diag(si.Q), [1000.0 / 0.3048**2, 1000.0, 0.01, 0.01, 1000.0, 0.01], rtol=1e-15
-    )
-    assert np.array_equal(np.diag(si.E), [0.3048, 1.0, 1.0, 1.0, 1.0, 1.0])
-    of_paper = np.diag(published_data()["game"]["R_diag"])
-    np.testing.assert_allclose(si.R[1, 1], of_paper[1, 1] * np.radians(1.0) ** 2, rtol=1e-15)
-    assert np.array_equal(np.delete(np.diag(si.R), 1), np.delete(np.diag(of_paper), 1))
-    other = stored("other.npz", **MODEL, states=[f"s{i}" for i in range(6)], state_units=units)
-    with pytest.raises(BadInputError, match="there is no Q"):
-        load_game(other)
-
-
-def test_a_plant_with_its_own_weights_has_no_disturbance():
-    """A plant without names, but with Q and R, gets E = I and delta = inf."""
-    parts = MODEL | {"Q": np.eye(6), "R": np.eye(5)}
-    with pytest.warns(UserWarning, match="used: E the identity, delta inf"):
-        game = load_game(stored("weighed.npz", **parts))
-    assert game == Game(**parts, E=np.eye(6), delta=math.inf)
-
-
-def test_arguments_override_entries_of_the_file():
-    """Arguments Q, R and delta override the entries of the plant file.
-
-    The text "inf" is read as delta = inf.
-    """
-    full = PLANT | {"E": np.eye(2)}
-    path = stored("plant.json", **full, delta=5.0)
-    assert load_game(path).delta == 5.0
-    assert load_game(stored("inf.json", **full, delta="inf")).delta == math.inf
-    game = load_game(path, Q=np.eye(2), R=[[9.0]], delta=math.inf)
-    assert game == Game(**full | {"Q": np.eye(2), "R": [[9.0]], "delta": math.inf})
 
 
 def test_misnamed_entries_and_defaults_are_noted():
@@ -141,16 +96,6 @@ def noted(path, **changes):
         warnings.simplefilter("always")
         game = load_game(path, **changes)
     return game, "\n".join(str(each.message) for each in caught)
-
-
-def test_structures_are_read_if_top_level_is_empty():
-    """Matrices are read from a structure in a plant file only if the top level contains none."""
-    inside = PLANT | {"delta": 9.0, "E": np.eye(2).tolist()}
-    game, notes = noted(stored("in.json", model=inside))
-    assert game.delta == 9.0
-    assert "model" in notes
-    with pytest.raises(BadInputError, match="there is no B"):
-        load_game(stored("half.json", A=A2, model=inside))
 
 
 @pytest.mark.parametrize(

@@ -12,28 +12,6 @@ MODEL = hfa.with_servos(hfa.aircraft(), hfa.Servo(0.02))
 LINEAR = hfa.trim(MODEL, dihedral=0.1).linearize()
 
 
-def test_servos_are_states_between_command_and_aircraft():
-    """With servos of 20 ms the trim is that without, each position is that of its input, and the linear
-    model is that of the aircraft behind first-order lags. A rate limit holds far from the trim.
-    """
-    alone = hfa.trim(hfa.aircraft(), dihedral=0.1).linearize()
-    np.testing.assert_allclose(LINEAR.point.x, [*alone.point.x, *alone.point.u], rtol=1e-9)
-    lags = np.eye(5) / 0.02
-    np.testing.assert_allclose(
-        LINEAR.A, np.block([[alone.A, alone.B], [np.zeros((5, 6)), -lags]]), atol=1e-12
-    )
-    np.testing.assert_allclose(LINEAR.B, np.vstack([np.zeros((6, 5)), lags]), atol=1e-12)
-    limited = hfa.with_servos(hfa.aircraft(), {"elevator_outer": hfa.Servo(0.02, rate=0.5)})
-    point = hfa.trim(limited, dihedral=0.1)
-    inputs = point.inputs._replace(elevator_outer=point.inputs.elevator_outer + 0.1)
-    assert limited.at(point.states, inputs).f[-1] == pytest.approx(0.5)
-    assert MODEL.at(LINEAR.point.states, inputs).f[-1] == pytest.approx(0.1 / 0.02)
-    with pytest.raises(hfa.BadInputError, match="the unknown input 'rudder'"):
-        hfa.with_servos(hfa.aircraft(), {"rudder": hfa.Servo(0.02)})
-    with pytest.raises(hfa.BadInputError, match="lag of a servo"):
-        hfa.Servo(0.0)
-
-
 @pytest.mark.parametrize("count", [0, 1, 3])
 def test_the_value_of_a_delayed_game_is_the_cost_of_its_flight(count):
     """z'Pz is the integral of the cost of a linear flight, in steps of .5 ms, in which the command of a

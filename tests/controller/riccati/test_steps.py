@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import hfa
-from hfa import BadInputError, Game, NoSolutionError
+from hfa import Game, NoSolutionError
 
 GOLDEN = (1.0 + math.sqrt(5.0)) / 2.0
 
@@ -114,20 +114,3 @@ def test_gain_and_margins_of_a_scalar_loop():
     sensitivity = [abs(1.0 / (1.0 + 0.3 / (z - 0.8)) - 0.5) for z in (1.0, -1.0)]
     assert closed_loops.disk_margin(K).disk == pytest.approx(1.0 / max(sensitivity), rel=1e-6)
     assert closed_loops.disk_margin(K).frequency == pytest.approx(math.pi / 0.2, rel=1e-6)
-
-
-def test_short_samples_approach_the_game_in_continuous_time():
-    """K of sampled games approaches K with the order 1, and disk margins approach its disk margin.
-
-    A dt so short that rounding A of a step to 1 loses the rates is refused.
-    """
-    A, B = [[0.0, 1.0], [2.0, -0.1]], [[0.0], [1.0]]
-    game = Game(A, B, Q=[1.0, 0.1], R=[0.5], delta=20.0)
-    exact = hfa.solve(game)
-    errors = [np.abs(hfa.solve(game.sampled(dt)).K - exact.K).max() for dt in (2e-3, 1e-3)]
-    assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.02)
-    sampled = hfa.solve(game.sampled(1e-3))
-    assert sampled.disk_margin.disk == pytest.approx(exact.disk_margin.disk, rel=5e-3)
-    assert sampled.disk_margin.frequency == pytest.approx(exact.disk_margin.frequency, rel=5e-2)
-    with pytest.raises(BadInputError, match=r"dt = 1e-07 s is too short: .* give at least 5e-07 s"):
-        game.sampled(1e-7)
