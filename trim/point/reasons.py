@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from itertools import chain
+from itertools import chain, product
 from typing import NamedTuple
 
 import casadi as ca
@@ -240,18 +240,16 @@ class _Search:
                 break
         return best
 
-    def controls_of(self, state: str) -> dict[str, float]:
-        """Return the free controls that change the rate of a state where the search begins, with
-        the change over the range of the control.
+    def controls_of(self, state: str) -> list[str]:
+        """Return the free controls that change the rate of a state where the search begins, and
+        have limits, the strongest first.
         """
         begin = self.posed.clip(self.system.start)
         slopes = self.posed.at(begin).jacobian[[*self.rows].index(state)] / self.system.scales
-        effects = {
-            name: slope * (self.limits[name][1] - self.limits[name][0])
-            for name, slope in zip(self.posed.free, slopes.tolist(), strict=True)
-            if slope and name in self.controls
-        }
-        return {name: effect for name, effect in effects.items() if abs(effect) < np.inf}
+        slope_of = dict(zip(self.posed.free, np.abs(slopes).tolist(), strict=True))
+        limited = (name for name in self.controls if np.isfinite(self.limits[name]).all())
+        moving = [name for name in limited if slope_of[name]]
+        return sorted(moving, key=slope_of.__getitem__, reverse=True)
 
     def of_controls(self) -> Iterator[Reason]:
         """Yield the moment that is not balanced with its controls at either end of their range."""
@@ -265,30 +263,20 @@ class _Search:
             is_moved = ca.sparsify(jacobian[[*self.rows].index(state), inputs]).nnz() > 0
             if not is_moved and abs(self.attempt.scaled_residuals[state]) > BALANCE:
                 yield Reason(f"no free input changes {state}")
-            effects = self.controls_of(state)
-            most = sorted(effects, key=lambda name: abs(effects[name]))[-1:]  # the strongest
-            # all controls or one, with or without balance of the speed
-            for names, also in (([*effects], ""), (most, ""), (most, speed)):
-                low, high = (
-                    self.released(
-                        {name: self.limits[name][(effects[name] > 0.0) == is_up] for name in names},
-                        *(state, also),
-                    )
-                    for is_up in (False, True)
-                )
-                if not names or low is None or high is None:
+            # each control at both ends, with or without balance of the speed
+            for name, also in product(self.controls_of(state), ("", speed)):
+                low, high = (self.released({name: end}, state, also) for end in self.limits[name])
+                if low is None or high is None:
                     continue
                 nearest = min((low, high), key=lambda at: abs(at.rests[state]))
-                rest = nearest.rests[state]
                 least = _LEAST_REPORTED * self.rows[state].scale
-                if low.rests[state] * high.rests[state] > 0.0 and abs(rest) > least:
-                    describe, values = self.model.describe, nearest.values
-                    at = " and ".join(f"{name} {describe(name, values[name])}" for name in names)
+                if low.rests[state] * high.rests[state] > 0.0 and abs(nearest.rests[state]) > least:
+                    rest = self.model.describe(f"{state}_dot", nearest.rests[state])
+                    at = self.model.describe(name, nearest.values[name])
                     yield Reason(
-                        f"the {moment} moment is not balanced at either end of the controls: "
-                        f"{describe(f'{state}_dot', rest)} remain at {at}"
+                        f"the {moment} moment is not balanced at either end of {name}: "
+                        f"{rest} remain at {at}"
                     )
-                break
 
     def of_rest(self) -> Iterator[Reason]:
         """Yield the rate without which all others balance, if the unknowns are fewer."""

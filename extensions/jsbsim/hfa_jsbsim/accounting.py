@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from hfa_jsbsim.aircraft import Equations
 from hfa_jsbsim.catalog import access, of_component, without_numbers
 from hfa_jsbsim.parts import Parts
-from hfa_jsbsim.properties import IDLE, MOTION, Note, Writer
+from hfa_jsbsim.properties import IDLE, MOTION, SETTING, Note, Writer
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import BadInputError, shortened
 
@@ -109,12 +109,12 @@ def _notes_on_constants(equations: Equations) -> list[Note]:
     properties, used, notes = equations.properties, equations.used_symbols(), []
     for full_name, (symbol, start, where) in properties.constants.items():
         if full_name in properties.frozen:
-            notes.append(Note(_UNSET_FROZEN, f"{shortened(full_name)} ({start:g})", where))
+            notes.append(Note(_UNSET_FROZEN, f"{shortened(full_name)} ({start:g})", where, SETTING))
         if symbol.element_hash() not in used:
             continue
         is_input = equations.constants[full_name] in equations.inputs
         statement = _UNSET_COMMAND if is_input else _UNSET_CONSTANT
-        notes.append(Note(statement, f"{shortened(full_name)} ({start:g})", where))
+        notes.append(Note(statement, f"{shortened(full_name)} ({start:g})", where, SETTING))
     return notes
 
 
@@ -167,7 +167,7 @@ def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
 
         is_also_of_pilot = "-cmd-norm" in name and len(properties.writers[name]) > len(in_files)
         if is_also_of_pilot and name in properties.names_read:
-            notes.append(Note(_SET_TWICE, shortened(name), in_files[-1].where))
+            notes.append(Note(_SET_TWICE, shortened(name), in_files[-1].where, SETTING))
     return notes
 
 

@@ -17,7 +17,7 @@ from hfa_aircraft.rigid.aircraft import rotation
 from hfa_jsbsim.air import Motion
 from hfa_jsbsim.airframe import Tank
 from hfa_jsbsim.functions import function_value, read_table, table_value
-from hfa_jsbsim.properties import Note, Properties
+from hfa_jsbsim.properties import MOTION, Note, Properties
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import shortened
 
@@ -514,7 +514,8 @@ def _within_torque(mounted: MountedEngine, power: Any) -> Any:
     turns = mounted.propeller_rpm / 60.0
     most = torque * ca.fmax(2.0 * np.pi * turns, 0.01) / HP
     statement = "the torque is limited to this value, about which JSBSim's limiter oscillates"
-    mounted.properties.notes.append(Note(statement, f"{torque:g} ft lb", limiter.where))
+    subject = f"{torque:g} ft lb"
+    mounted.properties.notes.append(Note(statement, subject, limiter.where, MOTION))
     # With a slope beyond the limit, by which a trim search returns below it.
     return ca.fmin(power, most + _SHARE_BEYOND_LIMIT * (power - most))
 

@@ -263,8 +263,13 @@ class _Gear(NamedTuple):
     switch_pressure: float
 
 
+#: Gear without boost, which JSBSim has in place of an invalid one.
+_INVALID_GEAR = _Gear(1.0, 2500.0, 100000.0, 0.0)
+
+
 def _gears(engine: Element) -> list[_Gear]:
     """Return the gears of a supercharger, or an empty list without one."""
+    # As in JSBSim, all gears from an invalid one on are `_INVALID_GEAR`, and one less in number.
     count = int(engine.value_of("numboostspeeds", 0.0))
     gears: list[_Gear] = []
     last_altitude = 0.0
@@ -273,8 +278,7 @@ def _gears(engine: Element) -> list[_Gear]:
         power = engine.value_of(f"ratedpower{number}", 0.0, "HP")
         altitude = engine.value_of(f"ratedaltitude{number}", 0.0, "FT")
         if boost <= 0.0 or power <= 0.0 or altitude < last_altitude:
-            fault = "needs a positive boost and power, and no lower altitude than the one before"
-            raise engine.error(f"gear {number} of the supercharger {fault}; correct these")
+            return gears + [_INVALID_GEAR] * (count - number)
         rated_pressure = _STANDARD_PRESSURE + boost * _PSI_TO_PA
         multiplier = rated_pressure / (_standard_pressure(altitude) * _PSF_TO_PA)
         rated_speed = engine.value_of(f"ratedrpm{number}", 2500.0)

@@ -29,7 +29,7 @@ from hfa_jsbsim.airframe import SLUG_TO_LB
 from hfa_jsbsim.engines import EngineFile
 from hfa_jsbsim.equations import EquationsOfMotion
 from hfa_jsbsim.parts import Parts
-from hfa_jsbsim.properties import Note, grouped
+from hfa_jsbsim.properties import FORCE, Note, grouped
 from hfa_support.errors import BadInputError, advice, shortened
 from hfa_support.native.bound import RowFunction
 
@@ -178,6 +178,7 @@ class _Declaration:
         # speed error.
         steady = tuple(name for name in linear if not name.startswith("spool"))
         configuration = self._configuration()
+        left_out = grouped(note for note in notes if note.rank == FORCE)
         aliases = ALIASES | self._own_aliases()
         short_aliases = {name.rpartition("/")[2]: own for name, own in aliases.items()}  # vc-kts
         return Model(
@@ -198,7 +199,7 @@ class _Declaration:
             about=About(
                 notes=(*grouped(notes),),
                 aliases=short_aliases | aliases,
-                warnings_about=partial(self._warnings, configuration),
+                warnings_about=partial(self._warnings, configuration, left_out),
                 equations="JSBSim",
                 atmosphere="U.S. Standard 1976",
                 configuration=configuration,
@@ -222,9 +223,13 @@ class _Declaration:
     def _warnings(
         self,
         configuration: Callable[..., dict[str, tuple[float, str]]],
+        left_out: list[str],
         parameters: Mapping[str, float],
     ) -> Iterator[str]:
-        """Yield a sentence if no rigid body has the inertias, and if no throttle moves a thrust."""
+        """Yield a sentence if no rigid body has the inertias, and if no throttle moves a thrust,
+        after the notes on what is left out and moves a force.
+        """
+        yield from left_out
         p = [*parameters.values()]
         x = [signal.start for signal in self._states().values()]
         values = configuration(x, [0.0] * len(self.inputs), p)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from hfa_jsbsim.control_system import output_limits
-from hfa_jsbsim.properties import LoopError, Note, Properties, canonical, contains
+from hfa_jsbsim.properties import SETTING, LoopError, Note, Properties, canonical, contains
 from hfa_jsbsim.xml_file import Element
 
 #: What a property has around its surface, such as mag-elevator-pos-rad.
@@ -73,7 +73,7 @@ def use_surface_positions(
             limits = _limits(name, surface, properties, sign)
             positions[key] = PilotInput(ca.SX.sym(key), unit, limits)
             statement = "the input is the surface position"
-            notes.append(Note(statement, f"{key} ({loop.cause})", loop.where))
+            notes.append(Note(statement, f"{key} ({loop.cause})", loop.where, SETTING))
         _set_surface(name, surface, properties, sign * positions[key].symbol)
     inputs.update(positions)
     return notes
@@ -128,4 +128,4 @@ def reach_throttle(engine: int, properties: Properties, throttle: ca.SX) -> Note
         return None
     properties.replace(name, throttle)
     statement = "the input is the throttle position; throttle-cmd-norm has no effect on"
-    return Note(statement, f"engine {engine}")
+    return Note(statement, f"engine {engine}", rank=SETTING)
