@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from hfa_jsbsim.aircraft import Equations
 from hfa_jsbsim.catalog import access, of_component, without_numbers
 from hfa_jsbsim.parts import Parts
-from hfa_jsbsim.properties import IDLE, MOTION, SETTING, Note, Writer
+from hfa_jsbsim.properties import MOTION, SETTING, Note, Writer
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import BadInputError, shortened
 
@@ -39,11 +39,6 @@ _UNSUPPORTED = {
     "tank": ("grain_config",),
     "thruster": ("pointing",),
     "turboprop_engine": ("CombustionEfficiency_N1",),
-}
-#: Elements and attributes with descriptive text or names of files.
-_DESCRIPTIVE = {
-    *("description", "documentation", "comment", "note", "notes", "reference", "author", "license"),
-    *("name", "file", "version", "release", "type", "xsi", "xmlns", "copyright", "id", "title"),
 }
 #: JSBSim's properties that a file may set, and on which no force in flight depends.
 _WITHOUT_FORCE = (
@@ -79,7 +74,6 @@ _UNSET_FROZEN = (
     "nothing in the files sets these, and with other values they need what is unsupported"
 )
 _NO_BURN = "omitted: fuel burn, so tank contents are constant"
-_NO_FORCE = "omitted, as no force in flight depends on them"
 
 
 def notes_on_omitted(parts: Parts, equations: Equations) -> list[Note]:
@@ -98,9 +92,7 @@ def notes_on_omitted(parts: Parts, equations: Equations) -> list[Note]:
         statement = _ALWAYS_OMITTED if is_always else _HOW_TO_MAKE_STATES
         notes.append(Note(statement, subject, component.where, MOTION))
     for root in parts.folders.documents:
-        for element in _omitted(root):
-            subject = f"<{shortened(element.name)}>"
-            notes.append(Note(_NO_FORCE, subject, f"{element.file}:", IDLE))
+        _refuse_unsupported(root)
     return notes
 
 
@@ -118,22 +110,14 @@ def _notes_on_constants(equations: Equations) -> list[Note]:
     return notes
 
 
-def _omitted(root: Element) -> Iterator[Element]:
-    """Yield each element that was not read, except descriptions.
-
-    Raises BadInputError for one that affects the forces.
-    """
-    pending = [root]
-    while pending:
-        element = pending.pop()
-        for child in reversed(element.children):
-            if child.taken:
-                pending.append(child)
-            elif child.name in _UNSUPPORTED.get(element.name, ()):
-                fault = f"<{child.name}> in <{element.name}> affects the forces"
-                raise child.error(f"{fault} and is not supported; remove this element")
-            elif child.name not in _DESCRIPTIVE:
-                yield child
+def _refuse_unsupported(element: Element) -> None:
+    """Raise BadInputError if an element within one that was read affects the forces, unread."""
+    for child in element.children:
+        if child.taken:
+            _refuse_unsupported(child)
+        elif child.name in _UNSUPPORTED.get(element.name, ()):
+            fault = f"<{child.name}> in <{element.name}> affects the forces"
+            raise child.error(f"{fault} and is not supported; remove this element")
 
 
 def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:

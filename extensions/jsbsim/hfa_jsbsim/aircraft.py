@@ -118,8 +118,6 @@ class Equations:
         self.starts: dict[str, float] = {}
         #: Property that nothing sets -> name of the parameter or input.
         self.constants: dict[str, str] = {}
-        #: Property that a <property> of the files declares -> file and line.
-        self.declared: dict[str, str] = {}
         self.replaced_commands: list[ca.SX] = []
         self._replacements: list[tuple[ca.SX, ca.SX]] = []
         self._functions: dict[str, Element] = {}
@@ -418,8 +416,6 @@ class Equations:
         value = element.as_number(element.attributes.get("value", "0"))
         full_name = canonical(element.text)
         rights = access(full_name, self.parts.thrusters)
-        if not rights:
-            self.declared[full_name] = element.where
         if full_name in self.chosen:
             self.starts.setdefault(self.chosen[full_name], value)
         elif _NAME_OF_COMMAND.search(full_name) and not (

@@ -17,9 +17,8 @@ from hfa_jsbsim.xml_file import Element, number_of
 from hfa_support.errors import BadInputError, shortened
 
 #: Ranks of notes, in the order in which they are printed. FORCE: what is left out moves a force, a
-#: warning too. SETTING: what the user can set. MOTION: only the motion may differ. IDLE: nothing
-#: differs in flight.
-FORCE, SETTING, MOTION, IDLE = range(4)
+#: warning too. SETTING: what the user can set. MOTION: only the motion may differ.
+FORCE, SETTING, MOTION = range(3)
 #: Largest number of subjects that a note lists for one file.
 _MOST_PER_FILE = 12
 
@@ -30,7 +29,7 @@ class Note(NamedTuple):
     statement: the statement
     subject: part of the file that the statement concerns, "" for the whole file
     where: file and line
-    rank: FORCE, SETTING, MOTION or IDLE, from the most to the least important
+    rank: FORCE, SETTING or MOTION, from the most to the least important
     """
 
     statement: str
@@ -42,7 +41,7 @@ class Note(NamedTuple):
 def grouped(notes: Iterable[Note]) -> list[str]:
     """Return one line for each statement, with its subjects, files and lines.
 
-    Notes of rank FORCE come first, then SETTING, MOTION and IDLE.
+    Notes of rank FORCE come first, then SETTING and MOTION.
     """
     by_statement: dict[tuple[int, str], list[Note]] = {}
     for note in sorted(notes, key=lambda note: note.rank):

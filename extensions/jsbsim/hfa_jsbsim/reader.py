@@ -30,8 +30,7 @@ from hfa_jsbsim.engines import EngineFile
 from hfa_jsbsim.equations import EquationsOfMotion
 from hfa_jsbsim.parts import Parts
 from hfa_jsbsim.properties import FORCE, Note, grouped
-from hfa_support.errors import BadInputError, advice, shortened
-from hfa_support.native.bound import RowFunction
+from hfa_support.errors import BadInputError, shortened
 
 #: Outputs that are surface positions: name -> property, in rad.
 _POSITIONS = {
@@ -158,12 +157,9 @@ class _Declaration:
             full_name for full_name, name in equations.chosen.items() if name not in self.inputs
         ]
         if idle:
-            read = equations.properties.names_read
-            known = [name for name in (*equations.declared, *read) if name not in idle]
-            meant = advice(idle[0], dict.fromkeys(known))
             raise BadInputError(
                 f"{self.parts.path}: inputs={shortened(idle[0])}: no force depends on this "
-                f"property, or a component sets it{meant or '; remove it from ?inputs='}"
+                f"property, or a component sets it; remove it from ?inputs="
             )
 
     def model(self, source: Source, notes: list[Note]) -> Model:
@@ -645,17 +641,9 @@ class _Declaration:
 def _density(altitude: Any, warmer: Any) -> Any:
     """Return the air density, slug/ft³, a number or an array (N,)."""
     # altitude, ft; warmer: deviation of the temperature from the standard atmosphere, K
-    columns = [column.reshape(-1, 1) for column in np.broadcast_arrays(altitude, warmer)]
-    (densities,) = _density_function()(*columns)
-    return float(densities[0, 0]) if len(densities) == 1 else densities[:, 0]
-
-
-@cache
-def _density_function() -> RowFunction:
-    """Return the function (altitude, ft; deviation of the temperature, K) -> density, slug/ft³."""
-    altitude, warmer = ca.SX.sym("altitude"), ca.SX.sym("warmer")
-    density = air_at(altitude, "english", warmer).density
-    return RowFunction(ca.Function("density", [altitude, warmer], [density]))
+    points = (ca.DM(each) for each in np.broadcast_arrays(altitude, warmer))
+    air = air_at(next(points), "english", next(points))
+    return np.asarray(air.density)[:, 0] if np.ndim(altitude) else float(air.density)
 
 
 def _stated_speed(file: EngineFile) -> float:
