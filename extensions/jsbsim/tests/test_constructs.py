@@ -16,6 +16,7 @@ QUICK = {
     "control: integrator of a rate": "agrees",
     "airframe: propeller, Mach": "agrees",
     "airframe: propeller, sense": "agrees",
+    "airframe: inertia products, not negated": "agrees",
     "airframe: nozzle": "agrees",
     "airframe: tank, drain": "agrees",
     "airframe: tank, priority 0": "agrees",

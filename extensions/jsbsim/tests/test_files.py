@@ -9,7 +9,6 @@ from constructs.jet import jet, slope
 from small_aircraft import (
     CONTROL,
     LIFT,
-    METRICS,
     REST,
     force,
     glider,
@@ -350,51 +349,6 @@ def test_what_moves_no_force_is_no_reason_to_refuse(tmp_path):
     )
 
 
-@pytest.mark.parametrize(
-    ("component", "positions"),
-    [
-        (
-            (
-                '<summer name="e"> <input>-fcs/elevator-cmd-norm</input> <bias>0.1</bias> <clipto>'
-                " <min>-0.3</min> <max>0.5</max> </clipto> <output>fcs/elevator-pos-rad</output>"
-                " </summer>"
-            ),
-            {-1.0: 0.5, 0.0: 0.1, 1.0: -0.3},
-        ),
-        (
-            (
-                '<kinematic name="e"> <input>fcs/elevator-cmd-norm</input> <traverse> <setting>'
-                " <position>0</position> <time>0</time> </setting> <setting>"
-                " <position>20</position> <time>1</time> </setting> </traverse>"
-                " <output>fcs/elevator-pos-deg</output> </kinematic>"
-            ),
-            {-1.0: 0.0, 0.5: np.radians(10.0), 1.0: np.radians(20.0)},
-        ),
-        (
-            (
-                '<actuator name="e"> <input>fcs/elevator-cmd-norm</input> <lag>60</lag>'
-                " <hysteresis_width>0.05</hysteresis_width> <output>fcs/elevator-pos-rad</output>"
-                " </actuator>"
-            ),
-            {0.3: 0.3},
-        ),
-    ],
-)
-def test_components_have_their_steady_output_in_the_model(tmp_path, component, positions):
-    """The elevator position behind a component is its steady output for the present command.
-
-    A note names half of the width of a hysteresis, 0.025, by which JSBSim's actuator may miss its command.
-    """
-    model = model_of(tmp_path, with_elevator(component))
-    for command, position in positions.items():
-        u = [command if name == "elevator" else 0.0 for name in model.inputs]
-        outputs = model.outputs_at(STATES, u)
-        assert outputs["elevator_position"] == pytest.approx(position, abs=1e-14)
-    notes = notes_on(model, "hysteresis")
-    assert len(notes) == component.count("<hysteresis_width>")
-    assert all("0.025" in note for note in notes)
-
-
 def test_a_surface_behind_an_integrator_is_an_input(tmp_path):
     """If the stick acts through an integrator, the surface position, limited by <clipto>, is the input of
     the model. In trim, the pitching moment coefficient -alpha - elevator is 0.
@@ -424,23 +378,3 @@ def test_lift_by_rate_of_alpha_gives_analytical_rate(tmp_path):
     # L / W = 5 alpha q S / (m g), with g in ft/s²
     pressure_per_momentum = outputs["lift_to_weight"] / (5.0 * 0.1) * 32.174049 / 120.0
     assert rate == pytest.approx(without / (1.0 + 0.02 * pressure_per_momentum), rel=1e-9)
-
-
-def test_the_sign_of_the_inertia_product_is_read(tmp_path):
-    """With negated_crossproduct_inertia="false", the product of inertia has the other sign.
-
-    The moments of roll and yaw then cause the accelerations of the inertia matrix with the entries
-    -100 in place of 100 slug ft² beside the diagonal 1000, 2000.
-    """
-    tilted = METRICS.replace("<emptywt", '<ixz unit="SLUG*FT2"> 100 </ixz> <emptywt')
-    x = [120.0, 0.1, 0.05, *[0.0] * 6, 1000.0]
-    rates = []
-    for attribute in ("", ' negated_crossproduct_inertia="false"'):
-        metrics = tilted.replace("<mass_balance>", f"<mass_balance{attribute}>")
-        model = model_of(tmp_path, glider().replace(METRICS, metrics))
-        rates.append(model.rates_at(x, CENTERED))
-    inertia = np.array([[1000.0, 100.0], [100.0, 2000.0]])
-    moments = inertia @ [rates[0]["roll_rate"], rates[0]["yaw_rate"]]
-    inertia[0, 1] = inertia[1, 0] = -100.0
-    expected = np.linalg.solve(inertia, moments)
-    assert [rates[1]["roll_rate"], rates[1]["yaw_rate"]] == pytest.approx(expected.tolist())
