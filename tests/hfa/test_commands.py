@@ -52,6 +52,15 @@ def test_the_start_of_a_search_is_typed_in_degrees():
     assert begin["angle"] == pytest.approx(np.radians(30.0), rel=1e-15)
 
 
+@pytest.mark.parametrize("file", [(), ("-o", "a.npz"), ("-o", "a.zarr")])
+def test_a_sweep_without_a_trim_fails(file):
+    """At 20 ft/s, no point has a trim: exit code 1, also with a file or a store."""
+    words = ("sweep", "--dihedral", "0", *file, "--hold")
+    found = hfa(*words, "speed=20,21")
+    assert found.code == 1
+    assert ": no trim at any of 2 points" in found.out.partition("\n")[0]
+
+
 def test_regenerate_fails_with_other_parameters():
     """With the parameters of the released simulation, `hfa regenerate` prints NO and fails."""
     assert "Both printed pairs regenerated: NO\n" in text(

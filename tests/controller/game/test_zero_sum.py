@@ -2,6 +2,7 @@
 
 import math
 import re
+from functools import partial
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from cli import refused
 from game_files import SMALL
 
 from controller import basis
-from hfa import Game
+from hfa import BadInputError, Game
 from hfa_model import LINEAR_STATES
 
 #: States with fourth powers in the paper's basis.
@@ -90,3 +91,12 @@ def test_the_gradient_of_a_basis_is_that_of_differences(functions):
     moved = 1e-5 * np.eye(6)
     slopes = (functions.psi(z + moved) - functions.psi(z - moved)).T / 2e-5
     np.testing.assert_allclose(functions.gradient(z), slopes, rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize("discount", [0.0, -0.5, 1.0 + 2**-52, 1.5, 2.0, np.nan])
+def test_a_discount_is_above_0_and_at_most_1(discount):
+    """Costs of later steps count at most as much: another discount is refused."""
+    game = partial(Game, [[0.5]], [[1.0]], Q=[1.0], R=[1.0], dt=0.1)
+    assert game(discount=1.0).discount == 1.0
+    with pytest.raises(BadInputError, match="discount is"):
+        game(discount=discount)

@@ -31,6 +31,11 @@ def test_residualized_models_equal_python_controls(aircraft):
             getattr(reduced, name), getattr(peer, name), rtol=1e-10, atol=1e-12
         )
     assert reduced.states == kept
+    winds = hfa.linearize(aircraft, model.point, disturbances=tuple(aircraft.disturbances)[:2])
+    i, o = (list(map(winds.states.index, names)) for names in (kept, omitted))
+    A, E = winds.A, winds.E
+    slow_E = E[i] - A[np.ix_(i, o)] @ np.linalg.solve(A[np.ix_(o, o)], E[o])
+    assert pytest.approx(slow_E, rel=1e-10, abs=1e-12) == winds.select(residualize=omitted).E
     np.testing.assert_allclose(reduced.to_control()(0), whole(0), rtol=1e-8, atol=1e-10)
     slow = 1e-2j  # s at 0.01 rad/s
     errors = [

@@ -159,3 +159,33 @@ def test_a_slow_loop_is_proved_stable(rate):
     assert not stabilizes(game, np.array([[-2.0 * rate]]))
     beside_another = Game(np.diag([1.0, -rate]), [[1.0], [1.0]], Q=[1.0, 0.0], R=[1.0])
     assert np.allclose(solve(beside_another).P, np.diag([1.0 + math.sqrt(2.0), 0.0]), rtol=1e-15)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_loop_in_samples_is_stable_between_its_margins_and_not_beyond(seed):
+    """At each margin of a random loop of three states, two inputs and steps of .1 s, a pole of the loop
+    whose input is changed by the gain, or turned by the phase, is on the unit circle; the others,
+    and those 1 % closer, are inside.
+    """
+    rng = np.random.default_rng(seed)
+    A, B = 0.6 * rng.standard_normal((3, 3)), rng.standard_normal((3, 2))
+    game = Game(A, B, Q=np.eye(3), R=np.eye(2), dt=0.1)
+    K = solve(game).K
+
+    def radius(i, factor):
+        change = np.eye(2, dtype=complex)
+        change[i, i] = factor
+        return np.abs(np.linalg.eigvals(A - B @ change @ K)).max()
+
+    for i, margin in enumerate(hfa.margins(game, K).values()):
+        for gain, closer in ((margin.gain_low, 1.01), (margin.gain_high, 0.99)):
+            if 0.0 < gain < math.inf:
+                assert radius(i, gain) == pytest.approx(1.0, abs=1e-6)
+                assert radius(i, gain * closer) < 1.0
+        if math.isfinite(margin.phase):
+            turned = [np.exp(1j * math.radians(sign * margin.phase)) for sign in (-1.0, 1.0)]
+            assert max(radius(i, each) for each in turned) == pytest.approx(1.0, abs=1e-6)
+            assert all(radius(i, each**0.99) < 1.0 for each in turned)
+        within = (1.0 + 0.999 * margin.disk / 2) / (1.0 - 0.999 * margin.disk / 2)
+        assert radius(i, within) < 1.0
+        assert radius(i, 1.0 / within) < 1.0
