@@ -33,7 +33,7 @@ INPUTS = ("linear", "steps")
 #: Pairs of estimates with a larger correlation are reported.
 _CORRELATED = 0.9
 #: Number of samples from which machine code is faster, including its compilation.
-_WORTH_COMPILING = 2000
+_WORTH_COMPILING = 10_000
 #: A parameter is not determined if the half-width of its band exceeds its value by this factor.
 _WIDE = 2.0
 
