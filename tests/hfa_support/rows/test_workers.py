@@ -87,23 +87,6 @@ def test_a_worker_with_other_code_is_refused(monkeypatch):
         list(run(_square, [(0, (1,))]))
 
 
-def test_no_worker_starts_without_free_file_handles():
-    """If only one file handle is free, too few for the pipes of a process, no worker is started, and
-    the error suggests fewer workers.
-    """
-    resource = pytest.importorskip("resource")
-    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
-    next_descriptor = os.dup(0)  # the smallest free number
-    os.close(next_descriptor)
-    with open_workers(2) as run:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (next_descriptor + 1, limits[1]))
-        try:
-            with pytest.raises(BadInputError, match=r"\(Too many open files\); use fewer workers"):
-                list(run(_square, [(0, (0,))]))
-        finally:
-            resource.setrlimit(resource.RLIMIT_NOFILE, limits)
-
-
 @pytest.mark.slow
 def test_a_cluster_returns_all_results():
     """A Dask cluster returns all results. A task that ends its worker raises NoSolutionError."""
