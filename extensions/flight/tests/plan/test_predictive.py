@@ -2,14 +2,12 @@
 
 import json
 import math
-import pickle
-from copy import copy, deepcopy
 from functools import partial
 
 import casadi as ca
 import numpy as np
 import pytest
-from cli import answer, assert_refused, hfa as hfa_command
+from cli import answer, hfa as hfa_command
 from held_inputs import over_hold
 from known_models import game_at, model_at
 from project import ROOT
@@ -70,22 +68,6 @@ def gain_of_holds(A, B, holds):
     return K
 
 
-def test_the_gradient_at_the_trim_is_the_optimal_gain_of_held_inputs():
-    """A plan holds its inputs over intervals of growing length, `holds`. The gradient of its first input
-    is the optimal gain of these holds, by a backward Riccati recursion. K of the policy, which takes
-    over near the trim, is that of endless holds of dt, by `solve_discrete_are`.
-    """
-    linear = hfa.linearize(PENDULUM, UPRIGHT)
-    policy = predictive(PENDULUM, UPRIGHT, *WEIGHTS)
-    plant = np.array(linear.A), np.array(linear.B)
-    K = gain_of_holds(*plant, policy.holds)
-    np.testing.assert_allclose(gradient(policy), K, rtol=1e-5)
-    A, B, Q, N, R = over_hold(*plant, *WEIGHTS, policy.dt)
-    P = solve_discrete_are(A, B, Q, R, s=N)
-    forever = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A + N.T)
-    np.testing.assert_allclose(policy.K, forever, rtol=1e-9)
-
-
 def test_one_quadratic_program_finds_the_optimal_input_off_the_plan():
     """At the second sample, the state differs from the plan of the first. One quadratic program then
     finds the optimal input -K z of the linear cart (`gain_of_holds`), not that of the first plan.
@@ -123,20 +105,6 @@ def test_the_sample_time_resolves_the_fastest_pole():
     policy = predictive(filtered, hfa.trim(filtered), np.diag([1.0, 1.0, 1e-4]), np.eye(1))
     slow = cart_policy()
     assert 0.3 < 50.0 * policy.dt <= 0.7 < 50.0 * slow.dt
-
-
-def test_near_the_trim_the_plan_costs_the_exact_value_and_the_exact_gain_flies():
-    """A plan of half a second from z, near the trim, costs z'Pz within 1 %, with P of `hfa.lqr`. At the
-    next sample, nearer to the trim, the linear policy acts: -K z.
-    """
-    linear = hfa.linearize(CART, AT_REST)
-    P = np.array(hfa.lqr(linear.A, linear.B, *WEIGHTS).P)
-    policy = cart_policy(horizon=0.5)
-    z, later = np.array([0.02, -0.01]), np.array([0.015, -0.012])
-    policy(0.0, z)
-    assert policy.samples.first.cost == pytest.approx(z @ P @ z, rel=0.01)
-    np.testing.assert_allclose(policy(policy.dt, later), -policy.K @ later, rtol=1e-9)
-    assert policy.samples.linear == 1
 
 
 @pytest.mark.parametrize(
@@ -391,41 +359,6 @@ def test_a_faulty_sample_does_not_change_the_flight(law):
     assert np.isfinite(cart_flight(policy, {0: [np.nan] * 2, 1: [np.inf] * 2})).all()
 
 
-@pytest.mark.parametrize("law", LAWS)
-def test_copies_made_in_flight_continue_it_like_the_policy(law):
-    """Copies of a policy after two samples give the same next inputs, and neither changes what the
-    other copies and the policy give: each has its own memory of the flight.
-    """
-    policy = LAWS[law](PENDULUM, UPRIGHT, *WEIGHTS)
-    for number, angle in enumerate((0.5, 0.48)):
-        policy(number * policy.dt, [angle, -0.4])
-    each = copy(policy), deepcopy(policy), pickle.loads(pickle.dumps(policy)), policy
-    inputs = [[one(0.0, X).item() for X in ([0.46, -0.45], [0.43, -0.5])] for one in each]
-    np.testing.assert_allclose(inputs, [inputs[0]] * 4, rtol=1e-9)
-
-
-@pytest.mark.parametrize("law", LAWS)
-def test_a_jump_of_the_measured_state_is_acted_on_at_its_second_sample(law):
-    """A jump of the position by 2 m is ignored for one sample. If it stays, the policy acts on it."""
-    policy = cart_policy(law, dt=0.1)
-    policy(0.0, [0.0, 0.0])
-    x = np.array([2.0, 0.0])
-    forces = [policy(number * policy.dt, x)[0] for number in (1, 2)]
-    assert abs(forces[0]) < 1e-9
-    assert forces[1] < -0.5
-
-
-def test_a_plan_made_before_the_flight_does_not_change_the_first_input():
-    """`begin` plans from the states that are expected. The first input is the same whether the first
-    sample has these states, or others (0.02 m or 6 m off), from which the plan is made anew.
-    """
-    policy = cart_policy()
-    expected = policy(0.0, [3.0, 0.1]).item()
-    for foreseen in ([3.0, 0.1], [3.02, 0.1], [-3.0, 0.5]):
-        policy.begin(foreseen)
-        assert policy(0.0, [3.0, 0.1]).item() == pytest.approx(expected, abs=1e-3)
-
-
 def test_without_time_for_a_new_plan_the_last_one_is_flown():
     """Without time for a program, the second input is that of the first plan."""
     policy = cart_policy(budget=1e-9)
@@ -469,21 +402,6 @@ def test_laws_fly_and_are_compared_on_the_command_line(law):
         counts = flown["policy"]["samples"]
         assert counts["planned"] + counts["linear"] == round(5.0 / flown["policy"]["dt"])
         assert counts["first_plan"] == pytest.approx(flown["cost"], rel=0.05)
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        ("--policy predictive --command angle=1:2", "--command cannot be combined with --policy"),
-        ("--policy state-dependent --horizon 1", "--horizon applies only to"),
-        ("--policy exact --margin 0.1", "--margin applies only to"),
-        ("--policy predictive --samples 2 --workers 2", "a policy that plans"),
-        ("--keep-inside", "move no limited state"),
-    ],
-)
-def test_options_that_do_not_apply_to_the_policy_are_refused(words, named):
-    """Options that do not apply to the policy, or to the pendulum, are refused."""
-    assert_refused(hfa_command("fly", "--aircraft", PENDULUM_FILE, *words.split()), 2, named)
 
 
 @pytest.mark.slow

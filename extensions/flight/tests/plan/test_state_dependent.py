@@ -91,15 +91,6 @@ def test_the_command_keeps_the_limits_of_envelope_inside():
         assert (policy["changed_samples"] > 0) is is_changed
 
 
-def test_keep_inside_is_refused_for_a_flight_with_samples_too_short_to_keep_a_limit():
-    """The force of 20 N moves the rate by more than a tenth of its limit, 1.5 m/s, in 10 ms, and by less
-    in 1 ms.
-    """
-    kept = hfa.keep_inside(GainPolicy("gain", np.ones((1, 2))), DUFFING, AT_REST)
-    with pytest.raises(hfa.BadInputError, match=r"in 0\.001 s the inputs move no limited state"):
-        hfa.fly(DUFFING, AT_REST, kept, scenario=hfa.Scenario(0.1, tick=0.001))
-
-
 def test_with_a_delay_a_sampled_policy_acts_on_the_predicted_state():
     """`keep_inside` predicts the state over the delay: a network whose commands act a sample late
     flies as without delay from the state that this sample reaches, also where the limit of the
