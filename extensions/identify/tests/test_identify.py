@@ -40,10 +40,14 @@ def chi_square(result, true):
 
 def test_residuals_are_the_noise_of_the_sensors():
     """Residuals of a record, and the noise that the result states, have the standard deviations of the
-    sensors.
+    sensors; the fit is the explained share of the variance, 1 - Σ residual² / Σ (measured - mean)².
     """
-    result = identified()
+    result, measured = identified(), record(0, 0.0)
     for name, size in SENSORS.items():
+        unexplained = (
+            (result.residuals[0][name] ** 2).sum() / np.var(measured[name]) / len(measured[name])
+        )
+        assert 1.0 - result.quantities[name].fit == pytest.approx(unexplained, rel=1e-9)
         assert result.residuals[0][name].std() == pytest.approx(size, rel=0.15)
         assert result.quantities[name].noise == pytest.approx(size, rel=0.15)
 

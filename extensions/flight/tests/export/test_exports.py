@@ -42,6 +42,16 @@ def exported(*words):
     assert result.code == 0, result.err
 
 
+def test_the_end_of_a_comment_in_a_name_ends_no_comment_of_the_code(folder):
+    """The code of an aircraft whose name is */ followed by a wrong line compiles."""
+    text = (ROOT / "examples/uav.toml").read_text("utf-8")
+    Path("uav.toml").write_text(text.replace('name = "Aerosonde"', 'name = "*/ wrong"'), "utf-8")
+    weights = ("--Q", ",".join("1" * 8), "--R", ",".join("1" * 4))
+    assert command("export", "--aircraft", "uav.toml", *weights, "-o", "c").code == 0
+    assert "* / wrong" in (folder / "c/hfa_aircraft.c").read_text("utf-8")
+    compiled(folder / "c", "-c", "hfa_aircraft.c", "-o", "aircraft.o")
+
+
 def test_exported_rates_equal_the_model(folder):
     """At random states, exported C code and the equations give equal state rates, with updrafts."""
     exported("--dynamics", "newton", "-o", "c")
