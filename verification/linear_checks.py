@@ -17,7 +17,7 @@ from hfa_support.reporting.report import Check, at_least
 from hfa_support.reporting.results import without_empty
 from hfa_support.reporting.text import Table, percent
 from trim.linear.margins import DiskMargin
-from verification.verdict import NEAR, state_text
+from verification.verdict import NEAR, values_text
 
 
 class _Robustness(NamedTuple):
@@ -131,7 +131,8 @@ class LinearLoop:
         table = Table(("linear loop with the worst disturbance", *self.robustness), rows)
         lines = []
         if _has_worst(suboptimality):
-            worst = state_text(self.exact, suboptimality.worst)
+            names = self.exact.names
+            worst = values_text(names.states, names.state_units, suboptimality.worst)
             lines.append(f"Worst initial state, in the box: {worst}")
         return (table, *lines)
 

@@ -19,7 +19,7 @@ from hfa_support.reporting.results import Entries
 from hfa_support.reporting.text import Cell, Table, entry_rows, percent
 from verification.box import SHARE
 from verification.nonlinear_game import NonlinearComparison
-from verification.verdict import NEAR, OPTIMAL, Verdict, state_text
+from verification.verdict import NEAR, OPTIMAL, Verdict, values_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -205,7 +205,7 @@ def _cost_text(verdict: Verdict) -> str:
 
 def _simulated_text(verdict: Verdict, limit_cost: float | None) -> str:
     """Return what is proved of the cost of a critic, or else what its simulations show, as text."""
-    proof, worst = verdict.proof, verdict.worst_flight
+    proof, worst, names = verdict.proof, verdict.worst_flight, verdict.exact.names
     assert proof is not None
     simulated = verdict.cost_above_optimum_percent
     if verdict.is_proved(limit_cost) or (not verdict.flights and proof.is_found):
@@ -218,7 +218,7 @@ def _simulated_text(verdict: Verdict, limit_cost: float | None) -> str:
         return next(check.reason for check in verdict.checks if math.isnan(check.value))
     elif math.isinf(simulated):
         assert worst is not None
-        start = state_text(verdict.exact, worst.start)
+        start = values_text(names.states, names.state_units, worst.start)
         game = verdict.exact.game
         what = "cost without bound" if math.isfinite(game.delta) else "not stabilizing"
         return f"{what} from ({start}): {worst.what}"
@@ -227,7 +227,7 @@ def _simulated_text(verdict: Verdict, limit_cost: float | None) -> str:
     else:
         text = f"at least {percent(simulated)} above the optimum"
         if worst is not None and verdict.has_counterexample(limit_cost):
-            text += f" from ({state_text(verdict.exact, worst.start)})"
+            text += f" from ({values_text(names.states, names.state_units, worst.start)})"
     is_at_trim = all(check.ok for check in verdict.checks if check.kind == "rest")
     return text if is_at_trim else f"{text} about its equilibrium"
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -322,11 +322,10 @@ def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
     return tuple(with_reason)
 
 
-def state_text(exact: Solution, state: np.ndarray) -> str:
-    """Return a state as text, without the entries that print as 0."""
-    names = exact.names
+def values_text(names: Sequence[str], units: Sequence[str], values: Iterable[float]) -> str:
+    """Return values with names and units as text, without those that are 0."""
     return ", ".join(
         f"{name} {value:.3g}{'' if unit in ('', '1') else f' {unit}'}"
-        for name, value, unit in zip(names.states, state, names.state_units, strict=True)
+        for name, value, unit in zip(names, values, units, strict=True)
         if value
     )

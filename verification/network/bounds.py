@@ -85,7 +85,6 @@ class BoundedFunction:
     """A function of the state, given by its operations, with bounds over boxes.
 
     is_linear_in_pieces: whether all operations are linear, but for relu
-    is_homogeneous: whether f(a z) = a f(z) for all a >= 0: linear in pieces, with kinks at the trim
     width: largest number of results of an operation
     """
 
@@ -96,57 +95,67 @@ class BoundedFunction:
         for kind in kinds - {*_FUNCTIONS}:
             raise NotListedError(f"operation {kind} has no bounds")
         self.is_linear_in_pieces = kinds <= {"", "relu"}
-        constants = [operation.constant for operation in self._operations]
-        self.is_homogeneous = self.is_linear_in_pieces and not any(map(np.any, constants))
         self.width = max(len(operation.matrix) for operation in self._operations)
 
+    @np.errstate(all="ignore")
     def over(
         self, c: np.ndarray, h: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return x, Z and r over the boxes |z - c| <= h, (n, N) each, and how much each state
         widens r, (N, n).
         """
-        with np.errstate(all="ignore"):
-            steps = self._steps(c, h)
-            m, N = steps[-1].x.shape
-            radius, scores = np.zeros((m, N)), np.zeros((N, len(c)))
-            weights = {len(steps) - 1: np.repeat(np.eye(m)[:, None], N, axis=1)}
-            for place in range(len(steps) - 1, 0, -1):
-                weight = weights.pop(place, None)  # of the radii, (m, N, k)
-                if weight is None:
-                    continue
-                operation, step = self._operations[place - 1], steps[place]
-                added = np.abs(weight) * step.own.T
-                radius = radius + added.sum(2)
-                scores = scores + np.einsum("Nk,kNi->Ni", added.sum(0), step.shares)
-                weight = (weight * step.slope.T).reshape(m * N, -1) @ operation.matrix
-                sizes = [len(steps[i].x) for i in operation.sources]
-                parts = np.split(weight.reshape(m, N, -1), np.cumsum(sizes)[:-1], axis=2)
-                for source, part in zip(operation.sources, parts, strict=True):
-                    weights[source] = weights.get(source, 0.0) + part
-            return *steps[-1][:2], radius * OUTWARD, scores
+        steps = self._steps(c, h)
+        m, N = steps[-1].x.shape
+        radius, scores = np.zeros((m, N)), np.zeros((N, len(c)))
+        weights = {len(steps) - 1: np.repeat(np.eye(m)[:, None], N, axis=1)}
+        for place in range(len(steps) - 1, 0, -1):
+            weight = weights.pop(place, None)  # of the radii, (m, N, k)
+            if weight is None:
+                continue
+            operation, step = self._operations[place - 1], steps[place]
+            added = np.abs(weight) * step.own.T
+            radius = radius + added.sum(2)
+            scores = scores + np.einsum("Nk,kNi->Ni", added.sum(0), step.shares)
+            weight = (weight * step.slope.T).reshape(m * N, -1) @ operation.matrix
+            sizes = [len(steps[i].x) for i in operation.sources]
+            parts = np.split(weight.reshape(m, N, -1), np.cumsum(sizes)[:-1], axis=2)
+            for source, part in zip(operation.sources, parts, strict=True):
+                weights[source] = weights.get(source, 0.0) + part
+        return *steps[-1][:2], radius * OUTWARD, scores
 
+    def is_homogeneous(self, c: np.ndarray, h: np.ndarray) -> bool:
+        """Return whether f(c + a y) - f(c) is a times f(c + y) - f(c) for |y| <= h and 0 <= a <= 1:
+        f is linear in pieces, and has no kink there but at c.
+        """
+        near, at = (self._steps(c[:, None], widths[:, None]) for widths in (h, 0.0 * h))
+        return self.is_linear_in_pieces and all(
+            ((of_box.least > 0.0) | (of_box.most < 0.0) | (of_c.least + of_c.most == 0.0)).all()
+            for (kind, *_), of_box, of_c in zip(self._operations, near[1:], at[1:], strict=True)
+            if kind
+        )
+
+    @np.errstate(all="ignore")
     def slopes(self, c: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return middle and radius of the slope over one box |z - c| <= h, (m, n) each."""
         n = len(c)
         values = [(np.eye(n), np.zeros((n, n)))]
-        with np.errstate(all="ignore"):
-            steps = self._steps(c[:, None], h[:, None])
-            for (kind, sources, matrix, _), step in zip(self._operations, steps[1:], strict=True):
-                M, R = (np.concatenate([values[i][k] for i in sources]) for k in (0, 1))
-                size = np.abs(matrix)
-                R = size @ R + (len(M) + 8) * _ROUNDING * (size @ np.abs(M))
-                M = matrix @ M
-                derivatives = _FUNCTIONS[kind][0]
-                # A slope is monotone on both sides of 0.
-                at = (step.least, np.clip(0.0, step.least, step.most), step.most)
-                slopes = np.array([derivatives(x)[1] for x in at])
-                middle = 0.5 * (slopes.max(0) + slopes.min(0))
-                radius = 0.5 * (slopes.max(0) - slopes.min(0))
-                radius = radius + 8 * _ROUNDING * (1.0 + np.abs(middle))
-                values.append((middle * M, np.abs(middle) * R + radius * (np.abs(M) + R)))
+        steps = self._steps(c[:, None], h[:, None])
+        for (kind, sources, matrix, _), step in zip(self._operations, steps[1:], strict=True):
+            M, R = (np.concatenate([values[i][k] for i in sources]) for k in (0, 1))
+            size = np.abs(matrix)
+            R = size @ R + (len(M) + 8) * _ROUNDING * (size @ np.abs(M))
+            M = matrix @ M
+            derivatives = _FUNCTIONS[kind][0]
+            # A slope is monotone on both sides of 0.
+            at = (step.least, np.clip(0.0, step.least, step.most), step.most)
+            slopes = np.array([derivatives(x)[1] for x in at])
+            middle = 0.5 * (slopes.max(0) + slopes.min(0))
+            radius = 0.5 * (slopes.max(0) - slopes.min(0))
+            radius = radius + 8 * _ROUNDING * (1.0 + np.abs(middle))
+            values.append((middle * M, np.abs(middle) * R + radius * (np.abs(M) + R)))
         return values[-1]
 
+    @np.errstate(all="ignore")
     def _steps(self, c: np.ndarray, h: np.ndarray) -> list[_Step]:
         """Return the steps over boxes, that of the input first."""
         n, N = c.shape

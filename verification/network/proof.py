@@ -104,9 +104,7 @@ class _Prover:
         # That of T K itself, per unit of the state.
         rounding = (len(T) + 2) * 2.0**-52 * np.abs(K)
         self.error_of_K = np.abs(T) @ (radii(setting.K) / b + rounding)
-        self.at_rest, _, self.at_rest_radius, _ = self.error.over(
-            equilibrium[:, None], np.zeros((n, 1))
-        )
+        self.at_rest = on_rows(steps, equilibrium[None]).T
         self.inverse = inverse = np.linalg.inv(S)
         self.rounding = (n + 8) * 2.0**-51 * np.abs(inverse)
         # |M S⁻¹| <= |M V| / (1 - |1 - S V|) of the inverse V in doubles.
@@ -140,14 +138,11 @@ class _Prover:
         y, h = s * claim.tube[:, None], width * claim.tube[:, None] * OUTWARD
         b, center = self.b[:, None], self.center[:, None]
         x, Z, r, scores = self.error.over(center + y * b, h * b)
-        r = r + self.at_rest_radius + self.error_of_K @ (np.abs(center) + (np.abs(y) + h) * b)
+        r = r + self.error_of_K @ (np.abs(center) + (np.abs(y) + h) * b)
         r = r + 2.0**-50 * (np.abs(x) + np.abs(self.at_rest))
         x = x - self.at_rest
         scores = scores + np.abs(Z[:, :, :n]).sum(0)
-        above = np.minimum(
-            norm(x, axis=0) + norm(Z, axis=0).sum(1) + norm(r, axis=0),
-            norm(np.abs(x) + np.abs(Z).sum(2) + r, axis=0),
-        )
+        above = norm(x, axis=0) + norm(Z, axis=0).sum(1) + norm(r, axis=0)
         value = norm(SU @ y, axis=0) + norm(SU, axis=0) @ h
         with np.errstate(all="ignore"):
             under = np.maximum(_least(S, y, h), 0.0)
@@ -179,7 +174,7 @@ class _Prover:
         boxes = np.stack([np.zeros((n, 1)), np.ones((n, 1))])  # centers and half-widths, (2, n, N)
         if not size:
             size = _SMALLEST
-            if not self.error.is_homogeneous:
+            if not self.error.is_homogeneous(self.center, size * claim.tube * self.b):
                 return Proof(why="the policy is not smooth at its equilibrium")
             # The bound on the surface of this box is that within.
             faces = np.hstack([np.eye(n), -np.eye(n)])

@@ -20,7 +20,7 @@ from verification.box import starts_in
 from verification.critic_errors import error_check, floored
 from verification.network.loops import FlightResults, equilibrium_check, equilibrium_of, fly
 from verification.network.proof import proof_of
-from verification.verdict import NEAR, Proof, Section
+from verification.verdict import NEAR, Proof, Section, values_text
 
 #: Number of states at which the errors are computed. Every second one is a corner of the box.
 SEARCHED = 5000
@@ -51,24 +51,17 @@ def finding_of_policy(
         if inside.min() == inside.max():
             facts.append(f"{name} is never moved")
         elif ends:
-            at = " and ".join(_with_unit(exact, i, end) for end in ends)
+            at = " and ".join(f"{end + 0.0:.4g}" for end in ends)
             share = percent(100.0 * float(np.isin(inside, ends).mean()))
             facts.append(f"{name} is clipped at {at} in {share} of the box")
     is_all = bool(facts and is_right.all())
     return "; ".join([*facts, "otherwise the policy is exact"] if is_all else facts), is_all
 
 
-def _with_unit(exact: Solution, place: int, value: float) -> str:
-    """Return the value of an input as text."""
-    unit = exact.names.input_units[place]
-    return f"{value + 0.0:.4g}{'' if unit in ('', '1') else f' {unit}'}"
-
-
 def bias_text(critic: Critic, exact: Solution) -> str:
     """Return a sentence on the inputs at the origin, which are not 0."""
-    values = enumerate(critic.u(np.zeros(critic.K.shape[1])).tolist())
-    texts = ", ".join(_with_unit(exact, *each) for each in values)
-    return f"u at the origin is {texts}, not 0: a bias"
+    u, names = critic.u(np.zeros(critic.K.shape[1])), exact.names
+    return f"u at the origin is {values_text(names.inputs, names.input_units, u)}, not 0: a bias"
 
 
 class LargestError(NamedTuple):

@@ -150,7 +150,7 @@ def setting_of(exact: Solution, b: np.ndarray, center: np.ndarray) -> Setting:
         W = policy.T @ game.weights @ policy - 2.0 * _OF_DECAY * poles.real.max() * U
         try:
             S, SU = np.linalg.cholesky(W).T, np.linalg.cholesky(U).T
-            T = np.linalg.cholesky(game.R + 1e-10 * np.diag(np.diag(game.R))).T
+            T = np.linalg.cholesky(game.R).T * (1.0 + _STRICT)
         except np.linalg.LinAlgError:
             raise NotProvedError("the weights are indefinite, or the optimum is 0") from None
         root = ball_matrix(T)
@@ -309,7 +309,7 @@ def _peaks(F: arb_mat, widths: np.ndarray) -> np.ndarray:
 
     X_(k+1) = X_k exp(F h) is off by rounding and by the radius of exp(F h). These defects add up to
     a share Σ ε_k of the bound itself, if each is at most ε_k b. Between two steps, a straight line
-    is off by h²/8 |F² exp(F t)|, and |F² exp(F t)| <= exp(|F| h) |F² X_k|. The search ends where
+    is off by h²/8 |F² exp(F t)|, at most h²/8 exp(|F| h) |F²| of the bound. The search ends where
     |X_k| b < b: what follows repeats all at a smaller size.
     """
     middle = midpoints(F)
@@ -318,10 +318,8 @@ def _peaks(F: arb_mat, widths: np.ndarray) -> np.ndarray:
     bend = h**2 / 8.0 * midpoints((ball_matrix(np.abs(middle)) * float(h)).exp())
     E = midpoints(step)
     defect = radii(step) + (n + 4) * 2.0**-52 * np.abs(E)
-    squared = middle @ middle
-    X, top, lost, bent = np.eye(n), widths.copy(), 0.0, np.zeros(n)
+    X, top, lost = np.eye(n), widths, 0.0
     for _ in range(_MOST_STEPS):
-        bent = np.maximum(bent, bend @ (np.abs(squared @ X) @ widths))
         lost += float((defect @ (np.abs(X) @ widths) / widths).max())
         X = E @ X
         reached = np.abs(X) @ widths
@@ -330,5 +328,5 @@ def _peaks(F: arb_mat, widths: np.ndarray) -> np.ndarray:
             break
     if not ((reached < 0.9 * widths).all() and lost < 0.01):
         raise NotProvedError("the exact loop has both fast and slow modes")
-    bent = bent * (1.0 + _STRICT) + lost * (bend @ (np.abs(squared) @ top))
-    return np.asarray(top / (1.0 - lost) + bent)
+    top = top / (1.0 - lost)
+    return np.asarray(top + bend @ (np.abs(middle @ middle) @ top) * (1.0 + _STRICT))

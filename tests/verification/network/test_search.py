@@ -8,7 +8,7 @@ import pytest
 from game_samples import failed_names
 from planted_critics import gain, value
 
-from hfa import Game, from_gain, from_network, solve, verify
+from hfa import Game, from_network, solve, verify
 
 #: Typical deviations of the flexible aircraft: ft/s, rad and rad/s.
 BOX = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
@@ -90,9 +90,7 @@ def test_a_bias_is_graded_by_the_cost_of_its_equilibrium(game, share, grade):
     )
     assert f"costs {found['equilibrium_cost']:.2g} per second" in str(verdict)
     P = value(game)
-    corners = BOX * np.array(np.meshgrid(*6 * [[-1.0, 1.0]])).reshape(6, -1).T
-    mean = np.mean(np.einsum("ki,ij,kj->k", corners, P, corners))
-    percent = 100.0 * z @ P @ z / mean
+    percent = 100.0 * z @ P @ z / (BOX @ np.diag(np.diag(P)) @ BOX)
     assert verdict.value_of("rest_point") == pytest.approx(percent, rel=1e-6)
     least = max(percent, verdict.cost_above_optimum_percent)
     assert (verdict.holds(0.99 * least), verdict.holds(1.01 * least)) == (False, True)
@@ -101,13 +99,10 @@ def test_a_bias_is_graded_by_the_cost_of_its_equilibrium(game, share, grade):
 def test_errors_are_relative_to_the_largest_exact_numbers_in_the_box():
     """For V 10 % too large (plus a constant, which counts nothing) and u = -0.8 K z, the errors found
     are relative to b'|P|b of V, and to the largest slope and input in the box |z_i| <= b_i.
-
-    Inputs are compared in units of 1/√R; the largest of one input counts as at least 1e-5 of the
-    largest of all: 20 % of the second input, whose R is 1e14, are a smaller error.
     """
     A = np.array([[-0.5, 1.0], [-1.0, 0.2]])
     B = np.array([[0.0, 1.0], [1.0, 0.0]])
-    game = Game(A, B, E=np.eye(2), Q=np.eye(2), R=np.diag([4.0, 1e14]), delta=50.0)
+    game = Game(A, B, E=np.eye(2), Q=np.eye(2), R=np.eye(2), delta=50.0)
     P, K = solve(game).P, solve(game).K
     b = np.array([2.0, 0.3])
     z = ca.SX.sym("z", 2)
@@ -122,8 +117,3 @@ def test_errors_are_relative_to_the_largest_exact_numbers_in_the_box():
         "policy": 0.2,
     }
     assert errors == pytest.approx(expected, rel=1e-6)
-    inputs = np.sqrt(np.diag(game.R)) * (np.abs(K) @ b)
-    assert inputs[1] < 1e-5 * inputs[0]
-    wrong = from_gain(game, K * [[1.0], [1.2]])  # the input with the small effect
-    policy = verify(game, wrong, box=b).value_of("policy_rel_error")
-    assert policy == pytest.approx(0.2 * inputs[1] / (1e-5 * inputs[0]))
