@@ -49,19 +49,16 @@ class ProgressLine:
             print_to_stderr(line, end="\r\033[K" if done >= total else "")  # erased at the end
 
 
-def output_option(
-    *more: str, stores: tuple[str, ...] = (), folder: bool = False, purpose: str = ""
-) -> Any:
+def output_option(*more: str, stores: tuple[str, ...] = (), purpose: str = "") -> Any:
     """Return the option -o, which names a file or store to write.
 
     more: accepted suffixes besides those of a report (`SUFFIXES`)
     stores: accepted suffixes of stores
-    folder: whether a folder is accepted, too
     purpose: text on the additional suffixes for the help
     """
     suffixes = (*SUFFIXES, *more)
     about = f"write results: {', '.join((*suffixes, *stores))}{purpose}"
-    kind = output_file(*suffixes, folder=folder, stores=stores)
+    kind = output_file(*suffixes, stores=stores)
     return option(about, "FILE", kind, names="-o --output")
 
 
