@@ -239,7 +239,7 @@ class Identification(Reported):
                 },
                 "sum_of_squares": fit.sum_of_squares,
                 "expected_sum": fit.expected_sum,
-                "largest_half_units": fit.largest,
+                "half_units_of_largest": fit.largest,
                 "starts": self.starts,
                 "singular_values": fit.singular_values.tolist(),
                 "trim_inputs": {
