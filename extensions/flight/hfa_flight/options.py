@@ -91,23 +91,6 @@ def noted_linear_model(model: Model, point: OperatingPoint) -> LinearModel:
     return linear
 
 
-def numbers(
-    text: str, *, form: str, count: int, otherwise: tuple[float, ...] = ()
-) -> tuple[float, ...]:
-    """Return the `count` numbers of a text such as "1:2:3".
-
-    form: description of the text for error messages
-    otherwise: default values of the last numbers. The text may omit these numbers
-
-    Raises BadInputError for a wrong number of parts, or for a part that is not a number.
-    """
-    parts = text.split(":")
-    least = count - len(otherwise)
-    if not least <= len(parts) <= count:
-        raise BadInputError(f"is {text!r}; give {form}")
-    return (*(number(part) for part in parts), *otherwise[len(parts) - least :])
-
-
 def policy_option(about: str, *words: str, **more: Any) -> Any:
     """Return the option --policy, whose value is one of some words, or the path of a file.
 
@@ -382,8 +365,11 @@ def _gust(text: str) -> tuple[float, ...] | SmallestGust:
     word, _, lengths = text.partition(":")
     if word == SMALLEST:
         return SmallestGust(tuple(listed_numbers(lengths)) if lengths else None)
-    form = f"{_GUST} or {SMALLEST}[:LENGTH,...]"
-    return numbers(text, form=form, count=3, otherwise=(0.0,))  # without BEGIN at 0 s
+    parts = text.split(":")
+    if len(parts) not in (2, 3):
+        raise BadInputError(f"is {text!r}; give {_GUST} or {SMALLEST}[:LENGTH,...]")
+    length, peak, *begin = map(number, parts)
+    return length, peak, *(begin or (0.0,))
 
 
 def gust_at(typed: tuple[float, ...], point: OperatingPoint, duration: float) -> OneMinusCosine:
