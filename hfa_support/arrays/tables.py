@@ -141,7 +141,7 @@ def read_source(source: Any, name: str = "") -> Read:
         with file_faults(source):
             return Read(_columns_of_text(name, regular_file(source).read_bytes()))
     content = _loaded(Path(source)) if is_file else source
-    if hasattr(content, "history"):  # a flight
+    if hasattr(type(content), "history"):  # a flight, not a frame with this column
         content = content.to_dict() | {"history": content.history()}
     if hasattr(content, "data_vars"):  # of xarray
         return Read(_columns_of_arrays(name, {n: content[n].values for n in content.variables}))
