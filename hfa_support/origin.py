@@ -91,16 +91,11 @@ def code() -> str:
 @cache
 def _libraries() -> str:
     """Return the versions of the numerical libraries, and of packages with entry points of ours."""
-    from importlib.metadata import PackageNotFoundError, entry_points, version
+    from importlib.metadata import entry_points, version
 
     from hfa_support.entry_points import AIRCRAFT, COMMANDS, CRITICS
 
-    versions = {}
-    for name in _NUMERICAL:
-        try:
-            versions[name] = version(name)
-        except PackageNotFoundError:  # installed without metadata
-            versions[name] = "unknown"
+    versions = {name: version(name) for name in _NUMERICAL}
     for group in (AIRCRAFT, COMMANDS, CRITICS):
         for entry in entry_points(group=group):
             if entry.dist is not None and entry.module.partition(".")[0] not in PACKAGES:

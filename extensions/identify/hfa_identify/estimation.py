@@ -193,6 +193,8 @@ def _identified(fit: Fit, *, is_chosen: bool) -> Identified:
         <= _WIDE * max(abs(estimate.value), abs(estimate.start))
     )
     quantities = _quantities(responses, fit)
+    with np.errstate(invalid="ignore"):  # nan where a band is 0 or infinite
+        widenings = half_widths / white_half_widths
     return Identified(
         model=model.with_parameters(
             **{name: estimate.value for name, estimate in of_model.items()}
@@ -202,7 +204,7 @@ def _identified(fit: Fit, *, is_chosen: bool) -> Identified:
         quantities=quantities,
         covariance=C,
         misfits=tuple(misfits(fit)),
-        coloured=_largest_widening(half_widths, white_half_widths),
+        coloured=float(np.nanmax([1.0, *widenings])),
         correlated=tuple(_correlated(names, C)),
         undetermined=undetermined,
         at_bounds=tuple(
@@ -228,12 +230,6 @@ def _identified(fit: Fit, *, is_chosen: bool) -> Identified:
             for record, simulated in zip(search.records, fit.simulated, strict=True)
         ),
     )
-
-
-def _largest_widening(corrected: np.ndarray, white: np.ndarray) -> float:
-    """Return the largest ratio of a corrected band (p,) to that for white residuals, at least 1."""
-    seen = np.isfinite(white) & (white > 0.0)
-    return float(np.max(corrected[seen] / white[seen], initial=1.0))
 
 
 def _correlated(names: Sequence[str], C: np.ndarray) -> Iterator[tuple[str, str, float]]:

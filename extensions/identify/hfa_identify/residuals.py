@@ -167,11 +167,10 @@ def correlations(covariance: np.ndarray) -> np.ndarray:
 
     Coefficients of an estimate with infinite variance are 0.
     """
-    variances = np.diag(covariance)
-    seen = np.isfinite(variances) & (variances > 0.0)
-    deviations = np.sqrt(np.where(seen, variances, 1.0))
-    known = np.where(np.outer(seen, seen), covariance, 0.0)
-    return np.asarray(known / deviations[:, None] / deviations)
+    deviations = np.sqrt(np.diag(covariance))
+    with np.errstate(all="ignore"):
+        coefficients = covariance / deviations[:, None] / deviations
+    return np.asarray(np.nan_to_num(coefficients, posinf=0.0, neginf=0.0))
 
 
 #: Probability that chance causes such residuals in any quantity of any record, below which they are
