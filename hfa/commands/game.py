@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from controller.learning.law_names import DEFAULT_LAW
 from hfa.learning import LearningOptions
 from hfa.options.argument_types import whole
-from hfa.options.command import Outcome, ProgressLine, Request, command, picture_option
+from hfa.options.command import Outcome, ProgressLine, Request, command
 from hfa.options.games import (
     CONTINUOUS_ONLY,
     REFERENCE,
@@ -42,9 +41,6 @@ _OF_ONE_TRIM = ("order", "reference")
 class SolveRequest(Request, SeveralTrims, GameOptions):
     """Options of `hfa solve`."""
 
-    picture: Path | None = picture_option(
-        "with --order: errors of V2 to VD over the distance from the trim"
-    )
     order: int | None = option(
         "also the value of the nonlinear game about the trim, to degree D = 2 to 5",
         "D",
@@ -67,8 +63,6 @@ class GivenGames(NamedTuple):
 
 def given_games(request: SolveRequest) -> GivenGames:
     """Return the games that the options define."""
-    if request.order is None:
-        refuse(request, ("picture",), "shows the nonlinear game; add --order D")
     if request.plant is not None:
         refuse(request, _OF_ONE_TRIM, "requires the equations of an aircraft; remove --model")
     if request.rate is not None:
