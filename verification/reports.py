@@ -285,10 +285,7 @@ def _farthest_entries(
 
     entries: rows (matrix, row, column, learned, exact, unit)
     """
-    largest = {
-        "P": float(np.abs(verdict.exact.P).max()) or 1.0,
-        "K": float(np.abs(verdict.exact.K).max()) or 1.0,
-    }
+    largest = {name: np.abs(getattr(verdict.exact, name)).max() or 1.0 for name in "PK"}
     candidates = [  # without the lower triangle of P
         (matrix, row, column, learned, exact)
         for matrix, row, column, learned, exact, _unit in entries
@@ -300,17 +297,11 @@ def _farthest_entries(
     if not sizes.any():
         return ()
     most = _ENTRIES if verdict.ok else _ENTRIES_OF_A_FAILURE
-    rows = []
-    for index in sorted(np.argsort(-sizes, kind="stable")[:most]):
-        matrix, row, column, learned, exact = candidates[index]
-        rows.append(
-            (
-                f"{matrix}({row}, {column})",
-                f"{learned:.8g}",
-                f"{exact:.8g}",
-                f"{learned - exact:+.2e}",
-            )
-        )
+    shown = [candidates[index] for index in sorted(np.argsort(-sizes, kind="stable")[:most])]
+    rows = [
+        (f"{name}({row}, {column})", f"{given:.8g}", f"{right:.8g}", f"{given - right:+.2e}")
+        for name, row, column, given, right in shown
+    ]
     table = Table(("entry", "learned", "exact", "difference"), rows)
     if len(candidates) <= most:
         return (table,)
@@ -463,12 +454,12 @@ def verdicts_figure(verdicts: Mapping[str, Verdict]) -> Figure:
     axes = figure.add_subplot()
     positions = np.arange(len(verdicts))
     curves = {
-        "error of P": np.array([verdict.P_rel_error for verdict in judged]),
-        "error of K": np.array([verdict.K_rel_error for verdict in judged]),
-        "largest error": np.array([verdict.largest_error for verdict in judged]),
-        "cost above the linear optimum": np.array(
-            [verdict.cost_above_optimum_percent / 100.0 for verdict in judged]
-        ),
+        "error of P": [verdict.P_rel_error for verdict in judged],
+        "error of K": [verdict.K_rel_error for verdict in judged],
+        "largest error": [verdict.largest_error for verdict in judged],
+        "cost above the linear optimum": [
+            verdict.cost_above_optimum_percent / 100.0 for verdict in judged
+        ],
     }
     shown = {label: values for label, values in curves.items() if not np.all(np.isnan(values))}
     # Marks alone: between two critics there is none.
