@@ -79,9 +79,11 @@ def _families(exact: Solution, plant: Game | None) -> Iterator[Family]:
     game = exact.game
     if game.E.any():
         has_delta = math.isfinite(game.delta)
-        middle = game.delta if has_delta else max(exact.delta_min, np.finfo(float).tiny)
         instead = f", not {game.delta:.4g}" if has_delta else ""
-        yield Family(lambda delta: f"exact for delta {delta:.4g}{instead}", middle, game.with_delta)
+        with suppress(NoSolutionError):  # where the smallest delta is not decided
+            middle = game.delta if has_delta else max(exact.delta_min, np.finfo(float).tiny)
+            says = "exact for delta {:.4g}{}"
+            yield Family(lambda delta: says.format(delta, instead), middle, game.with_delta)
     if not game.N.any():
         yield Family(
             lambda factor: f"exact for R {factor:.4g} times as large",

@@ -124,7 +124,6 @@ class Critic(Reported):
             constant=0.0,
             network={},
             is_layer=False,
-            on_vectors=None,
         )
 
     @property

@@ -10,14 +10,12 @@ import operator
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import reduce
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from controller.critic.network.declared import notes_on_statistics
 from controller.critic.network.layers import ACTIVATIONS, hard_sigmoid
 from controller.critic.network.tensors import (
     LARGEST_NETWORK,
@@ -244,23 +242,10 @@ def graph_functions(
         functions[kind] = ca.Function("network", [x], [value])
     others = [item.name for item in model.graph.output if item.name not in chosen.values()]
     metadata = [f"metadata {entry.key}" for entry in model.metadata_props]
-    notes = _notes_on_normalizer(model.graph, traced)
-    if unused := ", ".join(others + metadata):
-        notes += (f"not used: {shortened(unused, 200)}",)
+    unused = shortened(", ".join(others + metadata), 200)
+    notes = (f"not used: {unused}",) if unused else ()
     is_small = traced.size < FEW_WEIGHTS
     return GraphFunctions(functions, is_small, traced.precision, traced.operators, notes)
-
-
-def _notes_on_normalizer(graph: Any, traced: _Traced) -> tuple[str, ...]:
-    """Return a note if a graph begins with (x - mean) / deviation of a normalizer without data."""
-    inputs = {item.name for item in graph.input}
-    for minus, over in pairwise(node for node in graph.node if node.input):
-        is_pair = (minus.op_type, over.op_type, over.input[:1]) == ("Sub", "Div", minus.output)
-        mean, deviation = minus.input[-1], over.input[-1]
-        are_constants = traced.rows.keys().isdisjoint((mean, deviation))
-        if is_pair and minus.input[0] in inputs and are_constants:
-            return notes_on_statistics(traced.arrays[mean], traced.arrays[deviation])
-    return ()
 
 
 class _Traced(NamedTuple):

@@ -284,25 +284,6 @@ def test_each_operator_equals_onnxruntime(name):
     assert_as_onnx_runtime(path, rel=1e-5, abs=1e-6)
 
 
-def test_a_normalizer_without_data_is_noted():
-    """A graph that begins with (x - 0) / 1 is noted as normalized without data; (x - 1) / 1 is not.
-
-    The older exporter of torch has its numbers in nodes Constant, which have no inputs.
-    """
-    onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")
-    note = "the normalizer saw no data: its mean is 0 and its deviation 1"
-    for mean, notes in ((np.zeros(6), (note,)), (np.ones(6), ())):
-        numbers = {"mean": mean, "std": np.ones(6), "W": np.ones((6, 5))}
-        stored = {key: onnx.numpy_helper.from_array(value) for key, value in numbers.items()}
-        mean_of, std_of, W_of = (("Constant", "", key, {"value": stored[key]}) for key in stored)
-        nodes = [
-            *(mean_of, ("Sub", "x mean", "c"), std_of, ("Div", "c std", "n")),
-            *(W_of, ("MatMul", "n W", "y")),
-        ]
-        path = onnx_file("normal.onnx", nodes, {"double": 1.0}, outputs=5)
-        assert read(path, network="policy=").declared.notes == notes
-
-
 def test_an_error_of_the_program_is_not_called_damage(monkeypatch):
     """A right file, of which the program cannot compute something, is not called damaged."""
     path = onnx_file("right.onnx", QUADRATIC, _SINGLES)
