@@ -135,6 +135,8 @@ def liars():
     yield "thin hat", exact + 3.0 * ca.fmax(1.0 - ca.fabs(Z[0] - 0.5) / 1e-5, 0.0)
     slab = ca.fmax(s / 1e-4, 0.0) - ca.fmax(s / 1e-4 - 1.0, 0.0)
     yield "slab", exact + 2.0 * (slab - ca.fmax(s / 1e-4 - 3.0, 0.0) + ca.fmax(s / 1e-4 - 4.0, 0.0))
+    kinks = -ca.DM(solve(FLOW).K) @ (ca.fmax(Z, 0.0) - ca.fmax(-Z, 0.0))
+    yield "slab beside kinks at the trim", kinks + 2.0 * slab
     yield "half-space", exact + 5.0 * ca.fmax(s - 0.4, 0.0)
     yield "ripple", exact + sum(ca.tanh((Z[0] - at) / 1e-3) * 0.3 for at in (-0.5, 0.2, 0.7))
     yield "saturated", ca.fmin(ca.fmax(exact, -0.5), 0.5)
