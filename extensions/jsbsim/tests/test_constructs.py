@@ -16,7 +16,6 @@ QUICK = {
     "control: integrator of a rate": "agrees",
     "airframe: propeller, Mach": "agrees",
     "airframe: propeller, sense": "agrees",
-    "airframe: inertia products, not negated": "agrees",
     "airframe: nozzle": "agrees",
     "airframe: tank, drain": "agrees",
     "airframe: tank, priority 0": "agrees",
@@ -39,6 +38,7 @@ QUICK = {
     "airframe: piston, oil pressure set by a component": "agrees",
     "control: kinematic, falling detents": "refused",
     "functions: value nan": "refused",
+    "airframe: inertia products, not negated": "agrees",
 }
 
 
