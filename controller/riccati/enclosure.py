@@ -372,16 +372,6 @@ class Certificate(Result):
 
     enclosure: Enclosure
 
-    @property
-    def bits(self) -> int:
-        """Number of bits of the proof."""
-        return self.enclosure.bits
-
-    @property
-    def radius(self) -> float:
-        """Largest relative radius of the balls of P and K that do not contain 0."""
-        return self.enclosure.digits.radius
-
     @cached_property
     def data_change(self) -> float:
         """Largest change of the sum of the relative changes of all P_ii, to the first order, where
@@ -391,7 +381,7 @@ class Certificate(Result):
         L. With V of F V + V F' + W = 0 and W = diag(1 / P_ii), the sum is tr(W Z) = tr(V c), which
         is linear in each entry: the magnitudes of its factors are added. Likewise in discrete time.
         """
-        with np.errstate(all="ignore"), precision(self.bits):
+        with np.errstate(all="ignore"), precision(self.enclosure.bits):
             try:
                 change = _first_order_change(self.enclosure)
             except (FailedError, ZeroDivisionError):
@@ -408,15 +398,15 @@ class Certificate(Result):
         return {
             "ok": True,
             "proved": self.proved,
-            "radius": self.radius,
-            "bits": self.bits,
+            "radius": self.enclosure.digits.radius,
+            "bits": self.enclosure.bits,
             "data_change": self.data_change,
         }
 
 
 def has_indefinite_weights(game: Game) -> bool:
     """Return whether [[Q, N], [N', R]] is indefinite beyond rounding."""
-    return not has_semidefinite_weights(game) and least_scaled_eigenvalue(game.weights) < -SYMMETRIC
+    return least_scaled_eigenvalue(game.weights) < -SYMMETRIC
 
 
 def _sentences(certificate: Certificate) -> Iterator[str]:

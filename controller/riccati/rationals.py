@@ -31,17 +31,9 @@ MOST_STATES = 50
 
 def rational(matrix: np.ndarray) -> fmpq_mat:
     """Return the exact matrix of doubles."""
-    from flint import fmpq_mat
+    from flint import fmpq, fmpq_mat
 
-    rows, columns = matrix.shape
-    return fmpq_mat(rows, columns, [exact_fraction(entry) for entry in matrix.ravel().tolist()])
-
-
-def exact_fraction(value: float) -> fmpq:
-    """Return a double as the rational that it is."""
-    from flint import fmpq
-
-    return fmpq(*value.as_integer_ratio())
+    return fmpq_mat([[fmpq(*entry.as_integer_ratio()) for entry in row] for row in matrix.tolist()])
 
 
 class RationalGame(NamedTuple):

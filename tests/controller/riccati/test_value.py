@@ -115,5 +115,5 @@ def test_many_states_with_few_inputs_are_solved():
     rng = np.random.default_rng(0)
     A = rng.standard_normal((80, 80)) / math.sqrt(80.0) - 0.3 * np.eye(80)
     solution = solve(Game(A, rng.standard_normal((80, 3)), Q=np.eye(80), R=I3))
-    assert solution.certificate.radius < 1e-16
+    assert solution.enclosure.digits.radius < 1e-16
     assert np.linalg.eigvals(A - solution.game.B @ solution.K).real.max() < 0.0
