@@ -336,7 +336,7 @@ def _article(job: MainJob, sections: Sections, provenance: Report) -> str:
         f'<li><a href="#{name}">{html.escape(section.title)}</a></li>'
         for name, section in folded.items()
     )
-    checks = Report("Verdicts", (verdicts(job),)).html(3)
+    checks = Report("Verdicts, of the angles that they name", (verdicts(job),)).html(3)
     flights = (*stored_flights_sections(job), *sections.in_air)
     parts = [
         f'{verdict_sentence(job)}<nav aria-label="Contents"><ul>{links}</ul></nav>',
