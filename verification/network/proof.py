@@ -170,16 +170,17 @@ class _Prover:
         before: result whose `why` is told then, and whose boxes count, too
         """
         end = time.process_time() + seconds
-        n, size, proof = len(claim.tube), self.central(claim), replace(before, share=0.0)
+        n, proof = len(claim.tube), replace(before, share=0.0)
+        _, violators = self.worst(claim, self.drawn)
+        size = 0.0 if violators else self.central(claim)
         boxes = np.stack([np.zeros((n, 1)), np.ones((n, 1))])  # centers and half-widths, (2, n, N)
-        if not size:
+        if not size and not violators:
             size = _SMALLEST
             if not self.error.is_homogeneous(self.center, size * claim.tube * self.b):
-                return Proof(why="the policy is not smooth at its equilibrium")
+                return Proof(why="its slope at the equilibrium is too far off, or has a kink")
             # The bound on the surface of this box is that within.
             faces = np.hstack([np.eye(n), -np.eye(n)])
             boxes = np.concatenate([boxes, size * np.stack([faces, faces == 0.0])], axis=2)
-        _, violators = self.worst(claim, self.drawn)
         while boxes.shape[2] and not violators:
             if time.process_time() > end:
                 return proof
