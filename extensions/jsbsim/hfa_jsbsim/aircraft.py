@@ -666,7 +666,7 @@ class Equations:
             return
         self.fault_of_time = self._fault(self.properties.unknowns[0])
         self._replacements.append((self._time, ca.SX(0.0)))
-        self._set_values([*without_time(self._values, self._time)])
+        self._set_values(without_time(self._values, self._time))
         self.notes.append(Note("no trim is where a force depends on simulation/sim-time-sec"))
 
     def resolved(self, value: Any) -> ca.SX:
