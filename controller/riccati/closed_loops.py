@@ -114,13 +114,19 @@ class ClosedLoops:
         K: (m, n)
         """
         with precision(POLE_BITS):
-            gain = enclosed_in_bits(self.enclosure, POLE_BITS).K if K is None else ball_matrix(K)
+            gain = self._closer().K if K is None else ball_matrix(K)
             return poles_of(loop_with(self.enclosure.game, gain))
 
     def worst_poles(self) -> np.ndarray:
         """Return the eigenvalues of A - B K + E L, (n,) (`poles_of`)."""
         with precision(POLE_BITS):
-            return poles_of(_worst_loop(enclosed_in_bits(self.enclosure, POLE_BITS)))
+            return poles_of(_worst_loop(self._closer()))
+
+    def _closer(self) -> Enclosure:
+        """Return the enclosure with the bits of poles, or the one at hand if that is not proved."""
+        with suppress(NotProvedError):
+            return enclosed_in_bits(self.enclosure, POLE_BITS)
+        return self.enclosure
 
     def l2_gain(self, K: np.ndarray | None = None) -> GainBounds:
         """Return the L2 gain from d to the cost with u = -K z, by default of the optimal gain.
