@@ -21,6 +21,7 @@ from controller.riccati.balls import (
     is_positive_definite,
     norm,
     precision,
+    stacked,
 )
 from controller.riccati.candidate import Candidate, half_plane_in_doubles
 from controller.riccati.equation import ContinuousEquation, Equation, StepEquation
@@ -170,11 +171,12 @@ def too_large_at(equation: Equation, frequency: float) -> str:
     disturbance (in continuous time, from that at infinite frequency) only if an eigenvalue is on
     the boundary of stability, at this frequency for this or a larger delta (in continuous time, at
     this or a higher frequency for this delta; without disturbance, between two frequencies). If the
-    game has a value, no eigenvalue is there.
+    game has a value, no eigenvalue is there. Of two equal modes, two signs change: see
+    `_has_other_signs`.
 
     frequency: rad/s, in discrete time rad/step
     """
-    if _relative_sign(equation, frequency) != -1:
+    if _relative_sign(equation, frequency) != -1 and not _has_other_signs(equation, frequency):
         return ""
     if not equation.is_disturbed:
         return "the cost has no lower bound: some input makes it as negative as it likes"
@@ -252,6 +254,39 @@ def _determinant_sign(L: arb_mat, M: arb_mat, z: acb, power: int = 0) -> int:
 
     value = ((acb_mat(L) - acb_mat(M) * z).det() / z**power).real
     return 1 if value > 0 else -1 if value < 0 else 0
+
+
+def _has_other_signs(equation: Equation, frequency: float) -> bool:
+    """Return whether the Hermitian form of the pencil at z is proved to have other signs than that
+    of a game with a value.
+
+    A value X makes [[-S, A - z], [(A - z)*, Q]], in discrete time [[0, A - z, G], [(A - z)*, Q, C],
+    [G', C', W]], congruent to that of the stable loop, [[-S, F - z], [(F - z)*, 0]], in discrete
+    time beside the weight W + G'X G: n of its signs are positive, in discrete time n + m.
+    """
+    from flint import acb, acb_mat
+
+    n = equation.n
+    if isinstance(equation, StepEquation):
+        z, positive = acb(0, frequency).exp(), n + equation.B.ncols()
+        A, G, Q, W, C = (equation.A, equation.G, equation.Q, equation.W, equation.C)
+        blocks = [[A * 0, A, G], [A.transpose(), Q, C], [G.transpose(), C.transpose(), W]]
+    else:
+        assert isinstance(equation, ContinuousEquation)
+        z, positive = acb(0, frequency), n
+        A, S, Q = equation.blocks()
+        blocks = [[-S, A], [A.transpose(), Q]]
+    form = acb_mat(stacked(blocks))
+    for k in range(n):
+        form[k, n + k] -= z
+        form[n + k, k] -= z.conjugate()
+    with np.errstate(all="ignore"):
+        values, V = np.linalg.eigh([[complex(entry) for entry in row] for row in form.tolist()])
+        V = V / np.sqrt(np.abs(values))
+    signs = acb_mat(np.diag(np.sign(values)).tolist())
+    rest = acb_mat(V.conj().T.tolist()) * form * acb_mat(V.tolist()) - signs
+    size = sum(abs(entry) ** 2 for entry in rest.entries())
+    return bool(size < 1) and int((values > 0.0).sum()) != positive
 
 
 def _why_not_the_value(found: Stabilizing) -> str:

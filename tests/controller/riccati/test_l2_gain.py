@@ -62,3 +62,12 @@ def test_no_gain_is_proved_below_one_that_is_too_small(is_discrete):
         for gain in (0.3, 0.9, 1.0 - 1e-6, 1.0):
             with pytest.raises((FailedError, NotProvedError)):
                 loop.value(gain)
+
+
+@pytest.mark.parametrize("dt", [None, 0.2])
+def test_delta_min_of_equal_modes_that_no_input_reaches_is_their_gain(dt):
+    """Three equal first-order modes of the gain g, of which B reaches one direction: δ_min is g."""
+    pole, gain = (-2.0, 0.5) if dt is None else (0.5, 2.0)
+    game = Game(pole * np.eye(3), np.ones((3, 2)), Q=np.ones(3), R=np.ones(2), dt=dt)
+    bounds = solve(game).delta_min_bounds
+    assert gain * (1.0 - 2e-6) <= bounds.refused <= gain <= bounds.value <= gain * (1.0 + 2e-6)
