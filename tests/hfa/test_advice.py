@@ -87,10 +87,10 @@ def test_a_held_rate_of_climb_frees_the_path_and_stays_held():
     )
 
 
-def test_rates_of_position_and_fuel_are_freed_together_and_fuel_is_not_negative(folder):
+def test_first_lines_state_freed_rates_and_fuel_is_not_negative(folder):
     """The glider has a position, a fuel that burns at the rate of the thrust, and a drag of
-    1 + 0.01 fuel. The advice frees the rates of both together, and the first lines of the trim state
-    them: 50 m/s, and -1.5 kg/s, as the thrust balances the drag of 50 kg of fuel.
+    1 + 0.01 fuel. The first lines of a trim with both rates freed state them: 50 m/s, and -1.5 kg/s,
+    as the thrust balances the drag of 50 kg of fuel.
 
     A thrust of 0.5 would balance the drag of -50 kg: refused, though no limit of fuel is declared.
     """
@@ -104,7 +104,6 @@ def test_rates_of_position_and_fuel_are_freed_together_and_fuel_is_not_negative(
     Path("glider.py").write_text(text, "utf-8")
     words = ("trim", "--aircraft", "glider.py:GLIDER")
     freed = ("--free", "north_dot", "--free", "fuel_dot")
-    assert command(*words).err.strip().endswith(f"a trim exists with {' '.join(freed)}")
     run = command(*words, *freed)
     assert "north by 50 m/s, fuel by -1.5 kg/s" in run.out.partition("\n\n")[0]
     empty = command(*words, *freed, "--hold", "thrust=0.5")

@@ -129,18 +129,6 @@ def test_a_list_may_have_comments_units_and_flight_levels(tmp_path):
     assert listed["states"] == typed["states"]
 
 
-@pytest.mark.parametrize("command", ["trim", "sweep"])
-def test_a_list_given_as_a_single_condition_is_refused_with_advice(command, tmp_path):
-    """--condition is the option for a single condition. A list of points given by it is refused with the
-    advice to use --conditions, which reads the list.
-    """
-    path = tmp_path / "points.csv"
-    path.write_text("dihedral\n10\n", encoding="utf-8")
-    words = (command, "--condition", str(path), "--dihedral", "10")
-    assert_refused(hfa(*words), 2, f"`hfa {command} --conditions FILE`")
-    assert hfa(command, "--conditions", str(path)).code == 0
-
-
 def test_a_point_without_a_trim_has_no_numbers_in_a_file(tmp_path):
     """At 10 ft/s there is no trim: states, inputs, eigenvalues, A and B are NaN in the CSV file."""
     path = tmp_path / "swept.csv"
