@@ -74,6 +74,10 @@ class ClosedLoops:
 
     enclosure: Enclosure
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what the loops are of where a result is stored or copied."""
+        return ClosedLoops, (self.enclosure,)
+
     @cached_property
     def changes(self) -> tuple[arb_mat, arb_mat]:
         """Matrix of the change from the user's states to the new ones, and its inverse, (n, n)."""

@@ -479,9 +479,10 @@ class _Declaration:
         return initial
 
     def _equilibrium_speed(self, file: EngineFile, values: Mapping[str, Any]) -> float:
-        """Return the highest speed, rpm, at which a propeller does not slow down, or 0.
+        """Return the highest equilibrium speed of a propeller, rpm, or 0 if none exists.
 
-        Speeds up to `_FASTEST` times the initial speed are searched.
+        Speeds up to `_FASTEST` times the initial speed are searched; at this limit, if the propeller
+        does not slow down there, the limit is returned.
         """
         name = f"rpm{file.number}"
         signals = (self._states(), self._inputs(), self._parameters())
@@ -498,7 +499,12 @@ class _Declaration:
 
         fastest = _FASTEST * self._rpm(file, is_single=False).start
         speeds = fastest * np.linspace(1.0, 0.0, _SPEEDS_TRIED) ** 2  # finer near 0
-        return float(max(speeds[rates(speeds) >= 0.0], default=0.0))
+        (not_slowing,) = np.nonzero(rates(speeds) >= 0.0)
+        if len(not_slowing) == 0 or (first := not_slowing[0]) == 0:
+            return fastest if len(not_slowing) else 0.0
+        from scipy.optimize import brentq
+
+        return float(brentq(lambda rpm: rates(np.array([rpm]))[0], *speeds[first - 1 : first + 1]))
 
     def _equations(self, outputs: list[str]) -> EquationsOfMotion:
         """Return the equations of motion with and without gusts."""
