@@ -481,8 +481,8 @@ class _Declaration:
     def _equilibrium_speed(self, file: EngineFile, values: Mapping[str, Any]) -> float:
         """Return the highest equilibrium speed of a propeller, rpm, or 0 if none exists.
 
-        Speeds up to `_FASTEST` times the initial speed are searched; at this limit, if the propeller
-        does not slow down there, the limit is returned.
+        Speeds up to `_FASTEST` times the initial speed are searched. If the propeller does not slow
+        down at this limit, the limit is returned.
         """
         name = f"rpm{file.number}"
         signals = (self._states(), self._inputs(), self._parameters())
