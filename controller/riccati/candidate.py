@@ -66,8 +66,8 @@ UNRESOLVED = 1e-14
 SMALL_CORRECTION = 1e-25
 #: A relative correction after which the loop is computed anew.
 LARGE_CORRECTION = 1e-6
-#: Largest number of states for which the matrix sign function is computed, which takes a second.
-MOST_STATES_IN_BITS = 40
+#: Largest number of states for which the matrix sign function is computed, which takes seconds.
+MOST_STATES_IN_BITS = 64
 
 
 class Candidate(NamedTuple):
