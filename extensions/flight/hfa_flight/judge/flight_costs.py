@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -18,6 +18,7 @@ from hfa_flight.policies.deployment.actor import gain_function
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.sampled_loop import Equilibrium, EquilibriumSearch
+from hfa_flight.policies.given import diagonal_weights
 from hfa_flight.simulate.sampled_flights import SampledFlight
 from hfa_support.errors import BadInputError, NoSolutionError, numbers_in, prefix_errors
 from hfa_support.matrices import power_of_two
@@ -65,22 +66,6 @@ def usual_weights(matrix: str, model: Model) -> dict[str, float]:
     weight = default_weight(matrix, model, states, inputs)
     with prefix_errors(model.name):
         return diagonal_weights(matrix, weight, states if matrix == "Q" else inputs)
-
-
-def diagonal_weights(matrix: str, given: Any, names: Sequence[str]) -> dict[str, float]:
-    """Return name -> weight of a diagonal matrix (k, k), or of its diagonal (k,).
-
-    Raises BadInputError if the matrix is not diagonal.
-    """
-    weights = numbers_in(matrix, given)
-    diagonal = np.diagonal(weights) if weights.ndim == 2 else weights
-    # A matrix that is not diagonal has more nonzero entries than its diagonal.
-    if diagonal.shape != (len(names),) or np.count_nonzero(weights) > np.count_nonzero(diagonal):
-        raise BadInputError(
-            f"{matrix} is not a diagonal matrix of {len(names)} weights; give one weight for each "
-            f"of {', '.join(names)}"
-        )
-    return dict(zip(names, diagonal.tolist(), strict=True))
 
 
 def weights_at(

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 from hfa_aircraft.model import Model
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.judge.assessment import trims_of
-from hfa_flight.judge.flight_costs import diagonal_weights, usual_weights
+from hfa_flight.judge.flight_costs import usual_weights
 from hfa_flight.learn.episode import SECONDS, Episode, usual_sample_time
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_flight.policies.given import diagonal_weights
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, imported, warn
 from trim.point.operating_point import OperatingPoint

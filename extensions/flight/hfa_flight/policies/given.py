@@ -81,7 +81,8 @@ def sampled_policy(
     sample time, if a network was trained behind a normalizer, or if the file contains neither.
     """
     kind = kind_of_file(path)
-    names = _names_of(model, entries_in(path) if kind == GAIN else {})
+    entries = entries_in(path) if kind == GAIN else {}
+    names = _names_of(model, entries)
     observation: dict[str, dict[str, Any]] = {name: {} for name in names.states}
     policy: Any = path.name
     if kind == TABLE:
@@ -94,7 +95,7 @@ def sampled_policy(
         o = ca.SX.sym("o", len(observation))  # x, and the scheduling variable
         policy = ca.Function("table", [o], [-gain_at(schedule, o[-1]) @ o[:-1]])
     elif kind != NETWORK:
-        policy = _sampled_gain(path, names, dt)
+        policy = _sampled_gain(path, entries, names, dt)
     deployment = Deployment(
         policy={"file": policy},
         observation=observation,
@@ -125,23 +126,40 @@ def _cost_of_file(path: Path, names: PlantNames) -> dict[str, Any] | None:
     game = critic_file(path).game(names)
     if "dt" in game or np.any(game.get("N", 0.0)) or not {"Q", "R"} <= game.keys():
         return None
-    cost = {}
-    for matrix, signals in (("Q", names.states), ("R", names.inputs)):
-        diagonal = np.diagonal(game[matrix])
-        if len(diagonal) != len(signals) or np.any(game[matrix] != np.diag(diagonal)):
-            return None
-        cost[matrix] = dict(zip(signals, diagonal.tolist(), strict=True))
-    return cost
+    try:
+        return {
+            matrix: diagonal_weights(matrix, game[matrix], signals)
+            for matrix, signals in (("Q", names.states), ("R", names.inputs))
+        }
+    except BadInputError:
+        return None
 
 
-def _sampled_gain(path: Path, names: PlantNames, dt: float) -> ca.Function:
-    """Return the policy -K x of the gain in a critic's file."""
+def diagonal_weights(matrix: str, given: Any, names: Sequence[str]) -> dict[str, float]:
+    """Return name -> weight of a diagonal matrix (k, k), or of its diagonal (k,).
+
+    Raises BadInputError if the matrix is not diagonal.
+    """
+    weights = numbers_in(matrix, given)
+    diagonal = np.diagonal(weights) if weights.ndim == 2 else weights
+    # A matrix that is not diagonal has more nonzero entries than its diagonal.
+    if diagonal.shape != (len(names),) or np.count_nonzero(weights) > np.count_nonzero(diagonal):
+        raise BadInputError(
+            f"{matrix} is not a diagonal matrix of {len(names)} weights; give one weight for each "
+            f"of {', '.join(names)}"
+        )
+    return dict(zip(names, diagonal.tolist(), strict=True))
+
+
+def _sampled_gain(
+    path: Path, entries: Mapping[str, Any], names: PlantNames, dt: float
+) -> ca.Function:
+    """Return the policy -K x of the gain in the entries of a critic's file."""
     shape = len(names.inputs), len(names.states)
     wanted = (
         f"give a K of {shape_text(shape)} (inputs {', '.join(names.inputs)} by states "
         f"{', '.join(names.states)}), or a deployment file"
     )
-    entries = entries_in(path)
     with prefix_errors(path):
         if "K" not in entries or "policy_weights" in entries:
             raise BadInputError(f"the file contains no linear policy u = -K x; {wanted}")
