@@ -285,15 +285,27 @@ def schur_value(game: hfa.Game) -> np.ndarray:
     return np.asarray(P if stable == n else np.full((n, n), np.nan))
 
 
+def has_value(game: hfa.Game) -> bool:
+    """Return whether a game has a value P >= 0 by the Schur form."""
+    P = schur_value(game)
+    return bool(np.isfinite(P).all() and np.linalg.eigvalsh((P + P.T) / 2.0)[0] >= 0.0)
+
+
 def bisected_delta(game: hfa.Game) -> float:
     """Return the smallest delta with a value P >= 0 by the Schur form, 1e-6 too large at most."""
     low, high = 1.0, game.delta  # a delta without and one with a value
     while high > low * (1.0 + 1e-6):
         middle = (low * high) ** 0.5
-        P = schur_value(game.with_delta(middle))
-        has_value = np.isfinite(P).all() and np.linalg.eigvalsh((P + P.T) / 2.0)[0] >= 0.0
-        low, high = (low, middle) if has_value else (middle, high)
+        low, high = (low, middle) if has_value(game.with_delta(middle)) else (middle, high)
     return high
+
+
+def peer_solves(game: hfa.Game) -> bool:
+    """Return whether a game has a value and SciPy's ordering succeeds at each delta."""
+    try:
+        return has_value(game) and math.isfinite(bisected_delta(game))
+    except np.linalg.LinAlgError:
+        return False
 
 
 SCHUR = "SciPy's ordered Schur form"
@@ -307,8 +319,9 @@ def games(quick: bool) -> list[Comparison]:
 
 
 def _games(quick: bool, states: int, slower: float) -> Iterator[Comparison]:
-    """Yield the comparisons of games of a number of states."""
-    drawn = [random_game(states, seed) for seed in range(2 if quick else 480 // states)]
+    """Yield the comparisons of the first random games that the peer solves."""
+    solvable = filter(peer_solves, (random_game(states, seed) for seed in count()))
+    drawn = list(islice(solvable, 2 if quick else 480 // states))
     gains = [hfa.solve(game).K for game in drawn]
     of = f"of a game of {states} states, unstable"
     units, rounds = (len(drawn), len(drawn)), 1 if quick else 5
