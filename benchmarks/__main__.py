@@ -1,20 +1,17 @@
 """Measure how fast this project is: `python -m benchmarks [--quick] [NAME ...]`.
 
-Each job is timed in turn with the same work of another tool. Its rows are printed, stored in
-results.json and written into benchmarks/README.md; the stored figures of other jobs are kept.
---quick runs each job once at a toy size and stores nothing.
+Each job is timed in turn with the same work of another tool, and its rows are printed. The rows of
+all jobs are written into benchmarks/README.md. --quick runs each job once at a toy size.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 
 from benchmarks import jobs, report
-from hfa_support.errors import BadInputError
 
 
 def main(words: list[str] | None = None) -> int:
@@ -30,19 +27,15 @@ def main(words: list[str] | None = None) -> int:
     if unknown := set(arguments.names) - set(jobs.JOBS):
         parser.error(f"no job {min(unknown)!r}; choose from {names}")
     measured: dict[str, list[report.Comparison]] = {}
-    loads: dict[str, float] = {}
+    loads = []
     for name in arguments.names or jobs.JOBS:
-        loads[name] = os.getloadavg()[0]
+        loads.append(os.getloadavg()[0])
         # A separate process keeps the threads and memory of one job from slowing another.
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as apart:
             measured[name] = apart.submit(jobs.JOBS[name], arguments.quick).result()
         print(report.markdown(measured[name]), flush=True)
-    try:
-        if not arguments.quick:
-            report.store(measured, list(jobs.JOBS), loads)
-    except BadInputError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    if not (arguments.quick or arguments.names):
+        report.store(measured, loads)
     return 0
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import platform
 import statistics
@@ -15,12 +14,10 @@ from typing import Any, NamedTuple
 
 from matplotlib.ticker import EngFormatter
 
-from hfa_support.errors import BadInputError
 from hfa_support.files import write_text
 from hfa_support.reporting.markup import markdown_table
 from hfa_support.reporting.text import Table
 
-RESULTS = Path(__file__).with_name("results.json")
 PAGE = Path(__file__).with_name("README.md")
 #: Lines of the page between which the figures are written.
 BEGIN, END = "<!-- figures of make bench -->", "<!-- end of the figures -->"
@@ -135,56 +132,19 @@ def _git(*words: str) -> str:
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
 
-def store(
-    measured: Mapping[str, Sequence[Comparison]], order: Sequence[str], loads: Mapping[str, float]
-) -> None:
-    """Write the comparisons of jobs to results.json, and those of all jobs into the page.
-
-    Stored comparisons of other jobs are kept.
+def store(measured: Mapping[str, Sequence[Comparison]], loads: Sequence[float]) -> None:
+    """Write the comparisons of all jobs and where they were measured into the page.
 
     measured: comparisons by name of the job
-    order: names of all jobs, in the order of the table
-    loads: load average of the machine before each of these jobs
-
-    Raises BadInputError if other jobs were measured with another machine, versions or commit.
+    loads: load average of the machine before each job
     """
     on = machine()
-    earlier: dict[str, Any] = (
-        stored() if RESULTS.exists() else {"machine": on, "loads": {}, "jobs": {}}
-    )
-    if set(order) - set(measured) and earlier["machine"] != on:
-        raise BadInputError(
-            "nothing is stored: the other jobs were measured with another machine, other versions "
-            "or of another commit; run all jobs"
-        )
-    rows_of, loads = {**earlier["jobs"], **measured}, {**earlier["loads"], **loads}
-    jobs = {name: [list(row) for row in rows_of[name]] for name in order if name in rows_of}
-    data = {"machine": on, "loads": {name: loads[name] for name in jobs}, "jobs": jobs}
-    before, _, after = PAGE.read_text("utf-8").partition(BEGIN)
-    _, end, after = after.partition(END)
-    if not end:
-        raise BadInputError(f"{PAGE} has no lines {BEGIN} and {END}; add them")
-    write_text(RESULTS, json.dumps(data, indent=1, ensure_ascii=False) + "\n")
-    write_text(PAGE, f"{before}{BEGIN}\n\n{figures(data)}\n{END}{after}")
-
-
-def figures(data: Mapping[str, Any]) -> str:
-    """Return the text of the page: the table of all jobs, and where they were measured.
-
-    data: content of results.json
-    """
-    rows = [Comparison(*row) for rows in data["jobs"].values() for row in rows]
-    on = data["machine"]
     versions = ", ".join(f"{name} {on[name]}" for name in ("python", *_PACKAGES))
-    loads = data["loads"].values()
-    return (
-        f"{markdown(rows).rstrip()}\n\nMeasured of commit {on['commit']} on {on['processor']} with "
+    table = markdown([row for rows in measured.values() for row in rows]).rstrip()
+    before, _, after = PAGE.read_text("utf-8").partition(BEGIN)
+    figures = (
+        f"{table}\n\nMeasured of commit {on['commit']} on {on['processor']} with "
         f"{on['cores']} cores ({versions}); load average before the jobs {min(loads):.2g} to "
         f"{max(loads):.2g}.\n"
     )
-
-
-def stored() -> dict[str, Any]:
-    """Return the content of results.json: machine, load averages and comparisons by job."""
-    result: dict[str, Any] = json.loads(RESULTS.read_text(encoding="utf-8"))
-    return result
+    write_text(PAGE, f"{before}{BEGIN}\n\n{figures}\n{END}{after.partition(END)[2]}")
