@@ -21,8 +21,8 @@ from hfa_aircraft.readers.matrices_file import (
     words,
 )
 from hfa_aircraft.signals import UNNAMED, PlantNames
-from hfa_support.arrays.read import Label
-from hfa_support.arrays.tables import Column, Read, matched, read_source, sources
+from hfa_support.arrays.columns import Column, Label, matched
+from hfa_support.arrays.tables import Read, read_source, sources
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shortened
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
 

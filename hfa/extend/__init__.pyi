@@ -25,10 +25,7 @@ from hfa_aircraft.about import (
     Trimming as Trimming,
 )
 from hfa_aircraft.loading import AircraftReader as AircraftReader
-from hfa_support.arrays.tables import (
-    Column as Column,
-    matched as matched,
-    read_source as read_source,
-)
+from hfa_support.arrays.columns import Column as Column, matched as matched
+from hfa_support.arrays.tables import read_source as read_source
 from hfa_support.reporting.report import Check as Check, Report as Report
 from hfa_support.reporting.text import Table as Table

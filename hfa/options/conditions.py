@@ -18,7 +18,7 @@ from trim.point.status import CATEGORY, CLASS, FREE, HELD, LIMIT, NAME, RESULTS
 from trim.reports.levels import CATEGORIES, CLASSES, Airplane
 
 if TYPE_CHECKING:
-    from hfa_support.arrays.tables import Column
+    from hfa_support.arrays.columns import Column
 
 #: Columns of texts.
 _TEXTS = (NAME, FREE, LIMIT, CLASS, CATEGORY)
@@ -84,7 +84,8 @@ def listed_conditions(path: str | Path, model: Model) -> list[ListedCondition]:
 
     Raises BadInputError with the row, the column and the name of the condition for a wrong cell.
     """
-    from hfa_support.arrays.tables import matched, read_source  # not for every trim
+    from hfa_support.arrays.columns import matched  # not for every trim
+    from hfa_support.arrays.tables import read_source
 
     given = takewhile(lambda column: column.name != RESULTS, read_source(path).columns)
     columns = [_named(column, model) for column in given]

@@ -8,13 +8,13 @@ import re
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfa_support.arrays.text import rows_of_text
+from hfa_support.arrays.columns import Column, Label, columns_of_text, is_number
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, shortened
 from hfa_support.files import LARGEST, read_json, regular_file, unpacked
 
@@ -32,54 +32,37 @@ _ENTRY = ("matrix", "row", "column", "value", "unit")
 _UNIT_OF_GAIN = re.compile(r"\((.*)\)/\((.*)\)")
 
 
-def matrices_of_entries(path: Path) -> dict[str, Any] | None:
-    """Return the matrices of a table with a row for each entry, or None for another file.
+def _matrices_of_entries(columns: Mapping[str, Column]) -> dict[str, Any]:
+    """Return the matrices of a table with a row for each entry.
 
     The names of states and inputs, and units if each entry states them, are those of K.
 
-    Raises ValueError for a faulty file.
+    columns: those of `_ENTRY` by name
+
+    Raises BadInputError for a value that is no number, and ValueError for a missing entry.
     """
-    header, *lines = [row for _, row in rows_of_text(str(path), regular_file(path).read_bytes())]
-    width = len(_ENTRY)  # a column with the provenance follows
-    if header[:width] != [*_ENTRY]:
-        return None
-    entries_of: dict[str, dict[tuple[str, str], tuple[str, str]]] = {}
-    for matrix, row, column, value, unit in (line[:width] for line in lines):
-        entries_of.setdefault(matrix, {})[row, column] = (value, unit)
+    names, rows, places, units = (
+        columns[each].cells for each in ("matrix", "row", "column", "unit")
+    )
+    values = columns["value"].numbers()
     stored: dict[str, Any] = {}
-    for matrix, entries in entries_of.items():
-        rows, columns = ([*dict.fromkeys(names)] for names in zip(*entries, strict=True))
-        if len(entries) != len(rows) * len(columns):
+    for matrix in dict.fromkeys(names):
+        entries = {(rows[at], places[at]): at for at, name in enumerate(names) if name == matrix}
+        outputs, signals = ([*dict.fromkeys(each)] for each in zip(*entries, strict=True))
+        if len(entries) != len(outputs) * len(signals):
             raise ValueError(f"{matrix} lacks an entry; give a row for each")
-        stored[matrix] = np.array(
-            [[float(entries[row, column][0]) for column in columns] for row in rows]
-        )
-        units = {place: _UNIT_OF_GAIN.fullmatch(unit) for place, (_, unit) in entries.items()}
-        if matrix == "K":
-            stored |= {"inputs": rows, "states": columns}
-        if matrix == "K" and all(units.values()):
-            stored["input_units"] = [units[row, columns[0]][1] for row in rows]  # type: ignore[index]
-            stored["state_units"] = [units[rows[0], column][2] for column in columns]  # type: ignore[index]
+        order = np.array([[entries[row, place] for place in signals] for row in outputs])
+        stored[matrix] = values[order]
+        if matrix != "K":
+            continue
+        stored |= {"inputs": outputs, "states": signals}
+        # The first column of K has the units of all inputs, the first row those of all states.
+        of_gains = [_UNIT_OF_GAIN.fullmatch(units[at]) for at in order.flat]
+        pairs = [found.groups() for found in of_gains if found]
+        if len(pairs) == order.size:
+            stored["input_units"] = [unit for unit, _ in pairs[:: len(signals)]]
+            stored["state_units"] = [unit for _, unit in pairs[: len(signals)]]
     return stored
-
-
-class Label(NamedTuple):
-    """Name of a row or a column, and its unit or ""."""
-
-    name: str
-    unit: str
-
-    @classmethod
-    def of(cls, text: str) -> Label:
-        """Return the label of a text such as "speed [ft/s]", "speed (ft/s)" or "cg [%MAC]".
-
-        A number in round brackets, without a blank before it, is an index: "x(1)".
-        """
-        bracket = r"\s*\[(.*)\]|(?:\s+|(?!\(\d+\)))\(((?:[^()]|\([^()]*\))*)\)"
-        parts = re.fullmatch(rf"(.*?)(?:{bracket})?", text.strip(), re.DOTALL)
-        assert parts is not None  # any text matches
-        unit = (parts[2] or parts[3] or "").strip()
-        return cls(parts[1], "%" if re.fullmatch(r"%\s*(MAC|mac|c|chord)", unit) else unit)
 
 
 class _Table(NamedTuple):
@@ -90,36 +73,21 @@ class _Table(NamedTuple):
     columns: list[Label]
 
 
-def _table(name: str, path: Path) -> _Table:
-    """Return the matrix in a .csv file. A first row, or a first column, without a number contains
-    names.
+def _table(name: str, columns: Sequence[Column]) -> _Table:
+    """Return the matrix of a table, whose first column may have the names of the rows.
 
     name: name of the matrix, for messages
 
-    Raises ValueError for rows of different lengths, a file without rows of numbers, and a cell that
-    is not a number.
+    Raises ValueError for a table without numbers, and BadInputError for a cell that is none.
     """
-    rows = [row for _, row in rows_of_text(str(path), regular_file(path).read_bytes())]
-    column_names: list[str] = []
-    if rows and not any(map(_is_number, rows[0])):
-        column_names = rows.pop(0)
-    row_names: list[str] = []
-    if rows and len(rows[0]) > 1:
-        first_column = [row[0] for row in rows]
-        if not any(map(_is_number, first_column)):
-            row_names = first_column
-            rows = [row[1:] for row in rows]
-            column_names = column_names[1:]  # the first cell is above the row names
-    widths = {len(row) for row in rows}
-    if column_names:
-        widths.add(len(column_names))
-    if not rows:
+    rows: list[Label] = []
+    if len(columns) > 1 and not any(map(is_number, columns[0].cells)):
+        rows = [*map(Label.of, columns[0].cells)]
+        columns = columns[1:]
+    if not len(columns[0].cells):
         raise ValueError(f"{name} has no numbers; give rows of numbers")
-    if len(widths) > 1:
-        cells = " and of ".join(map(str, sorted(widths)))
-        raise ValueError(f"{name} has rows of {cells} cells; give rows of equal length")
-    labels = ([*map(Label.of, names)] for names in (row_names, column_names))
-    return _Table(np.array(rows, dtype=float), *labels)
+    headings = [Label(column.name, str(column.unit)) for column in columns if column.head]
+    return _Table(np.column_stack([column.numbers() for column in columns]), rows, headings)
 
 
 def _names_and_units(tables: Mapping[str, _Table]) -> dict[str, list[str]]:
@@ -152,15 +120,6 @@ def _names_and_units(tables: Mapping[str, _Table]) -> dict[str, list[str]]:
     return stored
 
 
-def _is_number(text: str) -> bool:
-    """Return whether a cell of a .csv file is a number, which may be inf or nan."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
 #: Names of the matrices of a plant, in files next to A.csv, and of a critic.
 PLANT = ("A", "B", "E", "Q", "R", "N", "delta")
 CRITIC = ("W", "P", "K", "weights")
@@ -181,20 +140,26 @@ def matrices(path: Path) -> dict[str, Any]:
     """
     is_csv = path.suffix.lower() == ".csv"
     if is_csv:
-        with file_faults(path):
-            entries = matrices_of_entries(path)
-        if entries is not None:
-            return entries
+        columns = {column.name: column for column in _columns(path)}
+        if columns.keys() >= {*_ENTRY}:
+            with file_faults(path):
+                return _matrices_of_entries(columns)
     is_named = path.stem in (*PLANT, *CRITIC)
     arrays, tables = {}, {}
     for name, file in (_matrix_files(path) if is_csv or is_named else {UNKNOWN: path}).items():
         with file_faults(file):
             if is_csv:
-                tables[name] = _table(name, file)
+                tables[name] = _table(name, _columns(file))
                 arrays[name] = tables[name].matrix
             else:
                 arrays[name] = np.load(regular_file(file), allow_pickle=False)
     return _names_and_units(tables) | arrays
+
+
+def _columns(path: Path) -> list[Column]:
+    """Return the columns of a .csv file, which may have no headings."""
+    with file_faults(path):
+        return columns_of_text(str(path), regular_file(path).read_bytes(), has_headings=False)
 
 
 def _matrix_files(path: Path) -> dict[str, Path]:

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_support.arrays.tables import matched, read_source
+from hfa_support.arrays.columns import matched
+from hfa_support.arrays.tables import read_source
 from hfa_support.errors import BadInputError, advice, refuse_unknown, shortened, warn
 
 #: Least number of samples in a record.

@@ -43,8 +43,8 @@ from hfa_aircraft.readers.derivatives.names import (
 )
 from hfa_aircraft.rigid.aircraft import FORCE, GRAVITY
 from hfa_aircraft.rigid.atmosphere import ALTITUDES, air_at
-from hfa_support.arrays.text import rows_of_text
-from hfa_support.errors import BadInputError, advice, file_faults, shown
+from hfa_support.arrays.columns import columns_of_text, matched
+from hfa_support.errors import BadInputError, advice, file_faults, shown, warn
 from hfa_support.files import read_toml, regular_file, resolved
 from hfa_support.units import FOOT, SYSTEMS
 
@@ -192,20 +192,25 @@ def _flat(values: Mapping[str, Any], where: str) -> Iterator[tuple[str, Entry]]:
 
 
 def _csv_entries(path: str, content: bytes) -> dict[str, Entry]:
-    """Return name -> entry of a CSV file with the columns name, value and unit."""
-    # The limits of an input are written low:high.
+    """Return name -> entry of a CSV file with the columns name, value and, optionally, unit."""
+    known = dict.fromkeys(("name", "value", "unit"), "")
+    columns = matched(columns_of_text(path, content), known)
+    if others := [name for name in columns if name not in known]:
+        warn(f"{path}: not used, as neither name, value nor unit: {', '.join(others)}")
+    if not columns.keys() >= {"name", "value"}:
+        raise BadInputError(f"{path} has no columns name and value; begin with name,value,unit")
+    names, values = columns["name"], columns["value"]
+    units = columns["unit"].cells if "unit" in columns else [""] * len(names.cells)
     entries: dict[str, Entry] = {}
-    for place, cells in rows_of_text(path, content):
-        if cells[:2] == ["name", "value"]:
-            continue
-        where = f"{path}, row {place}"
-        if len(cells) < 2 or not cells[1]:
-            raise BadInputError(f"{where}: {shown(cells[0])} has no value; write name,value,unit")
-        if cells[0] in entries:
-            raise BadInputError(f"{where}: {shown(cells[0])} is given twice; remove one row")
-        unit = f" {cells[2]}" if len(cells) > 2 and cells[2] else ""
-        values = [f"{value.strip()}{unit}" for value in cells[1].split(":")]
-        entries[cells[0]] = Entry(values if len(values) > 1 else values[0], where)
+    for row, name, value, unit in zip(names.rows, names.cells, values.cells, units, strict=True):
+        where = f"{path}, row {row}"
+        if not value:
+            raise BadInputError(f"{where}: {shown(name)} has no value; give one")
+        if name in entries:
+            raise BadInputError(f"{where}: {shown(name)} is given twice; remove one row")
+        # The limits of an input are written low:high.
+        ends = [f"{end.strip()} {unit}".strip() for end in value.split(":")]
+        entries[name] = Entry(ends if len(ends) > 1 else ends[0], where)
     return entries
 
 

@@ -312,15 +312,15 @@ def test_a_csv_file_equals_a_dictionary(folder):
     for group in ("geometry", "mass", "condition"):
         flat |= NAVION[group]
     by_angle = ("alpha", "beta", "elevator", "aileron", "rudder")
-    rows = ["name,value,unit", "per,deg"]
+    rows = ["name,value,unit", "per,deg,"]
     for name, value in flat.items():
         if isinstance(value, list):
             low, high = (str(each).removesuffix(" deg") for each in value)
             rows.append(f"{name},{low}:{high},{'lbf' if name == 'thrust' else 'deg'}")
         elif name.partition("_")[2] in by_angle:
-            rows.append(f"{name},{math.radians(value)!r}")
+            rows.append(f"{name},{math.radians(value)!r},")
         else:
-            rows.append(f"{name},{value}")
+            rows.append(f"{name},{value},")
     Path("navion.csv").write_text("\n".join(rows))
     np.testing.assert_allclose(linear_model("navion.csv").A, linear_model(NAVION).A, atol=1e-12)
 
@@ -388,11 +388,12 @@ def test_faulty_entries_are_refused(change, message):
     [
         (b"wing_area,0.5,s\n", "row 2: wing_area is in s; give wing_area in"),
         (b"wing_area,,m^2\n", "row 2: 'wing_area' has no value"),
-        (b"# a note\n\nspan,1\nspan,2\n", "row 5: 'span' is given twice"),
-        (b"span,\xff\n", "row 2: span is 'ÿ'; give a finite number"),
+        (b"# a note\n\nspan,1,\nspan,2,\n", "row 5: 'span' is given twice"),
+        (b"span,\xff,\n", "row 2: span is 'ÿ'; give a finite number"),
+        (b"span,1\n", "row 2 has 2 cells, but row 1 has 3"),
     ],
 )
 def test_faulty_rows_are_refused(folder, rows, message):
     """A faulty row of a CSV file is refused with its number."""
-    Path("uav.csv").write_bytes(b"units,si\n" + rows)
+    Path("uav.csv").write_bytes(b"name,value,unit\n" + rows)
     assert message in refusal(from_derivatives, "uav.csv")

@@ -151,9 +151,8 @@ def test_csv_matrices_are_read_with_optional_names(texts, names):
 @pytest.mark.parametrize(
     ("texts", "said"),
     [
-        ({"A": "0,1\n-2\n"}, "A has rows of 1 and of 2 cells"),
-        ({"A": "x,y,z\n0,1\n-2,-3\n"}, "A has rows of 2 and of 3 cells"),
-        ({"A": "0,1\n-2,x\n"}, "could not convert string to float: 'x'"),
+        ({"A": "0,1\n-2\n"}, "row 2 has 1 cells, but row 1 has 2"),
+        ({"A": "x,y\n0,1\n-2,x\n"}, "A.csv, row 3: y is 'x'; give a number"),
         (
             {"A": ",x,y\ny,-2,-3\nx,0,1\n"},
             "the columns of A are x, y, but the states are y, x",

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hfa_support.arrays.tables import matched, read_source
+from hfa_support.arrays.columns import matched
+from hfa_support.arrays.tables import read_source
 from hfa_support.errors import BadInputError
 
 pytestmark = pytest.mark.usefixtures("folder")
@@ -73,7 +74,7 @@ REFUSED = {
     "": "is empty",
     "time,speed\n0\n": "row 2 has 1 cells, but row 1 has 2",
     "time,speed\n0,1,2\n": "row 2 has 3 cells, but row 1 has 2",
-    "time,\n0,1\n": "row 1 has no name of column 2",
+    "time,\n0,1\n": "row 1 has a column without a name",
     "time,Time\n0,1\n": "row 1 has time twice",
     "time_ms,speed\n0,1\n": "unknown column 'time_ms'; write \"time [ms]\"",
     "time,speed [kg]\n0,1\n": "row 1: speed is in kg; give it in m/s",
