@@ -22,7 +22,6 @@ CONTINUOUS_ONLY = {
     "fly": lambda: hfa.fly(hfa.aircraft(), hfa.trim(hfa.aircraft()), EXACT),
     "track": lambda: hfa.track(LINEAR, EXACT, {"x1": 1.0}),
     "expand": lambda: hfa.expand(LINEAR, EXACT, 3),
-    "Expansion": lambda: hfa.expand(LINEAR, EXACT, 3),
 }
 pytestmark = pytest.mark.usefixtures("folder")
 

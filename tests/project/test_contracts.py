@@ -13,8 +13,6 @@ import pytest
 from project import FOLDERS, ROOT, SETTINGS
 
 CONTRACTS = SETTINGS["importlinter"]["contracts"]
-PACKAGES = {*FOLDERS, "studies"}
-EXTENSIONS = {name for name, folder in FOLDERS.items() if "extensions" in folder.parts}
 #: Extensions, for the paths below.
 FLIGHT = "extensions/flight/hfa_flight"
 PROVE = "extensions/prove/hfa_prove"
@@ -43,37 +41,6 @@ def contract(begin):
     """Return the contract whose name begins with this text."""
     (found,) = (each for each in CONTRACTS if each["name"].startswith(begin))
     return found
-
-
-def test_the_linter_knows_every_package():
-    """A new package must be added to the linter's root packages."""
-    assert set(SETTINGS["importlinter"]["root_packages"]) == PACKAGES
-
-
-def test_the_contract_of_the_core_names_every_core_package():
-    """The contract has each package that is neither an extension nor studies. Of `hfa`, which
-    imports extensions for its commands, it has only the options.
-    """
-    core = contract("The core imports no extension")
-    core_packages = PACKAGES - EXTENSIONS - {"studies", "hfa"} | {"hfa.options"}
-    assert set(core["modules"]) == set(core["allowed"]) == core_packages
-
-
-def test_every_package_is_a_layer_or_a_reader():
-    """The layers contain each package except the extensions that read aircraft files, on which two
-    other contracts agree: what they import, and that nothing imports them.
-    """
-    readers = contract("Nothing imports the readers")["protected_modules"]
-    assert contract("Readers of aircraft import")["modules"] == readers
-    layers = contract("Packages import only those below them")["layers"]
-    modules = re.split("[|:]", "|".join(layers))  # of layers "a | b", some "a.inner"
-    packages = {module.strip().partition(".")[0] for module in modules}
-    assert packages == PACKAGES - {*readers}
-
-
-def test_no_import_is_ignored():
-    """No contract has an exception, also not for imports of type checkers or in functions."""
-    assert not any(each.get("ignore_imports") for each in CONTRACTS)
 
 
 def complaints(output):
