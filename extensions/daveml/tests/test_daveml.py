@@ -101,58 +101,6 @@ STATE = [120.0, 0.06, 0.05, 0.1, 0.2, -0.1, 0.3, 0.2, 0.1, 500.0]
 INPUTS = [0.02, -0.03, 0.01, 5.0]
 
 
-def test_a_center_of_gravity_and_a_thrust_have_their_moments(tmp_path):
-    """A center of gravity c from the moment reference center has the moment -c × F of the air force
-    F, and moments of the thrust are added: the angular accelerations change by I⁻¹ of their sum.
-
-    F, inertias and coefficients are those of examples/uav.dml.
-    """
-    offset = np.array([0.3, -0.2, 0.1])
-    moment = np.array([1.0, 2.0, -3.0])
-    defined = [
-        (f"bodyPositionOfCmWrtMrc_{axis}", "ft", value)
-        for axis, value in zip("XYZ", offset, strict=True)
-    ]
-    axes = ("Roll", "Pitch", "Yaw")
-    defined += [
-        (f"thrustBodyMoment_{axis}", "ftlbf", each) for axis, each in zip(axes, moment, strict=True)
-    ]
-    text = "".join(
-        f'<variableDef name="{name}" varID="v{k}" units="{unit}" initialValue="{float(value)}">'
-        "<isOutput/></variableDef>"
-        for k, (name, unit, value) in enumerate(defined)
-    )
-    plain = hfa.load_model(str(UAV))
-    model = hfa.load_model(with_definitions(tmp_path, "center.dml", {}, text))
-    names = ("roll_rate", "pitch_rate", "yaw_rate")
-    turning = [
-        np.array([each.rates_at(STATE, INPUTS)[name] for name in names]) for each in (model, plain)
-    ]
-    Ixx, Iyy, Izz, Ixz = np.array([0.8244, 1.135, 1.759, 0.1204]) / (14.59390294 * _FOOT**2)
-    inertia = np.array([[Ixx, 0.0, -Ixz], [0.0, Iyy, 0.0], [-Ixz, 0.0, Izz]])
-    _, alpha, beta = STATE[:3]
-    elevator, _, rudder, _ = INPUTS
-    lift = 0.28 + 3.45 * alpha - 0.36 * elevator
-    drag = 0.0437 + 0.0232 * lift**2
-    outputs = plain.outputs_at(STATE, INPUTS)
-    force = (
-        outputs["dynamic_pressure"]
-        * outputs["reference_area"]
-        * np.array(
-            [
-                lift * np.sin(alpha) - drag * np.cos(alpha),
-                -0.98 * beta - 0.17 * rudder,
-                -lift * np.cos(alpha) - drag * np.sin(alpha),
-            ]
-        )
-    )
-    apart = inertia @ (turning[0] - turning[1])
-    np.testing.assert_allclose(apart, moment - np.cross(offset, force), rtol=1e-8)
-    assert model.outputs_at(STATE, INPUTS)["pitching_moment"] == pytest.approx(
-        outputs["pitching_moment"] - np.cross(offset, force)[1]
-    )
-
-
 def test_forces_in_body_axes_give_the_aircraft_of_lift_and_drag(tmp_path):
     """C_X = C_L sin α - C_D cos α and C_Z = -C_L cos α - C_D sin α give the motion and the outputs
     of C_L and C_D. C_Z without C_X is refused.

@@ -262,12 +262,3 @@ def test_a_record_about_its_trim_that_begins_at_rest():
     assert "constant part" in " ".join(run.data.notes)
     with pytest.raises(BadInputError, match="the rate of pitch in the data is not pitch_rate"):
         learn(plant, data=columns | {"Time [ms]": 1e3 * np.arange(80)})
-
-
-def test_data_of_any_size_are_learned():
-    """Exact data times 1e-90 give the exact solution in both times."""
-    for game in (STEPS, RATES):
-        data = {
-            name: 1e-90 * each if name[0] in "xu" else each for name, each in recorded(game).items()
-        }
-        assert_exact(game, learn(blind(game), data=data))

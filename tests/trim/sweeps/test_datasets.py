@@ -38,17 +38,3 @@ def test_a_sweep_is_an_xarray_dataset():
     listed = hfa.sweep(F16, {"speed": [400.0, 500.0], "xcg": [0.3, 0.35]}, listed=True).to_xarray()
     assert listed.B.dims == ("point", "rate", "input")
     assert listed.xcg.values.tolist() == [0.3, 0.35]
-
-
-def test_points_and_linear_models_are_datasets():
-    """Entries of an operating point and of a linear model are selected by name, and have units."""
-    model = hfa.aircraft()
-    point = hfa.trim(model)
-    linear = point.linearize()
-    dataset = linear.to_xarray()
-    assert float(dataset.A.sel(rate="speed", state="pitch")) == linear.A["speed", "pitch"]
-    assert float(dataset.U0.sel(input="throttle")) == point["throttle"]
-    assert dataset.state.attrs["units"][:2] == ["ft/s", "rad"]
-    trimmed = point.to_xarray()
-    assert float(trimmed.alpha) == point["alpha"]
-    assert trimmed.alpha.attrs["units"] == "rad"

@@ -79,30 +79,3 @@ def test_eigenvalues_far_apart_keep_their_columns_whatever_their_shapes_do(seed,
     for eigenvalue in (1.0, -1.0, pair, np.conj(pair)):
         assert np.abs(first - eigenvalue).min() < 1e-6
     np.testing.assert_allclose(swept.eigenvalues, np.tile(first, (16, 1)), atol=1e-6)
-
-
-def test_modes_that_exchange_their_shapes_keep_their_eigenvalues():
-    """The mode shapes, at the angles s and 0.035 rad - s, are exchanged from s = 0 to s = 0.035 rad (2 deg).
-    The eigenvalues -3 and -0.3, which are far apart, keep their columns.
-    """
-
-    def modes(s, t):
-        shapes = [ca.vertcat(ca.cos(angle), ca.sin(angle)) for angle in (s, 0.035 - s)]
-        return ca.horzcat(*shapes), ca.diag(ca.DM([-3.0, -0.3]))
-
-    swept = sweep(plant("ab", modes), s=[0.0, 0.035])
-    np.testing.assert_allclose(swept.eigenvalues, [[-3.0, -0.3]] * 2, atol=1e-9)
-
-
-def test_a_pair_that_becomes_real_keeps_its_columns():
-    """v'' = -s v, with another sign of s at each point: the first column has i sqrt(s) or, of the real
-    eigenvalues ± sqrt(-s), the lower one.
-
-    Both are equally far from i sqrt(s) of the previous point, so that a rounding would choose.
-    """
-    shapes = ca.DM(SHAPES[:2, :2])  # x = V (v, v')
-    oscillator = plant("ab", lambda s, t: (shapes, ca.blockcat([[0.0, 1.0], [-s, 0.0]])))
-    s = np.linspace(1.0, 4.0, 30) * np.resize([1.0, -1.0], 30)
-    first = np.where(s > 0.0, 1j, -1.0) * np.sqrt(np.abs(s))
-    found = sweep(oscillator, s=s).eigenvalues
-    np.testing.assert_allclose(found, np.stack([first, -first], axis=1), atol=1e-12)

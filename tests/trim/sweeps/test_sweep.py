@@ -5,18 +5,15 @@ import csv
 import numpy as np
 import pytest
 import xarray
-from cli import answer, assert_refused, hfa
-from own_models import F16
+from cli import assert_refused, hfa
 from project import ROOT
 
 from hfa import (
-    BadInputError,
     aircraft as aircraft_of,
     linearize,
     sweep,
     trim,
 )
-from hfa.paper import level_flight
 from trim import TrimError, load_condition, release, trim_points, usual_condition
 
 LEVEL_FLIGHT = usual_condition(aircraft_of())
@@ -89,21 +86,6 @@ def test_a_sweep_warns_beyond_the_papers_range(published_aircraft):
     assert warning in hfa("sweep", "--dihedral=-16,15").err
 
 
-LISTS = [
-    ("dihedral,speed\n\n5,64\n\n10,6x8\n", "row 5, column speed is '6x8'; give a finite number"),
-    ("dihedral,case\n5,A1\n", "row 1: the column is unknown: 'case'"),
-    ("dihedral speed\n5,64\n", "row 2 has 2 cells, but row 1 has 1"),
-]
-
-
-@pytest.mark.parametrize(("text", "words"), LISTS)
-def test_a_wrong_listed_point_is_named(text, words, tmp_path):
-    """A fault in a list of points is refused, and the message names its row and column."""
-    path = tmp_path / "points.csv"
-    path.write_text(text, encoding="utf-8")
-    assert_refused(hfa("sweep", "--conditions", str(path)), 2, words)
-
-
 def test_a_listed_point_outside_a_limit_fails_alone(tmp_path):
     """Of three listed points, the speed 99000 ft/s and the temperature isa = 120 K are outside their
     limits; each has its own reason, and the first point is trimmed.
@@ -119,16 +101,6 @@ def test_a_listed_point_outside_a_limit_fails_alone(tmp_path):
     assert "220, 120: isa is 120 K; give at most 100 K" in said
 
 
-def test_a_list_may_have_comments_units_and_flight_levels(tmp_path):
-    """A list with 0.2 rad and FL380 has the trim of `--dihedral 0.2rad --hold altitude=38000`."""
-    path = tmp_path / "points.csv"
-    text = "# card 7\ndihedral [rad],altitude [FL]\n# flown\n0.2,380\n"
-    path.write_text(text, encoding="utf-8")
-    listed = answer("sweep", "--conditions", str(path))
-    typed = answer("sweep", "--dihedral", "0.2rad", "--hold", "altitude=38000")
-    assert listed["states"] == typed["states"]
-
-
 def test_a_point_without_a_trim_has_no_numbers_in_a_file(tmp_path):
     """At 10 ft/s there is no trim: states, inputs, eigenvalues, A and B are NaN in the CSV file."""
     path = tmp_path / "swept.csv"
@@ -141,37 +113,7 @@ def test_a_point_without_a_trim_has_no_numbers_in_a_file(tmp_path):
     assert "NaN" not in {trimmed[name] for name in numbers}
 
 
-def test_a_sweep_in_chunks_is_that_of_all_points(published_aircraft, monkeypatch):
-    """A sweep in chunks of 2 points has the results and the reasons of one in a single chunk."""
-    grid = {"speed": [10.0, 11.0, 68.0, 60.0, 12.0]}
-    whole = sweep(published_aircraft, grid)
-    monkeypatch.setattr("trim.sweeps.sweep.CHUNK", 2)
-    assert sweep(published_aircraft, grid) == whole
-    assert [len(reason) > 0 for reason in whole.reasons] == [True, True, False, False, True]
-
-
 # Many points together, compared with single trims.
-
-
-@pytest.mark.parametrize(
-    ("model", "ranges", "count"),
-    [
-        (aircraft_of(), {"dihedral": (0.0, 0.35), "speed": (55, 75), "panel_mass": (9.5, 11)}, 600),
-        (F16, {"speed": (350, 600), "xcg": (0.28, 0.38)}, 60),  # with tables
-    ],
-)
-def test_no_row_depends_on_its_neighbors(model, ranges, count):
-    """Points of a sweep are equal bit for bit in sweeps with few and with many other points.
-
-    This is also true if a parameter varies from point to point.
-    """
-    lowest, highest = zip(*ranges.values(), strict=True)
-    values = np.random.default_rng(1).uniform(lowest, highest, (count, len(ranges)))
-    whole = trim_points(model, tuple(ranges), values)
-    for rows in (slice(7, 8), slice(20, 50), slice(200, 480)):
-        part = trim_points(model, tuple(ranges), values[rows])
-        for name in ("A", "B", "states", "inputs"):
-            np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[rows])
 
 
 def test_each_point_has_the_expected_status(published_aircraft):
@@ -192,19 +134,6 @@ def test_each_point_has_the_expected_status(published_aircraft):
     assert np.isfinite(points.A).all(axis=(1, 2)).tolist() == [
         status == TRIMMED for status in statuses.values()
     ]
-
-
-@pytest.mark.parametrize(("name", "value"), [("lift_slope", 1e200), ("inertia_pitch", 1e-300)])
-def test_an_extreme_parameter_is_refused(parameters, name, value):
-    """A trim with a parameter so extreme that numbers overflow is refused.
-
-    In a sweep only the points with such a parameter have no trim.
-    """
-    words = "the equations overflow or divide by zero"
-    with pytest.raises(BadInputError, match=words):
-        trim(aircraft_of(parameters=parameters._replace(**{name: value})), level_flight(0.0))
-    swept = sweep(aircraft_of(), {name: [value, getattr(parameters, name)]}, listed=True)
-    assert (words in swept.reasons[0], swept.reasons[1]) == (True, "")
 
 
 # Stores.
