@@ -16,9 +16,7 @@ from project import ROOT
 pytest.importorskip("hfa_flight")
 
 from hfa import BadInputError, Model, Signal, load_model, trim
-from hfa.extend import Report
 from hfa.main import BAD_INPUT, DONE, FAILED
-from hfa_page import command
 from hfa_page.main_job import Position, flight_in_turbulence, values_about
 from trim.point.condition import usual_condition
 
@@ -39,19 +37,6 @@ def page_of(path):
     return html.replace(longest, "")
 
 
-def test_an_interrupted_command_leaves_no_new_folder(monkeypatch):
-    """An interrupt while the files of a report are written removes the new folder that they are in."""
-
-    def interrupted(path, _):
-        assert path.parent.is_dir()
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(command, "write_text", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        command._written("", Report(""), Path("pages"))
-    assert [*Path().iterdir()] == []
-
-
 def test_the_page_states_the_reason_for_a_missing_flight_in_turbulence(monkeypatch):
     """In place of the flight, the page states why the trim is missing, or that the package of flights,
     hidden here, is not installed. The UAV stands for any aircraft.
@@ -65,11 +50,12 @@ def test_the_page_states_the_reason_for_a_missing_flight_in_turbulence(monkeypat
 
 
 def test_values_of_at_are_the_trims_of_these_values(folder):
-    """With --at 35,30 and --sweep, the numbers are the trims, models and sweep of the commands that
-    compute them alone, in the order of the speeds; the folder has page, pictures and numbers.
+    """With --at 35,30 and --sweep, the numbers are the trims, models, games and sweep of the commands
+    that compute them alone, in the order of the speeds; the folder has page, pictures and numbers.
     """
+    weights = ("--Q", ",".join("1" * 8), "--R", ",".join("1" * 4))
     words = ("--aircraft", UAV, "--outputs", "load_factor", "--at", "35,30", "--sweep", "28:30:1")
-    data = answer("report", *words, "-o", "pages")
+    data = answer("report", *words, *weights, "-o", "pages")
     assert data == json.loads(Path("pages", "numbers.json").read_text("utf-8"))
     assert data["ok"]
     assert data["sweep"]["grid"]["speed"]["values"] == [28.0, 29.0, 30.0, 35.0]
@@ -82,7 +68,11 @@ def test_values_of_at_are_the_trims_of_these_values(folder):
         linear = answer("linearize", *held, "--outputs", "load_factor")
         for matrix in "ABCD":
             np.testing.assert_allclose(found["model"][matrix], linear[matrix], rtol=1e-6, atol=1e-9)
-        assert f"Speed {speed:g} m/s: model" in page
+        solved = answer("solve", *held, *weights)
+        np.testing.assert_allclose(found["solution"]["K"], solved["K"], rtol=1e-6, atol=1e-9)
+        assert f"Speed {speed:g} m/s: model, game" in page
+        assert f'game at {speed:g} m/s certified</th><td class="words good">PASS' in page
+    assert "<h2>Modes over speed<" in page
     assert {path.suffix for path in Path("pages").iterdir()} == {".html", ".json", ".png"}
 
 
