@@ -10,23 +10,15 @@ from known_models import game_at, model_at
 import hfa as package
 from hfa import expand, solve
 
-AT_15 = ("--dihedral", "15")
-
-
-@pytest.fixture(scope="module")
-def written(tmp_path_factory):
-    path = tmp_path_factory.mktemp("order") / "cubic.json"
-    result = hfa("solve", *AT_15, "--order", "3", "-o", str(path))
-    assert result.code == 0
-    return path
-
 
 @pytest.mark.slow
-def test_the_written_file_is_a_critic_with_the_values_of_the_expansion(written):
+def test_the_written_file_is_a_critic_with_the_values_of_the_expansion(tmp_path):
     """The file of `hfa solve --order 3` has the radii of V2 and of V, and is read as a critic.
 
     V and policy of the critic are those of the expansion at ten random states.
     """
+    written = tmp_path / "cubic.json"
+    assert hfa("solve", "--dihedral", "15", "--order", "3", "-o", str(written)).code == 0
     game = game_at(15.0)
     expansion = expand(model_at(15.0), solve(game), order=3)
     data = json.loads(written.read_text())

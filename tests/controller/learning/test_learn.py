@@ -20,6 +20,7 @@ STABLE = Game(
     R=[[0.5]],
     delta=3.0,
 )
+SAMPLED = replace(STABLE, N=[[0.1], [0.1]]).sampled(0.3, discount=0.97)
 #: Game of the linear model that the paper prints for the dihedral 5 deg.
 PAPER = game_models()["published-5"]
 
@@ -31,6 +32,7 @@ PAPER = game_models()["published-5"]
         STABLE,
         replace(STABLE, N=[[0.1], [0.1]]),  # with cross weights
         STABLE.with_delta(np.inf),
+        SAMPLED,
     ],
 )
 def test_the_learned_solution_is_the_exact_one(game):
@@ -42,6 +44,8 @@ def test_the_learned_solution_is_the_exact_one(game):
     assert run.outcome == "settled"
     assert relative_error(run.P, exact.P) < 1e-9
     assert relative_error(run.K, exact.K) < 1e-9
+    if game.is_discrete:
+        assert relative_error(run.H, exact.H) < 1e-9
     assert verify(game, run).ok
 
 
@@ -50,6 +54,8 @@ def test_the_refusal_names_the_smallest_delta():
     smallest = hfa.solve(STABLE).delta_min
     with pytest.raises(NoSolutionError) as refused:
         learn(STABLE.with_delta(0.9 * smallest))
+    with pytest.raises(NoSolutionError, match="choose a larger delta"):
+        learn(SAMPLED.with_delta(0.9 * hfa.solve(SAMPLED).delta_min))
     end = float(str(refused.value).partition("exist at delta = ")[2].partition(";")[0])
     assert end == pytest.approx(smallest, rel=0.01)
 
@@ -58,14 +64,15 @@ def test_the_refusal_names_the_smallest_delta():
 REFUSED = {
     "law": (lambda: learn(PAPER, "sarsa"), "choose from policy-iteration"),
     "no cost": (lambda: learn(replace(STABLE, Q=np.zeros((2, 2)))), "Q is zero"),
+    "no input": (lambda: learn(Game([[1.2]], [[0.0]], Q=[[1.0]], R=[[1.0]], dt=True)), "diverges"),
 }
 
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_unusable_arguments_are_refused(case):
-    """An unknown law and Q = 0 are refused."""
+    """An unknown law, Q = 0, and an unstable plant that no input reaches are refused."""
     call, words = REFUSED[case]
-    with pytest.raises(BadInputError, match=words):
+    with pytest.raises((BadInputError, NoSolutionError), match=words):
         call()
 
 

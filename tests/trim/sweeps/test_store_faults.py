@@ -10,7 +10,7 @@ from hfa.main import BAD_INPUT, DONE
 
 pytestmark = on_linux
 __all__ = ["small_disk"]
-SWEEP = (
+SWEEP = [
     "sweep",
     "--dihedral",
     "12:15:0.01",
@@ -20,7 +20,7 @@ SWEEP = (
     "2",
     "-o",
     "a.zarr",
-)
+]
 
 
 @pytest.mark.slow
