@@ -1,7 +1,6 @@
 """Output of `hfa` commands: text, JSON with provenance, and exit codes."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,8 +9,7 @@ from game_files import AT_15
 from project import ROOT
 
 from hfa.main import DONE, FAILED
-from hfa.paper import default_parameters
-from hfa_model import INPUTS, LINEAR_STATES, save_parameters
+from hfa_model import INPUTS, LINEAR_STATES
 
 PENDULUM = f"{ROOT / 'examples/pendulum.py'}:PENDULUM"
 
@@ -52,11 +50,9 @@ def test_the_start_of_a_search_is_typed_in_degrees():
     assert begin["angle"] == pytest.approx(np.radians(30.0), rel=1e-15)
 
 
-@pytest.mark.parametrize("file", [(), ("-o", "a.npz"), ("-o", "a.zarr")])
-def test_a_sweep_without_a_trim_fails(file):
-    """At 20 ft/s, no point has a trim: exit code 1, also with a file or a store."""
-    words = ("sweep", "--dihedral", "0", *file, "--hold")
-    found = hfa(*words, "speed=20,21")
+def test_a_sweep_without_a_trim_fails():
+    """At 20 ft/s, no point has a trim: exit code 1, also with a store."""
+    found = hfa("sweep", "--dihedral", "0", "-o", "a.zarr", "--hold", "speed=20,21")
     assert found.code == 1
     assert ": no trim at any of 2 points" in found.out.partition("\n")[0]
 
@@ -99,18 +95,3 @@ def test_names_select_rows_and_columns_in_order():
     assert "A_band" in whole
     assert not {"A_band", "printed"} & set(part)  # only for the complete model
     assert "printed" not in answer("linearize", *AT_15, "--hold", "speed=70")
-
-
-# Aircraft in the provenance. test_files.py compares files with JSON.
-
-
-@pytest.fixture(scope="module")
-def heavy(tmp_path_factory):
-    """Write a parameter file of the identified aircraft with heavier panels and return its path."""
-    usual = default_parameters()
-    path = tmp_path_factory.mktemp("heavy") / "heavy.toml"
-    heavier = replace(
-        usual, values=usual.values._replace(panel_mass=10.5), covariance=np.zeros((0, 0))
-    )
-    save_parameters(heavier, path, "Heavier panels.")
-    return path

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import answer, hfa
-from game_files import AT_15, SMALL, small, stored
+from game_files import AT_15, small, stored
 
 from controller.learning import laws
 from hfa.main import FAILED
@@ -42,48 +42,13 @@ def test_sizes_are_typed_in_degrees_and_in_the_units_of_the_model(speed, options
     assert "alpha 5 deg, throttle 40" in " ".join(hfa(*sized).out.split())
 
 
-def test_sizes_on_a_plant_file_are_in_its_units_and_of_angles_in_degrees():
-    """On a plant file without Q and R, the K of --sizes is that of Q and R with 1/size²."""
-    plant = stored(
-        "plant.json",
-        A=[[0.0, 1.0], [2.0, -0.5]],
-        B=[[0.0], [1.0]],
-        states=["angle", "rate"],
-        inputs=["push"],
-        state_units=["rad", "rad/s"],
-        input_units=["N"],
-    )
-    solved = answer("solve", "--model", plant, "--sizes", "angle=90,push=2")
-    Q, R = f"{(math.pi / 2) ** -2!r},0", "0.25"
-    exact = answer("solve", "--model", plant, "--Q", Q, "--R", R)
-    assert np.allclose(solved["K"], exact["K"], rtol=1e-9)
-
-
-STEPS = {"A": [[1.0, 0.1], [0.0, 0.9]], "B": [[0.0], [0.1]], "Q": np.eye(2), "R": [[1.0]]}
-#: Plants that a law solves, learns wrongly, or learns in discrete time: options, entries of the file.
-LEARNED = {
-    "policy iteration": ((), SMALL),
-    "published": (
-        ("--law", "published"),
-        {"A": [[-1.0]], "B": [[1.0]], "E": [[1.0]], "Q": [[1.0]], "R": [[1.0]], "delta": 2.0},
-    ),
-    "steps": ((), STEPS | {"time": "discrete"}),
-}
-
-
-@pytest.mark.parametrize(
-    "case",
-    [pytest.param(case, marks=[pytest.mark.slow] * (case == "published")) for case in LEARNED],
-)
-def test_the_verdict_on_a_learned_file_is_that_of_the_learning(case):
-    """`verify` of the file that `learn` writes has the exit code and the checks of `learn`, also if the
-    law learns wrongly; the file contains the last weights W alone, and no iterates.
-
-    case: key of `LEARNED`, whose entry has options and the plant
+def test_the_verdict_on_a_learned_file_is_that_of_the_learning():
+    """`verify` of the file that `learn` writes has the exit code and the checks of `learn`; the file
+    contains the last weights W alone, and no iterates.
     """
-    options, entries = LEARNED[case]
-    plant = stored("plant.json", **entries)
-    run = hfa("learn", "--model", plant, *options, "-o", "learned.json")
+    steps = {"A": [[1.0, 0.1], [0.0, 0.9]], "B": [[0.0], [0.1]], "Q": np.eye(2), "R": [[1.0]]}
+    plant = stored("plant.json", **steps, time="discrete")
+    run = hfa("learn", "--model", plant, "-o", "learned.json")
     learned = json.loads(Path("learned.json").read_text(encoding="utf-8"))
     assert np.ndim(learned["W"]) == 1
     assert not {"time", "times", "weights", "iterates"} & set(learned)

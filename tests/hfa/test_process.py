@@ -110,13 +110,8 @@ CORE = "casadi hfa hfa_aircraft hfa_support numpy trim"
 PROOFS = f"{CORE} controller flint hfa_model"
 LOADED = {
     "--help": "hfa hfa_page hfa_support",
-    "frobnicate": "hfa hfa_page hfa_support",
     "trim --dihedral abc": f"{CORE} hfa_model",
-    "trim --dihedral 15": f"{CORE} hfa_model",
-    f"trim --aircraft {ROOT}/examples/uav.toml": CORE,
-    "linearize --dihedral 10": f"{CORE} hfa_model",
     f"linearize --aircraft {ROOT}/examples/uav.toml": CORE,
-    "solve --dihedral 15": PROOFS,
     "verify --dihedral 15 --weights K.npz": f"{PROOFS} verification",
     "fly --dihedral 15 --duration 1": f"{PROOFS} hfa_flight",
 }
