@@ -66,8 +66,8 @@ UNRESOLVED = 1e-14
 SMALL_CORRECTION = 1e-25
 #: A relative correction after which the loop is computed anew.
 LARGE_CORRECTION = 1e-6
-#: Largest number of states for which the matrix sign function is computed, which takes seconds.
-MOST_STATES_IN_BITS = 64
+#: Largest number of states for which the matrix sign function is computed, which takes a second.
+MOST_STATES_IN_BITS = 40
 
 
 class Candidate(NamedTuple):
@@ -95,6 +95,11 @@ class Candidate(NamedTuple):
         X = symmetric(X)
         gains, residual = equation.gains_and_residual(X)
         return cls(equation, X, gains, residual, equation.loop(X, gains), symmetric(Y))
+
+    @property
+    def in_balls(self) -> Candidate:
+        """The same candidate of a proof in doubles, whose proof is in balls."""
+        return Candidate.at(self.equation, self.X, ball_matrix(self.Y.middle))
 
 
 @contextmanager

@@ -143,8 +143,8 @@ class ClosedLoops:
         if disturbance_costs_nothing(game, K):
             return GainBounds(0.0, 0.0)
         Q, N, R = map(ball_matrix, (game.Q, game.N, game.R))
-        best = GainBounds(0.0, math.inf)
-        # The bounds of each attempt are proved; the next ones are closer.
+        # The value at delta proves that the gain is below it. All bounds are proved.
+        best = GainBounds(0.0, game.delta if K is None else math.inf)
         for bits in [bits for bits in ATTEMPTS if bits >= self.enclosure.bits][:3]:
             with precision(bits), suppress(FailedError, NotProvedError):
                 gain = enclosed_in_bits(self.enclosure, bits).K if K is None else ball_matrix(K)
@@ -153,11 +153,11 @@ class ClosedLoops:
                 F = discounted(loop_with(game, gain), game)
                 E = discounted(ball_matrix(game.E), game)
                 loop = DisturbedLoop(F, E, symmetric_part(cost), game.is_discrete)
-                best = min(best, gain_of(loop), key=lambda found: (found.high, -found.low))
+                low, high = gain_of(loop)
+                best = GainBounds(max(best.low, low), min(best.high, high))
             if best.is_narrow:
                 break
-        # The value at delta proves that the gain is below it.
-        return best if K is not None else best._replace(high=min(best.high, game.delta))
+        return best
 
     def disk_margin(self, K: np.ndarray) -> DiskMargin | None:
         """Return the disk margin of u = -K z at all inputs, None if unstable as rounded.

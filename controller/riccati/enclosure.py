@@ -294,7 +294,7 @@ def _outcomes(
             with precision(2 * BITS), suppress(FailedError):
                 equation = equation_of(game, equation.units, delta)
                 *_, candidate = corrections(equation, candidate.X)
-                yield _outcome(candidate, digits=digits, in_bits=False)
+                yield _outcome(candidate.in_balls, digits=digits, in_bits=False)
     with precision(2 * BITS):
         refuse_modes(game)  # a mode because of which no delta has a value
     # Candidates in bits.
@@ -324,7 +324,7 @@ def enclosed_in_bits(enclosure: Enclosure, n_bits: int) -> Enclosure:
         equation = equation_of(enclosure.game, enclosure.units, delta)
         try:
             *_, candidate = corrections(equation, enclosure.proved.P)
-            return enclosure_of(stabilizing(candidate))
+            return enclosure_of(stabilizing(candidate.in_balls))
         except FailedError as failure:
             raise NotProvedError(str(failure)) from None
 

@@ -35,7 +35,9 @@ if TYPE_CHECKING:
 
 
 #: Largest number of steps to the largest gain, each of which doubles its digits.
-MOST_STEPS = 8
+MOST_STEPS = 12
+#: Fraction of a scale where the search begins if no gain is found at the poles.
+LEAST_CLIMBED = 1e-6
 #: Factors of the lower bound at which the upper one is tried, and of a scale if the lower one is 0.
 ABOVE = 1.0 + np.array([0.9 * TOLERANCE, 1e-4, 1e-2, 1.0])
 NEARLY_0 = np.array([1e-24, 1e-12, 1.0])
@@ -167,9 +169,11 @@ def _climbed(loop: DisturbedLoop, game: LoopGame, low: float, *, in_bits: bool) 
 
     Source: Bruinsma and Steinbuch, Systems & Control Letters 14 (1990), 287-293.
     """
-    for _ in range(MOST_STEPS if low else 0):
+    least = LEAST_CLIMBED * loop.scale(game)
+    for _ in range(MOST_STEPS if least else 0):
         with np.errstate(all="ignore"):
-            equation = equation_of(game, loop.units(game, low), low)
+            level = low or least
+            equation = equation_of(game, loop.units(game, level), level)
             values = half_plane_eigenvalues(equation, in_bits=in_bits)
         found = loop.gain_at(between_eigenvalues(values, is_discrete=loop.is_discrete))
         low, before = max(low, found), low

@@ -199,7 +199,7 @@ def between_eigenvalues(values: np.ndarray, *, is_discrete: bool) -> list[float]
         frequencies = np.append(2.0 * np.arctan(frequencies), math.pi)
     ends = [0.0, *frequencies.tolist()]
     gaps = sorted(pairwise(ends), key=lambda gap: gap[0] - gap[1])
-    between = [(low + high) / 2.0 for low, high in gaps]
+    between = [math.sqrt(low) * math.sqrt(high) or high / 2.0 for low, high in gaps]
     # Both ends are tried, too. The number of frequencies bounds the work.
     return [0.0, *between, ends[-1]][: len(values) + 2]
 

@@ -233,6 +233,7 @@ def _bracket(search: Search, estimate: Estimate) -> DeltaMin:
     guess, frequency = estimate
     w = guess / width
     while True:
+        w = min(w, SMALLEST_DELTA**-2)
         delta = w**-0.5
         try:
             outcome = search.proved(w, frequency)

@@ -157,6 +157,14 @@ def test_a_gain_that_doubles_do_not_hold_is_said_not_to_stabilize():
     assert "K, rounded to doubles, does not stabilize the plant" in str(solution.report())
 
 
+def test_delta_min_of_48_states_is_proved_without_many_bits():
+    """The bounds of an unstable game, beyond which P is not finite, are proved in a second or two."""
+    rng = np.random.default_rng(0)
+    A, B = rng.standard_normal((48, 48)) / np.sqrt(48), rng.standard_normal((48, 12))
+    value, refused = minimum_delta(Game(A, B, Q=np.eye(48), R=np.eye(12)))
+    assert refused < value <= refused * (1.0 + 1e-6)
+
+
 def test_the_bounds_of_delta_min_are_proved_from_the_users_states_too():
     """The game has a value at the upper bound, and is proved to have none at the lower one.
 

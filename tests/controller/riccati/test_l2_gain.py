@@ -26,6 +26,20 @@ def test_the_gain_of_a_resonance_equals_its_closed_form(damping):
     assert exact * (1.0 - 1e-15) <= high <= low * (1.0 + 1e-6)
 
 
+@pytest.mark.parametrize("damping", [1e-3, 0.3])
+def test_a_gain_that_is_positive_at_no_pole_equals_its_closed_form(damping):
+    """With the cost v² - 1.5 x², the gain of a resonance is that at ω² = s, the root of
+    s² - 3 s + 2 - 6 ζ² = 0; at its poles, ω² <= 1, the cost is negative.
+    """
+    oscillator = [[0.0, 1.0], [-1.0, -2.0 * damping]]
+    game = Game(oscillator, [[0.0], [1.0]], E=[[0.0], [1.0]], Q=np.diag([-1.5, 1.0]), R=[[1e6]])
+    s = 1.5 + math.sqrt(0.25 + 6.0 * damping**2)
+    exact = math.sqrt((s - 1.5) / ((1.0 - s) ** 2 + 4.0 * damping**2 * s))
+    low, high = bounds_of(game, np.zeros((1, 2)))
+    assert low * (1.0 - 1e-12) <= exact <= high * (1.0 + 1e-12)
+    assert high <= low * (1.0 + 1e-6)
+
+
 def test_gain_without_disturbance_or_cost_is_zero():
     """The L2 gain is 0 if no path leads from the disturbance to the cost."""
     still = Game([[-1.0]], [[1.0]], E=[[0.0]], Q=[[1.0]], R=[[1.0]])
