@@ -31,7 +31,3 @@ from .schedule.gain_schedule import (
     load_gain_schedule as load_gain_schedule,
 )
 from .simulate.envelope import flight_envelope as flight_envelope
-from .simulate.smallest_gust import (
-    SmallestGusts as SmallestGusts,
-    smallest_gusts as smallest_gusts,
-)

@@ -14,10 +14,8 @@ from hfa_support.reporting.text import percent
 SHARE = "share"
 ALL = 1.0
 _SHARE = Number(0.0, 1.0, above=True)
-#: Default number of flights of an assessment from each trim, and number of flights in moving air
-#: that its advice proposes.
+#: Default number of flights of an assessment from each trim.
 SAMPLES = 300
-IN_AIR = 20
 #: A count that is smaller than the required one by less is enough, because shares are rounded.
 _ROUNDING = 1e-9
 

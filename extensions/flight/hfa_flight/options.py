@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,6 @@ from hfa.options.argument_types import (
     among,
     each_of,
     input_file,
-    listed_numbers,
     number,
     positive,
     seconds,
@@ -50,6 +49,7 @@ from trim.point.operating_point import OperatingPoint
 if TYPE_CHECKING:
     from controller.game.zero_sum import Game
     from hfa_flight.air.signals import CommandSteps
+    from hfa_flight.policies.filtered_policy import FilteredPolicy
     from hfa_flight.policies.policy import Policy
     from trim.point.condition import TrimCondition
 
@@ -65,8 +65,6 @@ _LONGEST_STEP = 0.001
 _MOST_TICKS = 1000
 #: Form of the value of --gust, in its help and in messages.
 _GUST = "LENGTH:PEAK[:BEGIN]"
-#: Value of --gust that searches for the smallest gusts.
-SMALLEST = "smallest"
 #: Options, as fields of the request: of the game, of a policy that plans, of a critic or network.
 _OF_THE_GAME = ("delta", "Q", "R", "sizes")
 _OF_PLANS = ("horizon", "margin")
@@ -221,20 +219,22 @@ def noted_game(weights: Mapping[str, Any], linear: LinearModel, of_flights: bool
 
 
 def behind_a_filter(
-    policy: Policy, scenario: Scenario, point: OperatingPoint, air: Turbulence | None
-) -> Policy:
-    """Return the policy behind the filter of the scenario's noise, and its turbulence or `air`.
+    policy: Policy,
+    point: OperatingPoint,
+    sensors: Mapping[str, Sensor],
+    air: Turbulence | None,
+    dt: float,
+    fade: float | None = None,
+) -> FilteredPolicy:
+    """Return the policy behind the filter of sensors in turbulence, with its own sample time or dt.
 
-    Raises BadInputError without noise.
+    fade: that of `hfa.filter(...).policy`
     """
     from hfa_flight.policies.filter import filter
     from hfa_flight.policies.filtered_policy import own_sample_time
 
-    noise = sensors_of_filter(scenario.uncertainty.noise)
-    dt = own_sample_time(policy, scenario.interval)
-    return filter(point.linearize(), noise, air or scenario.uncertainty.turbulence, dt).policy(
-        policy
-    )
+    dt = own_sample_time(policy, dt)
+    return filter(point.linearize(), sensors, air, dt).policy(policy, fade=fade)
 
 
 def policy_of_options(
@@ -343,31 +343,11 @@ def _deviation(model: Model, name: str, text: str) -> float:
     return among(measurable(model), in_gusts(model), name, text, Number(0.0))
 
 
-def sensors_of_filter(sensors: Mapping[str, Sensor]) -> dict[str, Sensor]:
-    """Return the sensors of --filter, those with noise. Raises BadInputError without a sensor."""
-    noisy = {name: sensor for name, sensor in sensors.items() if sensor.noise}
-    if not noisy:
-        raise BadInputError(
-            "--filter requires the noise of the sensors; add --noise NAME=VALUE for each measured "
-            "state or output"
-        )
-    return noisy
-
-
-class SmallestGust(NamedTuple):
-    """The value of `--gust smallest[:LENGTH,...]`, with the lengths, or None for the default."""
-
-    lengths: tuple[float, ...] | None
-
-
-def _gust(text: str) -> tuple[float, ...] | SmallestGust:
-    """Return length, peak and begin of a typed gust, or the lengths of `smallest`."""
-    word, _, lengths = text.partition(":")
-    if word == SMALLEST:
-        return SmallestGust(tuple(listed_numbers(lengths)) if lengths else None)
+def _gust(text: str) -> tuple[float, float, float]:
+    """Return length, peak and begin of a typed gust."""
     parts = text.split(":")
     if len(parts) not in (2, 3):
-        raise BadInputError(f"is {text!r}; give {_GUST} or {SMALLEST}[:LENGTH,...]")
+        raise BadInputError(f"is {text!r}; give {_GUST}")
     length, peak, *begin = map(number, parts)
     return length, peak, *(begin or (0.0,))
 
@@ -419,9 +399,8 @@ class ScenarioOptions(SensorOptions, TimingOptions):
         named=True,
         rare=True,
     )
-    gust: tuple[float, ...] | SmallestGust | None = option(
-        f"1-cosine updraft, units of the model; {SMALLEST}[:LENGTH,...]: least peaks that break "
-        "limits",
+    gust: tuple[float, ...] | None = option(
+        "1-cosine updraft of a length and a peak from BEGIN on, s; units of the model",
         _GUST,
         _gust,
         rare=True,
@@ -484,7 +463,7 @@ def scenario_of(
     )
 
     gust: Gust | None = None
-    if request.gust is not None and not isinstance(request.gust, SmallestGust):
+    if request.gust is not None:
         gust = gust_at(request.gust, point, common.duration)
     if gust is not None and request.turbulence is not None:
         raise BadInputError("--gust and --turbulence cannot be combined; remove one of the two")

@@ -96,11 +96,6 @@ def foot_in_length_unit(model: Model) -> float:
     return si_factor("ft")
 
 
-def length_unit_of(model: Model) -> str:
-    """Return "ft" or "m", the unit of length that belongs to the speed of a model."""
-    return "ft" if foot_in_length_unit(model) == 1.0 else "m"
-
-
 class Gust:
     """Base class of gusts.
 
@@ -176,10 +171,6 @@ class OneMinusCosine(Gust):
         return self.begin + self.length / self.speed
 
     def winds(self, t: Any, held: ca.SX) -> dict[str, Any]:
-        """Return the updraft w at time t, positive up, of the length and the peak in `held`."""
-        phase = 2 * np.pi * self.speed * (t - self.begin) / held[0]
-        return {UPDRAFT: held[1] / 2 * (1 - ca.cos(ca.fmin(ca.fmax(phase, 0.0), 2 * np.pi)))}
-
-    def held_inputs(self, sample: int) -> np.ndarray:
-        """Return the length and the peak."""
-        return np.array([self.length, self.peak])
+        """Return the updraft w at time t, positive up."""
+        phase = 2 * np.pi * self.speed * (t - self.begin) / self.length
+        return {UPDRAFT: self.peak / 2 * (1 - ca.cos(ca.fmin(ca.fmax(phase, 0.0), 2 * np.pi)))}

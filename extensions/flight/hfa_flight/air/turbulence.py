@@ -439,7 +439,7 @@ class TurbulentAir(Gust):
         for name in ADDED:
             if name in self.taken:
                 continue
-            reason = "the wing span is missing (the last number of --turbulence)"
+            reason = "no SPAN is given (--turbulence; b of hfa trim --full)"
             if missing_states(model, name):
                 reason = "the equations have no such motion"
             elif kind := kind_of_signal(model, ADDED[name]):

@@ -30,6 +30,7 @@ from hfa_flight.options import (
     PolicyOptions,
     SensorOptions,
     at_held_altitude,
+    behind_a_filter,
     check_policy,
     noted_linear_model,
     policy_of_options,
@@ -46,7 +47,6 @@ from hfa_support.reporting.text import Table
 if TYPE_CHECKING:
     from hfa_flight.policies.filtered_policy import FilteredPolicy
     from hfa_flight.policies.policy import Policy
-    from trim.linear.linear_model import LinearModel
     from trim.point.operating_point import OperatingPoint
 
 #: Options that apply only with --filter.
@@ -140,8 +140,6 @@ def _check_filter(request: ExportRequest) -> None:
             "applies only with --filter; add --filter",
         )
         return
-    if not (request.noise or request.sensors):
-        raise BadInputError("--filter requires the noise of the sensors; add --noise NAME=VALUE")
     if request.kind == DEPLOYMENT:
         raise BadInputError("--filter cannot be combined with a deployment; remove --filter")
 
@@ -176,7 +174,7 @@ def _write_fmu(
     if request.filter or request.policy is not None:
         policy = policy_of_options(request, linear, given.common.at)
         if request.filter:
-            steering = filtered_steering(model, _filtered(request, given, linear, policy))
+            steering = filtered_steering(model, _filtered(request, given, point, policy))
         else:
             steering = following_a_reference(model, policy)
     loop = exported_loop(model, point, steering)
@@ -200,20 +198,18 @@ def _write_source(
     texts = c_model_texts(linear, policy, origin)
     if request.filter:
         del texts[AIRCRAFT_FILES[-1]]  # the example loop of a policy at x
-        texts |= c_filter_texts(_filtered(request, given, linear, policy), origin)
+        texts |= c_filter_texts(_filtered(request, given, point, policy), origin)
     return write_texts(target, texts)
 
 
 def _filtered(
-    request: ExportRequest, given: GivenTrim, linear: LinearModel, policy: Policy
+    request: ExportRequest, given: GivenTrim, point: OperatingPoint, policy: Policy
 ) -> FilteredPolicy:
     """Return a policy behind the filter of --noise and --turbulence."""
-    from hfa_flight.policies.filter import filter
-
     sensors = sensors_of_options(request, given.model)
     air = at_held_altitude(request.turbulence, given.hold)
     dt = sample_of_options(request)
-    filtered = filter(linear, sensors, air, dt).policy(policy, fade=request.fade)
+    filtered = behind_a_filter(policy, point, sensors, air, dt, request.fade)
     return replace(filtered, delay=request.delay, ahead=request.delay)
 
 

@@ -38,11 +38,9 @@ from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_flight.options import (
     DEPLOYMENT,
     NONE,
-    SMALLEST,
     TABLE,
     PolicyOptions,
     ScenarioOptions,
-    SmallestGust,
     at_held_altitude,
     behind_a_filter,
     check_policy,
@@ -208,8 +206,6 @@ def fly(request: FlyRequest, given: GivenTrim) -> Outcome:
     Exit code 1 if a state leaves its envelope, an input exceeds its control limits, or an
     oscillation does not decay. Of several flights, every one must pass, or the share of --need.
     """
-    if isinstance(request.gust, SmallestGust):
-        return _smallest_gusts(request, given, request.gust)
     members = request.samples if request.draws is None else request.draws
     if members is not None:
         return _fly_members(request, given, members)
@@ -268,30 +264,6 @@ def _fly_once(request: FlyRequest, given: GivenTrim) -> Outcome:
     )
 
 
-def _smallest_gusts(request: FlyRequest, given: GivenTrim, asked: SmallestGust) -> Outcome:
-    """Return the outcome of `--gust smallest`."""
-    from hfa_flight.simulate.smallest_gust import smallest_gusts
-
-    others = ("samples", "draws", "need", "initial", "duration", "command", "reference", "picture")
-    refuse(request, others, f"cannot be combined with --gust {SMALLEST}; remove one of the two")
-    if not request.filter:
-        only = f"is left out of --gust {SMALLEST}; remove this option, or add --filter"
-        refuse(request, ("noise", "turbulence"), only)
-    _refuse_contradictions(request)
-    check_policy(request)  # without a cost of the flight, --Q and --R are those of the policy alone
-    planned = _planned(request, given, trimmed(given))
-    gusts = smallest_gusts(
-        given.model,
-        planned.point,
-        planned.policy,
-        asked.lengths,
-        scenario=planned.scenario,
-        envelope=planned.envelope,
-        progress=ProgressLine("gusts"),
-    )
-    return Outcome(report=gusts.report(), source=given.source, notes=planned.point.warnings)
-
-
 def _refuse_contradictions(request: FlyRequest, many: bool = False) -> None:
     """Raise BadInputError if options contradict each other or have no effect.
 
@@ -343,8 +315,9 @@ def _planned(
 
         policy = keep_inside(policy, point.model, point, limits=limits)
     if request.filter:
-        air = at_held_altitude(request.filter_turbulence, given.hold)
-        policy = behind_a_filter(policy, scenario, point, air)
+        flown = scenario.uncertainty
+        air = at_held_altitude(request.filter_turbulence, given.hold) or flown.turbulence
+        policy = behind_a_filter(policy, point, flown.noise, air, scenario.interval)
     policy, scenario = policy.in_scenario(scenario)
     if not many:
         scenario = scenario.drawn(request.seed, 0, point)

@@ -23,7 +23,7 @@ from hfa_flight.judge.assessment_report import (
 )
 from hfa_flight.judge.assessor import Assessor
 from hfa_flight.judge.flight_costs import has_weights
-from hfa_flight.needs import IN_AIR, NEEDS, SAMPLES, SHARE, is_enough
+from hfa_flight.needs import NEEDS, SAMPLES, SHARE, is_enough
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_support.errors import (
@@ -150,20 +150,7 @@ class Assessment(Result, Reported):
         # Notes on contradictions between the deployment and the files of the policy.
         notes = self.deployed.deployment.actor.notes
         contradictions = [Finding(Severity.WARNING, note) for note in notes]
-        return worst_first(
-            [*unmet, *findings_at_trims(self.points), *contradictions, *self._unfiltered()]
-        )
-
-    def _unfiltered(self) -> list[Finding]:
-        """Return a list with the note that a filter of the deployment has no effect here."""
-        deployment = self.deployed.deployment
-        if deployment.filter is None:
-            return []
-        text = (
-            "assessed without its [filter]; flights behind it, in noise: "
-            f"hfa fly --policy {deployment.origin} --samples {IN_AIR}"
-        )
-        return [Finding(Severity.NOTE, text)]
+        return worst_first([*unmet, *findings_at_trims(self.points), *contradictions])
 
     @property
     def first_line(self) -> str:

@@ -54,7 +54,8 @@ def environment(
         the plant file, for the paper's aircraft the paper's, else 1/nominal²
 
     Each episode begins at a drawn state of a box about its trim: the box of `hfa.assess`, reduced
-    so that flights without action stay within the limits for a second (`start_box`).
+    so that flights without action stay within the limits for a second (`start_box`). Observations
+    are without sensor errors; `hfa.fly` flies the trained policy with them.
 
     The reward is the negative cost of the states and of the inputs commanded at the sample, also if
     these act later because of a delay. An episode that leaves the limits is charged, for each

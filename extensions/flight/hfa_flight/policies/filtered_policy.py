@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 import casadi as ca
@@ -17,8 +16,7 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.held_step import acting_commands, in_samples
 from hfa_flight.air.scenario import Scenario
-from hfa_flight.policies.deployment.deployment import Deployment
-from hfa_flight.policies.deployment.policy import DeployedPolicy, flown_deployment
+from hfa_flight.policies.deployment.policy import DeployedPolicy
 from hfa_flight.policies.estimate import (
     Estimate,
     estimate_in,
@@ -47,7 +45,6 @@ from hfa_support.errors import (
     BadInputError,
     is_finite,
     numbers_in,
-    prefix_errors,
     refuse_unknown,
     shown,
 )
@@ -521,21 +518,3 @@ def _following(
     planned, _ = _predicted(policy, in_still_air, commands, policy.dt)
     variances = ca.diag(propagated(kalman, now, x, Phi).P)[:k]
     return kalman.seen(x) - planned[:k], ca.sqrt(variances)
-
-
-def behind_own_filter(given: Deployment | Path, point: OperatingPoint) -> Policy:
-    """Return the policy of a deployment about a trim, behind the filter of its file if it has one.
-
-    Raises the errors of `flown_deployment` and of `KalmanFilter.of`.
-    """
-    deployment = Deployment.of(given)
-    entries = deployment.filter
-    policy = flown_deployment(deployment.changed(filter=None), point)
-    if not isinstance(given, Deployment):
-        policy = replace(policy, name=f"of {given}")
-    if entries is None:
-        return policy
-    with prefix_errors(deployment.origin):
-        noise, turbulence = entries["noise"], entries.get("turbulence")
-        kalman = KalmanFilter.of(point.linearize(), noise, turbulence, deployment.dt, drift={})
-        return FilteredPolicy.behind(kalman, policy)

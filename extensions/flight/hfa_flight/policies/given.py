@@ -38,6 +38,7 @@ from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.signals import CommandSteps
 from hfa_flight.policies.deployment.actor import gain_function
 from hfa_flight.policies.deployment.deployment import Deployment
+from hfa_flight.policies.deployment.policy import flown_deployment
 from hfa_flight.policies.laws import DEPLOYMENT, GAIN, NETWORK, TABLE
 from hfa_flight.policies.policy import (
     GainPolicy,
@@ -197,9 +198,7 @@ def policy_of_file(
     """
     kind = kind_of_file(path)
     if kind == DEPLOYMENT:
-        from hfa_flight.policies.filtered_policy import behind_own_filter
-
-        return behind_own_filter(path, point)
+        return flown_deployment(path, point)
     if kind == TABLE:
         schedule = load_gain_schedule(path, point.model)
         at = condition or usual_condition(point.model).at
@@ -267,7 +266,6 @@ def _policy_of_object(
     from controller.expansion.expansion import Expansion
     from controller.riccati.gare import Solution
     from controller.tracking import Tracking
-    from hfa_flight.policies.filtered_policy import behind_own_filter
 
     if isinstance(given, Critic) and not given.has_linear_policy:
         return function_policy(given.origin, given.policy, point, given.declared), scenario
@@ -289,7 +287,7 @@ def _policy_of_object(
     if callable(given) and not hasattr(given, "ninputs"):
         return _python_policy(given, point, scenario.interval).in_scenario(scenario)
     if isinstance(given, Deployment):
-        return behind_own_filter(given, point).in_scenario(scenario)
+        return flown_deployment(given, point).in_scenario(scenario)
     try:
         return GainPolicy("gain", numbers_in("policy", given)), scenario
     except BadInputError as error:

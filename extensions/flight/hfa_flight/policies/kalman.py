@@ -118,7 +118,10 @@ class KalmanFilter(Result):
                 f"model of all linear states ({', '.join(point.model.linear)})"
             )
         if not noise:
-            raise BadInputError("noise names no sensor; give the noise of at least one state")
+            raise BadInputError(
+                "a filter requires the noise of its sensors; give that of at least one, "
+                "--noise NAME=VALUE (in Python noise={NAME: VALUE})"
+            )
         refuse_unless_positive("dt", dt, " s")
         sensors = sensors_of(noise)
         refuse_unmeasurable(point.model, sensors)

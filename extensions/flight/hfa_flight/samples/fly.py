@@ -145,7 +145,7 @@ def fly(
 ) -> Flight | FlightsInAir:
     """Simulate a policy u on the nonlinear aircraft X' = f(X, U0 + u, w) + d and return the flight.
 
-    The flight ends at the first tick in which it leaves the envelope. With `predict`, its report
+    The flight ends where it leaves the envelope. With `predict`, its report
     compares it with the flight of the linear model x' = A x + B u + E w + d with nominal
     parameters, up to the same time, which is simulated when it is first read (`flight.predicted`).
 
@@ -153,7 +153,7 @@ def fly(
     X) is called once a tick of each of the two flights.
 
     With `samples`, so many flights are simulated, each with its own draw of the scenario's random
-    quantities, and returned as `hfa.FlightsInAir`. A deployment with a filter flies behind it.
+    quantities, and returned as `hfa.FlightsInAir`.
 
     model: the aircraft with nominal parameters
     point: the trim X0, U0, relative to which x and u are defined

@@ -193,8 +193,7 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
     deviations = result.deviations
     states = list(plan.model.states)
     inputs_at_trim = plan.point.u
-    time_flown = scenario.duration if result.departure is None else result.departure.time
-    end = round(time_flown / scenario.step)  # 0 if turbulence exceeds the envelope at the start
+    end = len(deviations.times) - 1  # 0 if turbulence exceeds the envelope at the start
     # first row of the root mean squares
     begin = end // 2 if scenario.gust is not None and scenario.gust.rises else 0
     errors = deviations.errors[:end]
@@ -211,7 +210,7 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
         "left": left,
         "cycle": cycle,
         "factors": [scenario.errors[name] for name in plan.scenario.uncertainty.errors],
-        "flown": time_flown,
+        "flown": result.flown,
         "rms_error": _rms(errors[begin:]),
         "peak_error": np.abs(errors).max(axis=0, initial=0.0),
         "peak_angle_of_attack": np.abs(angles).max(initial=0.0),

@@ -22,6 +22,7 @@ from hfa_flight.air.gusts import (
     OVER_GROUND,
     has_angle_of_attack,
 )
+from hfa_flight.air.held_step import step_count
 from hfa_flight.air.scenario import MOST_STEPS, Scenario
 from hfa_flight.air.signals import Deviations, series
 from hfa_flight.policies.filtered_policy import FilteredPolicy
@@ -131,7 +132,7 @@ def fly_within(
     *,
     progress: Progress | None = None,
 ) -> Flight:
-    """Return the flight of a nonlinear loop up to the first tick outside the envelope.
+    """Return the flight of a nonlinear loop up to the first row outside the envelope.
 
     A flight without an envelope is judged by whether it diverges. The linear model is not
     simulated.
@@ -187,7 +188,7 @@ def _refuse_invalid(
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Flight(StatesAndInputs, Result, Reported):
-    """A simulated flight, up to the first tick outside the envelope.
+    """A simulated flight, up to the first row outside the envelope.
 
     envelope: limits of the states
     loop: the simulated loop
@@ -275,10 +276,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
         Each entry has the fields input, value, limit and unit.
         """
-        point, flown = self.point, self.deviations
-        until = np.inf if self.departure is None else self.departure.time
-        inputs = flown.inputs[flown.times <= until] + point.u
-        return control_excesses(point.model, inputs)
+        return control_excesses(self.model, self.deviations.inputs + self.point.u)
 
     @cached_property
     def disturbed(self) -> bool:
@@ -380,7 +378,7 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @cached_property
     def predicted(self) -> Deviations | None:
-        """Flight of the linear model, as long as this flight, or None if `predicts` is False.
+        """Flight of the linear model, for the ticks of this flight, or None if `predicts` is False.
 
         It is simulated when it is first read.
         """
@@ -389,14 +387,15 @@ class Flight(StatesAndInputs, Result, Reported):
         point, flown = self.point, self.deviations
         plant = LinearPlant.of(point.model, point, tuple(flown.winds))
         linear = CompiledLoop(replace(self.loop, plant=plant, cost=None))
-        return linear.fly(ticks=round(flown.times[-1] / self.loop.scenario.tick))
+        return linear.fly(ticks=step_count(flown.times[-1], self.loop.scenario.tick))
 
     @property
     def largest_difference_from_linear(self) -> Mapping[str, float] | None:
         """State -> largest difference from the linear prediction, omitted without a prediction."""
         if self.predicted is None:
             return None
-        differences = np.abs(self.deviations.states - self.predicted.states).max(axis=0).tolist()
+        flown = self.deviations.states
+        differences = np.abs(flown - self.predicted.states[: len(flown)]).max(axis=0).tolist()
         return dict(zip(self.point.model.states, differences, strict=True))
 
     @property

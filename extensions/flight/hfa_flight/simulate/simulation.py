@@ -306,7 +306,7 @@ class CompiledLoop:
         policy: used in place of the loop's policy. Only its held inputs may differ
         ticks: number of ticks, or None for that of the scenario
         stop: function from absolute states (N, n), with the angle of attack in place of alpha in
-            moving air, to a mask (N,). The flight ends with the tick of the first row that is True
+            moving air, to a mask (N,). The flight ends with the first row that is True
         progress: called during the flight
 
         Raises NoSolutionError with the time if a state is not finite and there is no `stop`.
@@ -322,13 +322,11 @@ class CompiledLoop:
         for first in range(0, ticks, window):
             last = min(first + window, ticks)
             rows, stops = flying.rows(first, last)
-            if stops.any():
-                # The end of the tick of the first row at which the flight stops.
-                last = first + math.ceil(stops.argmax() / per_tick)
-            is_last = stops.any() or last == ticks
-            # The last row is the first of the next window, if there is one.
-            kept = slice((last - first) * per_tick + (1 if is_last else 0))
-            parts.append(_Rows(*(part[kept] for part in rows)))
+            is_last = bool(stops.any()) or last == ticks
+            # Up to the first row at which the flight stops. The last row of a window is the first
+            # of the next one, if there is one.
+            count = int(stops.argmax()) if stops.any() else (last - first) * per_tick
+            parts.append(_Rows(*(part[: count + is_last] for part in rows)))
             if progress is not None:
                 progress(ticks if is_last else last, ticks)
             if is_last:

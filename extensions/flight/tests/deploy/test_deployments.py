@@ -68,8 +68,8 @@ def message_of(folder, text):
 @pytest.mark.parametrize(
     ("typed", "instead", "said"),
     [
-        ("[timing]", "[timming]", "unknown table 'timming'; did you mean timing?"),
-        ("[timing]\ndt = 0.02", "", "the table [timing] is missing"),
+        ("[timing]", "[timming]", "unknown entry timming; did you mean timing?"),
+        ("[timing]\ndt = 0.02", "", "timing is missing; add the table"),
         ("dt = 0.02", "dt = 0.02\ndelay = 1e9", "timing.delay is 1e+09 s; give at most 2 s (100 samples)"),
         ('file = "ppo_gtm.zip"', 'file = "ppo_gtm.py"', "give a file with the suffix .onnx"),
         ("speed = {scale = 20.0}", "speed = {scale = 0}", "observation.speed.scale is 0"),

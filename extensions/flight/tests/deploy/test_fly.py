@@ -3,12 +3,11 @@
 import casadi as ca
 import numpy as np
 import pytest
-from cli import assert_refused, hfa as run
-from policy_cases import GTM, ROOT, SENSORS, stored_deployment, trims
+from policy_cases import ROOT, SENSORS, stored_deployment, trims
 
 import hfa
 from hfa import BadInputError, Deployment, fly, load_model
-from hfa_flight import Scenario, Uncertainty
+from hfa_flight import Scenario
 
 
 @pytest.mark.parametrize(("dt", "delay", "parts"), [(0.02, 0.03, 2), (1.0 / 60.0, 0.02, 5)])
@@ -69,35 +68,17 @@ def gtm_point():
 def gtm_deployment(**tables):
     """Return the deployment of the GTM example, with samples of 20 ms and no delay.
 
-    tables: changed tables, such as a filter
+    tables: changed tables
     """
     return Deployment.load(ROOT / "examples/gtm_policy/on_time.toml").changed(**tables)
-
-
-#: The table [filter] of a deployment file.
-FILTERED = {"noise": SENSORS, "turbulence": "light:1000"}
-
-
-def test_a_deployment_file_with_a_filter_flies_as_one_behind_hfa_filter(folder, gtm_point):
-    """A file with the noise and turbulence of its [filter] flies as the deployment without [filter]
-    behind `hfa.filter` of the same noise and turbulence.
-    """
-    gtm_deployment(filter=FILTERED).save("filtered.toml")
-    noisy = Scenario(0.2, tick=0.02, uncertainty=Uncertainty(noise=SENSORS))
-    scenario = noisy.drawn(1, 0, gtm_point)
-    kalman = hfa.filter(gtm_point.linearize(), SENSORS, "light:1000", 0.02)
-    by_file, by_hand = (
-        fly(gtm_point.model, gtm_point, policy, scenario=scenario)
-        for policy in ("filtered.toml", kalman.policy(gtm_deployment()))
-    )
-    np.testing.assert_array_equal(by_file.states, by_hand.states)
 
 
 def test_the_delay_of_a_filtered_deployment_is_added_once(gtm_point):
     """`in_scenario` adds the delay of the deployment, 0.03 s, to the scenario of a flight. Called again
     with the policy and the scenario of this flight, it adds no delay.
     """
-    deployed = gtm_deployment(filter=FILTERED, timing={"dt": 0.02, "delay": 0.03})
+    kalman = hfa.filter(gtm_point.linearize(), SENSORS, "light:1000", 0.02)
+    deployed = kalman.policy(gtm_deployment(timing={"dt": 0.02, "delay": 0.03}))
     late = fly(gtm_point.model, gtm_point, deployed, 0.1, predict=False)
     assert (late.policy["filter"]["dt"], late.scenario["delay"]) == (0.02, 0.03)
     _, again = late.loop.policy.in_scenario(late.loop.scenario)
@@ -108,9 +89,3 @@ def test_a_filter_of_another_sample_time_than_the_deployment_is_refused(gtm_poin
     """The samples of a filter are 10 ms apart by default, and those of the deployment 20 ms."""
     with pytest.raises(BadInputError, match=r"give the filter dt=0\.02"):
         hfa.filter(gtm_point.linearize(), SENSORS).policy(gtm_deployment())
-
-
-def test_the_export_of_a_deployment_with_a_filter_is_refused(folder):
-    gtm_deployment(filter=FILTERED).save("filtered.toml")
-    words = f"export --aircraft {GTM} --policy filtered.toml --at 45 -o c"
-    assert_refused(run(*words.split()), 2, "has a [filter]")

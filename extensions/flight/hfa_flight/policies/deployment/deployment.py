@@ -16,7 +16,7 @@ import numpy as np
 
 from controller.critic.network.declared import Normalizer
 from hfa_flight.policies.deployment.actor import Actor, Wanted, box_of, read_actor
-from hfa_support.errors import BadInputError, file_faults, prefix_errors, refuse_unknown, shown
+from hfa_support.errors import BadInputError, file_faults, prefix_errors, shown
 from hfa_support.files import NUMBER, POSITIVE, Number, checked, read_toml, write_text
 from hfa_support.reporting.report import Reported
 
@@ -71,17 +71,12 @@ _POLICY: dict[Any, Any] = {
 }
 #: Tables of a deployment file -> kinds of their entries. A name with * is required.
 _ENTRIES: dict[Any, Any] = {
-    "policy": _POLICY,
+    "policy*": _POLICY,
     "observation*": {str: _OBSERVATION_ENTRY},
     "action*": {str: _ACTION_ENTRY},
     "timing*": {"dt*": _SAMPLE_TIME, "delay": _NOT_NEGATIVE},
     "cost": {"Q*": {str: _NOT_NEGATIVE}, "R*": {str: POSITIVE}},
-    "filter": {"noise*": {str: POSITIVE}, "turbulence": str},
 }
-#: Tables of a deployment file that are required, and those that are not.
-_REQUIRED_TABLES = ("policy", "observation", "action", "timing")
-_OPTIONAL_TABLES = ("cost", "filter")
-_ALL_TABLES = (*_REQUIRED_TABLES, *_OPTIONAL_TABLES)
 _NORMALIZER: dict[Any, Any] = {
     "mean*": [NUMBER],
     "variance*": [_NOT_NEGATIVE],
@@ -105,8 +100,6 @@ class Deployment(Reported):
     timing: dt and delay. dt is the sample time, s. delay is the time from a sample until its action
         moves the input, s.
     cost: Q of states or outputs, R of inputs, or None if unknown.
-    filter: Kalman filter before the policy, as in `hfa.filter`, or None: noise of each measured
-        state, in its unit, and turbulence, such as "moderate:40000".
     folder: folder of relative file names.
     origin: name of the deployment file, for messages.
 
@@ -130,17 +123,13 @@ class Deployment(Reported):
     action: Mapping[str, Any]
     timing: Mapping[str, Any]
     cost: Mapping[str, Any] | None = None
-    filter: Mapping[str, Any] | None = None
     folder: Path = field(default_factory=Path)
     origin: str = "the deployment"
 
     def __post_init__(self) -> None:
         """Check every entry that can be checked without the aircraft."""
         with prefix_errors(self.origin):
-            tables = {name: _plain(getattr(self, name)) for name in _ALL_TABLES}
-        for name in _OPTIONAL_TABLES:
-            if tables[name] is None:
-                del tables[name]
+            tables = {name: _plain(table) for name, table in self._tables().items()}
         for name, value in checked(self.origin, tables, _ENTRIES).items():
             object.__setattr__(self, name, value)
         with prefix_errors(self.origin):
@@ -152,6 +141,11 @@ class Deployment(Reported):
                     f"timing.delay is {self.delay:g} s; give at most "
                     f"{MOST_SAMPLES * self.dt:g} s ({MOST_SAMPLES} samples)"
                 )
+
+    def _tables(self) -> dict[str, Any]:
+        """Return the tables of the deployment, by name. Without a cost there is no such table."""
+        names = [name.removesuffix("*") for name in _ENTRIES]
+        return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the tables of the deployment for pickling.
@@ -173,16 +167,7 @@ class Deployment(Reported):
             )
         with file_faults(path):
             entries = read_toml(path)
-        for name in entries:
-            refuse_unknown(f"{path}: unknown table", name, _ALL_TABLES)
-        for name in _REQUIRED_TABLES:
-            if name not in entries:
-                raise BadInputError(f"{path}: the table [{name}] is missing; add this table")
-        if "file" not in entries["policy"]:
-            raise BadInputError(
-                f"{path}: policy.file is missing; give the path of the file that "
-                "contains the policy"
-            )
+        entries = checked(str(path), entries, {**_ENTRIES, "policy*": {**_POLICY, "file*": None}})
         return Deployment(**entries, folder=Path(path).parent, origin=str(path))
 
     @staticmethod
@@ -338,10 +323,7 @@ class Deployment(Reported):
             if isinstance(policy.get(name), (str, Path)):
                 file = os.path.relpath(self.folder / policy[name], Path(path).parent)
                 policy[name] = Path(file).as_posix()
-        tables = {"policy": policy, "observation": self.observation, "action": self.action}
-        tables |= {"timing": self.timing}
-        tables |= {name: getattr(self, name) for name in _OPTIONAL_TABLES if getattr(self, name)}
-        write_text(path, toml_text(tables))
+        write_text(path, toml_text({**self._tables(), "policy": policy}))
 
     def changed(self, **changes: Any) -> Deployment:
         """Return the deployment with some tables replaced.

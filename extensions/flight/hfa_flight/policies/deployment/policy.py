@@ -149,14 +149,9 @@ def flown_deployment(given: Deployment | Path, point: OperatingPoint) -> Deploye
     """Return the policy of a deployment, or of the deployment file with this path, about a trim.
 
     Raises the errors of `Deployment.load`, and BadInputError if the deployment does not fit the
-    aircraft or has a filter, or if an observation, the policy or a map is not finite at the trim.
+    aircraft, or if an observation, the policy or a map is not finite at the trim.
     """
     deployed = Deployed(Deployment.of(given), point.model)
-    if deployed.deployment.filter is not None:
-        raise BadInputError(
-            f"{deployed.deployment.origin} has a [filter], which only hfa fly "
-            "applies; remove [filter]"
-        )
     deployed.refuse_undefined_at([point])
     name = "deployment" if isinstance(given, Deployment) else f"of {given}"
     return policy_about(deployed, point, name)
