@@ -24,7 +24,6 @@ from .samples.monte_carlo import (
     MonteCarlo as MonteCarlo,
     fly_member as fly_member,
     run_monte_carlo as run_monte_carlo,
-    stream_members as stream_members,
 )
 from .schedule.gain_schedule import (
     GainSchedule as GainSchedule,

@@ -19,9 +19,7 @@ from hfa.options.command import (
     Request,
     WorkerOptions,
     command,
-    output_option,
     picture_option,
-    provenance,
 )
 from hfa.options.games import REFERENCE, deviation_signal, given_weights, weighted_game
 from hfa.options.parser import option, refuse
@@ -155,9 +153,7 @@ class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
         *("policy", "initial", "turbulence", "samples", "noise", "filter", "gust", "command"),
         *("duration", "aircraft", "at", "hold"),
     )
-    output: Path | None = output_option(
-        stores=(".zarr",), purpose=" (flights of --samples or --draws)"
-    )
+    resume: bool = False
     picture: Path | None = picture_option("the flight")
     command: Mapping[str, str] = option(
         f"steps of a state, or with --policy {NONE} of an input: times, s, and deviations from the "
@@ -218,12 +214,7 @@ def _fly_once(request: FlyRequest, given: GivenTrim) -> Outcome:
     from trim.linear.linearize import linearize
 
     only_many = "applies only to --samples or --draws; remove this option"
-    refuse(request, ("workers", "resume", "need"), only_many)
-    file = request.output
-    if file is not None and file.suffix == ".zarr":
-        raise BadInputError(
-            f"{file} is a store for the flights of --samples or --draws; add --samples N"
-        )
+    refuse(request, ("workers", "need"), only_many)
     _refuse_contradictions(request)
     point, policy, scenario, envelope, tracking = _planned(request, given, trimmed(given))
     model = point.model
@@ -387,10 +378,9 @@ def _end_of(result: Flight) -> str:
 
 def _fly_members(request: FlyRequest, given: GivenTrim, members: int) -> Outcome:
     """Return the outcome of the flights of --samples or --draws."""
-    from hfa_flight.samples.fly import FlightsInAir, flights_in_air, uncontrolled
-    from hfa_flight.samples.monte_carlo import MonteCarlo, stream_members
+    from hfa_flight.samples.fly import flights_in_air
+    from hfa_flight.samples.monte_carlo import MonteCarlo
 
-    target = request.output
     _refuse_of_members(request)
     _refuse_contradictions(request, many=True)
     spread = None
@@ -410,32 +400,20 @@ def _fly_members(request: FlyRequest, given: GivenTrim, members: int) -> Outcome
         spread=spread,
         share=request.need.get(SHARE, ALL),
     )
-    if target is None:
-        flights = flights_in_air(plan, request.workers)
-    else:
-        dataset = stream_members(
-            plan,
-            target,
-            workers=request.workers,
-            resume=request.resume,
-            provenance=provenance(request, given.source).to_dict(),
-            progress=ProgressLine("simulate"),
-        )
-        flown = {name: dataset[name].values for name in dataset.data_vars}
-        flights = FlightsInAir(
-            plan, flown, uncontrolled(plan, request.workers), f"flights in {target}"
-        )
+    flights = flights_in_air(plan, request.workers)
     notes = flights.warnings
-    store = None if target is None else str(target)
-    report = flights.report().with_data(store=store, warnings=notes)
+    report = flights.report().with_data(warnings=notes)
     return Outcome(
-        report=report, ok=report.data["ok"], source=given.source, notes=notes, is_written=True
+        report=report,
+        ok=report.data["ok"],
+        source=given.source,
+        notes=notes,
+        only_in_files={"flights": flights.flown},
     )
 
 
 def _refuse_of_members(request: FlyRequest) -> None:
     """Raise BadInputError for options that many flights do not have."""
-    target = request.output
     if request.kind in LAWS or request.keep_inside:
         planned = "cannot be combined with a policy that plans or with --keep-inside"
         refuse(request, ("workers",), f"{planned}; remove --workers")
@@ -443,10 +421,3 @@ def _refuse_of_members(request: FlyRequest) -> None:
         both = "and --draws both set the number of flights; remove one of these options"
         refuse(request, ("samples",), both)
     refuse(request, ("picture",), "applies only to a single flight; remove this option")
-    if target is not None and target.suffix != ".zarr":
-        raise BadInputError(
-            f"{target}: the flights of --samples and --draws are written to a Zarr store; use -o "
-            "FILE.zarr"
-        )
-    if request.resume and target is None:
-        raise BadInputError("--resume requires a store; add -o FILE.zarr")

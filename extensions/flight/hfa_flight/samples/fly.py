@@ -35,7 +35,6 @@ class FlightsInAir(Reported):
     plan: the flights
     flown: name of a result -> its values, one row for each flight
     uncontrolled: results of the same flights without control, or None if no policy acts
-    where: where the flights are stored, for the report
 
     >>> import hfa
     >>> from hfa_flight import Uncertainty
@@ -49,7 +48,6 @@ class FlightsInAir(Reported):
     plan: MonteCarlo
     flown: Mapping[str, np.ndarray]
     uncontrolled: Mapping[str, np.ndarray] | None = None
-    where: str = "flights not kept"
 
     @property
     def ok(self) -> bool:
@@ -66,7 +64,7 @@ class FlightsInAir(Reported):
 
     def report(self) -> Report:
         """Return the report: flights that leave, the 95 % band of their share, and quantiles."""
-        return member_report(self.plan, self.flown, self.where, self.uncontrolled)
+        return member_report(self.plan, self.flown, self.uncontrolled)
 
 
 def flights_in_air(

@@ -1,4 +1,4 @@
-"""Monte Carlo simulation of flights: the plan of random scenarios, and the stored results."""
+"""Monte Carlo simulation of flights: the plan of random scenarios, and the results of each."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -28,42 +27,11 @@ from hfa_support.native.bound import MAKING
 from hfa_support.origin import Identified
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Reported
-from hfa_support.rows.store import RowJob, fill_store, template_variable
 from hfa_support.rows.workers import open_workers
 from trim.point.operating_point import OperatingPoint
 
 #: Compiled loops of each thread. Threads must not share a loop, whose memory each call overwrites.
 _THREAD = threading.local()
-
-
-class StoredResult(NamedTuple):
-    """Meaning of a stored result of a member, with its axis, or the unit of a single number."""
-
-    meaning: str
-    axis: str = ""
-    unit: str = ""
-
-
-#: Stored results of a member, by name.
-STORED = {
-    "left": StoredResult("number in the attribute left; -1: stayed inside"),
-    "cycle": StoredResult("number of the input or state that oscillates at the end; -1: none"),
-    "factors": StoredResult("factor on a parameter", "error"),
-    "flown": StoredResult("time inside the envelope", unit="s"),
-    "rms_error": StoredResult(
-        "root mean square error over that time, in turbulence its second half, without noise",
-        "error_state",
-    ),
-    "peak_error": StoredResult("largest error, over ground", "error_state"),
-    "peak_angle_of_attack": StoredResult(
-        "largest angle of attack relative to the air, from trim", unit="rad"
-    ),
-    "effort": StoredResult("root mean square from trim, over the same time as rms_error", "input"),
-    "at_limit": StoredResult("share of that time at or beyond a control limit", "input"),
-    "lowest_input": StoredResult("lowest value inside the envelope", "input"),
-    "highest_input": StoredResult("highest value inside the envelope", "input"),
-    "final": StoredResult("at the end", "state"),
-}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -176,18 +144,24 @@ def fly_member(plan: MonteCarlo, member: int) -> Flight:
 def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
     """Return the results of members `start` to `stop` - 1: name -> array, one row for each member.
 
-    The names are those in `STORED`.
+    The names are those of `member_row`.
     """
     rows = [member_row(plan, fly_member(plan, member)) for member in range(start, stop)]
-    return {name: np.array([row[name] for row in rows]) for name in STORED}
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 
 def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
-    """Return the stored results of one member's flight: name -> number or array.
+    """Return the results of one member's flight: name -> number or array.
 
-    Errors and inputs are evaluated at the steps inside the envelope. The final states
-    are those after the last of these steps. Root mean squares leave out the first half in
-    turbulence, which begins in calm.
+    left, cycle: number, in the limited variables and in inputs and states, of the one that leaves
+        or oscillates at the end; -1: none
+    factors: on the parameters of --error, (E,)
+    flown: time inside the envelope, s
+    rms_error, effort: root mean squares of errors (k,) and inputs from the trim (m,) over that
+        time, in turbulence over its second half, because it begins in calm
+    peak_error, peak_angle_of_attack: largest ones, from the trim, the latter relative to the air
+    at_limit, lowest_input, highest_input: share of that time at a control limit, and range, (m,)
+    final: states where it ends, (n,)
     """
     scenario = result.loop.scenario
     deviations = result.deviations
@@ -231,7 +205,6 @@ def _rms(rows: np.ndarray) -> np.ndarray:
 CHUNK_STEPS = 1_000_000
 #: Overhead of a member, expressed in steps: 0.6 to 1.2 ms for drawing it and making its model.
 MEMBER_STEPS = 1_000
-_MEMBER = "member"
 
 
 def chunk_of(plan: MonteCarlo) -> int:
@@ -246,7 +219,7 @@ def run_monte_carlo(
 ) -> Mapping[str, np.ndarray]:
     """Return the results of all members: name -> array, one row for each member.
 
-    The names are those in `STORED`. The results are kept in memory.
+    The names are those of `member_row`.
 
     workers: as for `open_workers`. The number has no effect on the results
     progress: called with (chunks done, number of chunks), first at the start
@@ -265,67 +238,4 @@ def run_monte_carlo(
             if progress is not None:
                 progress(len(chunks), len(tasks))
     in_order = [chunks[number] for number in sorted(chunks)]
-    return {name: np.concatenate([rows[name] for rows in in_order]) for name in STORED}
-
-
-def stream_members(plan: MonteCarlo, path: Path, **options: Any) -> Any:
-    """Simulate all members of a plan into the store at `path` and return it as `xarray.Dataset`.
-
-    options: arguments of `fill_store`
-    """
-
-    def task(start: int, stop: int) -> tuple[MonteCarlo, int, int]:
-        """Return the arguments of `fly_members` for some rows of the store."""
-        return plan, start, stop
-
-    job = RowJob("Monte Carlo", _MEMBER, _template(plan), fly_members, task)
-    return fill_store(job, path, **options)
-
-
-def _template(plan: MonteCarlo) -> Any:
-    """Return the `xarray.Dataset` of an empty store for the results of a plan."""
-    model = plan.model
-    errors = tuple(plan.scenario.uncertainty.errors)
-    states = tuple(model.states)
-    inputs = tuple(model.inputs)
-    names = {"error": errors, "error_state": model.linear, "state": states, "input": inputs}
-    lengths = {_MEMBER: plan.members} | {axis: len(signals) for axis, signals in names.items()}
-
-    coordinates: dict[str, Any] = {}
-    for axis, signals in names.items():
-        if signals:
-            coordinates[axis] = (axis, np.array(signals, dtype=object))
-        if signals and axis != "error":  # factors have no unit
-            units = np.array(model.units(signals), dtype=object)
-            coordinates[f"{axis}_unit"] = (axis, units)
-
-    # Each result has a row for each member; until it is simulated, the row is filled with `fill`.
-    arrays = {}
-    for name, result in STORED.items():
-        if result.axis and not names[result.axis]:
-            continue  # no parameter is drawn
-        fill: Any = np.int8(-1) if name in ("left", "cycle") else np.nan
-        attributes = {"long_name": result.meaning}
-        if result.unit:
-            attributes["units"] = result.unit
-        if f"{result.axis}_unit" in coordinates:
-            attributes["units_of"] = f"{result.axis}_unit"
-        axes = (_MEMBER, result.axis) if result.axis else (_MEMBER,)
-        shape = tuple(lengths[axis] for axis in axes)
-        arrays[name] = template_variable(axes, shape, fill, chunk_of(plan), attributes)
-
-    import xarray
-
-    about = {
-        "schema": "hfa.monte-carlo-store/3",
-        "errors": list(errors),
-        "left": list(limited_names(model, plan.scenario.moving_air)),
-        "error_states": list(model.linear),
-        "error_units": list(model.units(model.linear)),
-        "states": list(states),
-        "state_units": list(model.units(states)),
-        "inputs": list(inputs),
-        "input_units": list(model.units(inputs)),
-        "plan": plan.fingerprint,
-    }
-    return xarray.Dataset(arrays, coordinates, about)
+    return {name: np.concatenate([rows[name] for rows in in_order]) for name in in_order[0]}

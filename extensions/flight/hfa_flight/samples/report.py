@@ -36,13 +36,12 @@ _UNFILTERED = (
 Flown = Mapping[str, np.ndarray]
 
 
-def member_report(plan: MonteCarlo, flown: Flown, where: str, uncontrolled: Flown | None) -> Report:
+def member_report(plan: MonteCarlo, flown: Flown, uncontrolled: Flown | None) -> Report:
     """Return the report of a Monte Carlo plan: flights that leave, and quantiles of the results.
 
     The quantiles are over the flights inside the envelope.
 
     flown: results of the flights
-    where: where the flights are stored, for the title
     uncontrolled: results of the same flights without control, by name, or None
     """
     outcomes = _outcomes(plan, flown)
@@ -53,7 +52,7 @@ def member_report(plan: MonteCarlo, flown: Flown, where: str, uncontrolled: Flow
 
     planned = (
         f"Monte Carlo, {plan.point.model.title}, policy {plan.policy.name}: {plan.members} flights "
-        f"of {plan.scenario.duration:g} s, seed {plan.seed}, {where}"
+        f"of {plan.scenario.duration:g} s, seed {plan.seed}"
     )
     advice = [] if is_limited(plan.envelope) else [GIVE_LIMIT]
     title = "\n".join(
