@@ -4,14 +4,11 @@ import control
 import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa
-from exact_games import exact_solution
 from scipy.linalg import block_diag, solve_continuous_are
 
 from controller import minimum_delta
 from hfa import (
-    BadInputError,
     Game,
-    lqr,
     solve,
 )
 
@@ -66,21 +63,6 @@ def test_margins_open_the_loop_at_the_input_of_the_plant():
     disk = 1.0 / np.abs(response - 0.5).max()
     assert margins["disk"] == pytest.approx(disk, rel=1e-4)
     assert solution.disk_margin.disk == pytest.approx(disk, rel=1e-3)
-
-
-def test_any_cross_weights_are_solved():
-    """A game is solved if Q - N R⁻¹ N' is 0, positive or indefinite; N of another shape is refused."""
-    A, B = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0], [1.0]])
-    c, d = np.array([[1.0, 0.3]]), 0.7
-    no_cost_of_state = Game(A, B, Q=c.T @ c, R=[[d * d]], N=c.T * d)
-    assert np.abs(no_cost_of_state.without_cross_weights.Q).max() < 1e-15
-    assert solve(no_cost_of_state).is_stable
-    for N in (np.array([[1.2], [0.3]]), np.array([[0.0], [1.001]])):
-        indefinite = Game(A, B, Q=np.eye(2), R=np.eye(1), N=N)
-        np.testing.assert_allclose(solve(indefinite).K, exact_solution(indefinite)[1], rtol=1e-14)
-    assert lqr(A, B, np.eye(2), np.eye(1), [[0.0], [0.999]]).is_stable
-    with pytest.raises(BadInputError, match="N is 1 x 2; give 2 x 1"):
-        lqr(A, B, np.eye(2), np.eye(1), [[0.1, 0.2]])
 
 
 def test_the_command_line_gives_cross_weights(tmp_path):

@@ -3,7 +3,6 @@
 import math
 from dataclasses import replace
 
-import mpmath
 import numpy as np
 import pytest
 from game_samples import game_models
@@ -181,18 +180,3 @@ def test_late_errors_solve_the_loop_and_give_the_means():
     # another gain
     of_other_gain = track(linear, solution, command, K=0.9 * solution.K, duration=period)
     assert of_other_gain.cost_per_second > least
-
-
-def test_late_errors_of_a_gain_of_1e8_keep_their_digits():
-    """The late error z (t -> infinity) solves (A - B K) z = -(B u_d + A x_d), here in 50 digits; in
-    doubles, A - B K is off by 1e-8.
-    """
-    A, B = [[-0.04, -0.72], [-0.72, -0.46]], [[0.599999992], [0.8000000060000001]]
-    solution = hfa.solve(hfa.Game(A, B, Q=np.eye(2), R=[[1.0]]))
-    found = track(hfa.LinearModel.of(np.array(A), np.array(B)), solution, {"x1": 1.0})
-    assert 0.5e8 < np.abs(found.K).max() < 2e8
-    with mpmath.workdps(50):
-        a, b, K, u = (mpmath.matrix(each) for each in (A, B, found.K, found.inputs.constant))
-        exact = mpmath.lu_solve(a - b * K, -(b * u + a * mpmath.matrix([1.0, 0.0])))
-    late = found.late_error(found.inputs).constant
-    assert late == pytest.approx([float(each) for each in exact], rel=1e-6)

@@ -3,16 +3,13 @@
 import contextlib
 import json
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 from cli import hfa
 from json_places import leaves
-from project import ROOT
 from scipy.io import loadmat
 
-import hfa as toolchain
 from hfa.main import DONE
 from hfa_model import STATES
 
@@ -119,12 +116,6 @@ def test_mat_files_contain_every_number_and_name(tmp_path, name):
     assert [word for word in texts(loaded) if word] == [word for word in texts(data) if word]
 
 
-def test_the_point_is_the_last_index_of_matrices_in_a_mat_file(tmp_path):
-    """A(:, :, k) in MATLAB is A of point k of a sweep."""
-    path, data = written(tmp_path, "plane", "mat")
-    np.testing.assert_array_equal(np.moveaxis(loadmat(path)["A"], -1, 0), data["A"])
-
-
 @pytest.mark.parametrize(
     ("name", "suffix"),
     [("linearize", "json"), ("full", "npz"), ("failing", "mat"), ("trim", "csv")],
@@ -141,16 +132,3 @@ def test_two_runs_write_the_same_bytes(tmp_path, monkeypatch, name, suffix):
     second, again = written(tmp_path / "second", name, suffix)
     assert again == data
     assert second.read_bytes() == first.read_bytes()
-
-
-def test_advice_and_names_with_blanks_can_be_typed_and_read(folder):
-    """An error message quotes paths with blanks, so that its advice can be typed, and a report has
-    the name of an aircraft, which has a line break in its file, on one line.
-    """
-    Path("a b.toml").write_text("aircraft = 'my plane.py:X'")
-    with pytest.raises(toolchain.BadInputError, match=r"'my plane\.py:X' --parameters 'a b\.toml'"):
-        toolchain.load_model("a b.toml")
-    text = (ROOT / "examples/uav.toml").read_text("utf-8")
-    Path("uav.toml").write_text(text.replace('name = "Aerosonde"', 'name = "Aero\\nsonde"'))
-    title = toolchain.trim(toolchain.load_model("uav.toml")).report().title
-    assert title.startswith("Aero sonde (derivatives) trimmed: level")

@@ -106,16 +106,6 @@ def test_E_beside_C_and_D_is_refused(folder):
     assert cli.hfa("linearize", "--aircraft", "plant.json").code == 0
 
 
-def test_a_linear_model_read_as_an_aircraft_has_no_warning_of_its_speed(folder):
-    """The speed in the file of a linear model is a deviation from its trim: at 0, there is no warning of a
-    speed too low for a flight.
-    """
-    assert cli.hfa("linearize", "--dihedral", "10", "-o", "linear.json").code == 0
-    again = cli.hfa("linearize", "--aircraft", "linear.json")
-    assert again.code == 0
-    assert "Check:" not in again.out
-
-
 def test_a_vector_is_the_gain_of_a_single_input():
     """The gain of one input may be a vector (n,); for two inputs, a vector is refused."""
     linear = hfa.LinearModel.of(A, B)

@@ -1,7 +1,6 @@
 """Models converted to SI units agree with the original models after conversion."""
 
 import pickle
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -68,58 +67,6 @@ def test_conditions_and_points_in_other_units_are_refused():
     point = trim(model, usual_condition(model))
     with pytest.raises(BadInputError, match="operating point and the model have different units"):
         linearize(converted, point)
-
-
-READERS = {
-    "table of derivatives": "examples/cessna182.toml",
-    "DAVE-ML": "examples/uav.dml",
-    "Python": "examples/f16.py:F16",
-    "JSBSim": "jsbsim:737",
-    "HFA": "",
-}
-
-
-@pytest.mark.parametrize(
-    "reader",
-    [
-        pytest.param(
-            each, marks=[] if each in ("HFA", "table of derivatives") else pytest.mark.slow
-        )
-        for each in READERS
-    ],
-)
-def test_an_aircraft_of_each_reader_is_the_same_in_si(reader):
-    """Trim, limits, A and B in SI are those in English units times the factor of each.
-
-    Calibrated and equivalent airspeeds are in knots in both. Derivatives by the speed (`by_speed`,
-    CT_u of the Cessna) remain known, whose reports warn far from their speed.
-    """
-    model = hfa.load_model(READERS[reader]) if READERS[reader] else hfa.aircraft()
-    metric = in_si(model)
-    assert metric.domain.by_speed == model.domain.by_speed
-    for name, signal in model.signals.items():
-        factor = 1.0 if name in ("kcas", "keas") else si_factor(signal.unit)
-        converted = metric.signals[name]
-        expected = [
-            factor * each for each in (signal.min, signal.max, signal.start, signal.nominal)
-        ]
-        found = (converted.min, converted.max, converted.start, converted.nominal)
-        assert found == pytest.approx(expected), name
-        assert converted.assumed == signal.assumed
-        assert not {*FACTORS} & {*re.split(r"\W+", converted.unit)}
-    point, of_metric = trim(model), trim(metric)
-    for name, value in dict(point).items():
-        size = abs(value) + 1e-3 * model.signals[name].nominal
-        apart = of_metric[name] / si_factor(model.unit(name)) - value
-        assert abs(apart) < 1e-6 * size, name
-    linear, of_metric_linear = point.linearize(), of_metric.linearize()
-    states, inputs = (factors(model, names) for names in (linear.states, linear.inputs))
-    scale = np.abs(linear.A).max()
-    # Back to English units: rows are divided by factors of states, columns multiplied by theirs.
-    A = of_metric_linear.A / states[:, None] * states
-    B = of_metric_linear.B / states[:, None] * inputs
-    np.testing.assert_allclose(A, linear.A, rtol=1e-5, atol=1e-6 * scale)
-    np.testing.assert_allclose(B, linear.B, rtol=1e-5, atol=1e-6 * np.abs(linear.B).max())
 
 
 @pytest.mark.parametrize(

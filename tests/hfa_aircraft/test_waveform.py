@@ -40,19 +40,6 @@ def test_a_typed_signal_and_its_rate_equal_their_formula(text, value):
     np.testing.assert_allclose(wave.rate().sampled(TIMES)[:, 0], slope, atol=1e-7)
 
 
-def test_sums_and_products_of_waveforms_have_their_values():
-    """The sum of two waveforms has the sum of their values, and one harmonic for each frequency; s(t)
-    through a matrix M has the values M s(t).
-    """
-    a = commanded(x1="1+2t+sin(t)", x2="cos(4t)")
-    b = commanded(x1="3-t+2sin(t)+cos(4t)", x2="sin(t)+cos(t)")
-    both = a + b
-    assert len(both.harmonics) == 2  # of 1 and 4 rad/s
-    np.testing.assert_allclose(both.sampled(TIMES), a.sampled(TIMES) + b.sampled(TIMES))
-    M = np.array([[1.0, 2.0], [0.5, 0.0], [-3.0, 4.0]])
-    np.testing.assert_allclose(both.through(M).sampled(TIMES), both.sampled(TIMES) @ M.T)
-
-
 @pytest.mark.parametrize(
     ("text", "says"),
     [

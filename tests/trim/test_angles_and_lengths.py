@@ -40,16 +40,6 @@ SLOW = Model(
 )
 
 
-def test_a_rate_has_the_size_of_its_state_in_a_second_by_default():
-    """SLOW, a model in minutes, states no size of the rate of its angle: 2 rad, the size of the angle, in 1 s
-    is 120 rad/min. The equation of the angle balances to 1e-10 of that.
-    """
-    point = hfa.trim(SLOW)
-    assert point.scale("angle") == pytest.approx(120.0)
-    tolerance = point.report().data["equations"]["angle"]["tolerance"]
-    assert tolerance == pytest.approx(1.2e-8)
-
-
 def test_handling_qualities_are_per_second():
     """The frequency of a model in minutes, 3 rad/min, is 0.05 rad/s."""
     point = hfa.trim(SLOW)

@@ -9,7 +9,7 @@ from cli import assert_refused, hfa
 from own_models import F16, GTM, trimmed
 
 from hfa import Model, Signal, linearize, trim
-from trim import TrimError, release, trim_points, usual_condition
+from trim import TrimError, release, usual_condition
 
 #: Stevens and Lewis, table 3.6-3: xcg, held variables, imposed rates, and the printed alpha, beta
 #: (rad), throttle, elevator, aileron and rudder (deg).
@@ -157,19 +157,6 @@ def test_a_trim_does_not_depend_on_nominal_values(kind, names):
         np.testing.assert_allclose(point.states, reference.states, atol=1e-8, err_msg=name)
         np.testing.assert_allclose(point.inputs, reference.inputs, atol=1e-8, err_msg=name)
         assert linearize(model, point).nonsmooth_points == nonsmooth_points
-
-
-@SIGNALS
-def test_a_sweep_converges_with_a_wrong_nominal_value(kind, names):
-    """If a nominal value is wrong by a factor of 100, a sweep of the F-16 has a trim at each speed.
-
-    The points converge together; only a wrong input may require that points are solved one by one.
-    """
-    *_, name = names
-    speeds = np.linspace(130.0, 700.0, 8)[:, None]
-    points = trim_points(with_nominal(kind, name, 100.0), ("speed",), speeds)
-    assert (points.status == 0).all()  # trimmed
-    assert kind == "inputs" or not points.one_by_one.any()
 
 
 FAULTS = {

@@ -207,12 +207,3 @@ def test_calls_without_an_answer_are_refused(message, tmp_path, monkeypatch):
     assert message in str(refused.value)
     assert "\n" not in str(refused.value)
     assert list(Path().iterdir()) == []
-
-
-def test_a_plant_in_continuous_time_is_read(folder):
-    """A file with the matrices of x' = A x + B u and `time` = "continuous" is loaded, with its state names:
-    q' = v, v' = -2 q - 0.3 v + u.
-    """
-    model = hfa.load_model(plant(time="continuous", dt=0, states=["q", "v"]))
-    assert tuple(model.states) == ("q", "v")
-    assert model.rates_at([1.0, 2.0], [3.0]) == pytest.approx({"q": 2.0, "v": 0.4})

@@ -1,7 +1,5 @@
 """What counts as rounding depends on no unit, and not on a stiff part of the model."""
 
-import casadi as ca
-import numpy as np
 import pytest
 
 from hfa import Model, Signal, linearize, sweep, trim
@@ -57,28 +55,6 @@ def test_an_input_of_any_unit_is_named_with_its_value(newton):
     assert "thrust N" in str(sweep(model, speed=[10.0, 12.0]).report())
 
 
-def test_a_value_is_compared_with_the_table_in_any_unit():
-    """The sheet shows the speed 10 m/s of a trim "from the table's" if that of the table
-    (`Domain.reference`) is 20 m/s, and not if it is 10 m/s; also if the unit of length is 1e9 m (`meter` = 1e-9 units).
-    """
-    for meter in (1.0, 1e-9):
-        domain = Domain(reference={"speed": 20.0 * meter})
-        assert "speed from the table's" in str(trim(cart(meter=meter, domain=domain)).report())
-        domain = Domain(reference={"speed": 10.0 * meter})
-        assert "speed from the table's" not in str(trim(cart(meter=meter, domain=domain)).report())
-
-
-def test_the_end_of_a_range_is_inside_in_the_sheet_and_in_the_notes():
-    """A speed one rounding beyond the range of validity, 5 to 10 m/s, is inside; one millionth beyond it is
-    not. The sheet and the notes agree.
-    """
-    model = cart(domain=Domain(range={"speed": (5.0, 10.0, "the tests")}))
-    for speed, inside in ((np.nextafter(10.0, 11.0), True), (10.00001, False)):
-        point = trim(model, speed=float(speed))
-        assert ("OUTSIDE" not in str(point.report())) == inside
-        assert (not any("beyond the tests" in note for note in point.warnings)) == inside
-
-
 def test_another_trim_is_named_however_near_it_is():
     """Of the two trims, 1 and 1.00095 m/s, the report of the first one names the second."""
     model = Model(
@@ -89,25 +65,3 @@ def test_another_trim_is_named_however_near_it_is():
         trim={"thrust": 0.0},
     )
     assert "Another trim exists: speed 1.00095 m/s" in str(trim(model, free="speed").report())
-
-
-def test_columns_of_eigenvalues_do_not_depend_on_the_unit_of_time():
-    """A sweep of random plants has the same columns of eigenvalues with times in s and in 2^-45 s, whose
-    rates are multiplied by 2^-45.
-    """
-    names = ("a", "b", "c", "d")
-    random = np.random.default_rng(3)
-    for _ in range(2):
-        ends = random.normal(size=(2, 4, 4))  # A at s = 0 and at s = 1
-
-        def swept(seconds, ends=ends):
-            def equations(x, u, p, w):
-                rows = ca.DM(ends[0]) + ca.DM(ends[1] - ends[0]) * p.s
-                rates = seconds * rows @ ca.vertcat(*x) + u.force
-                return dict(zip(names, ca.vertsplit(rates), strict=True)), {}
-
-            signals = dict.fromkeys(names, Signal())
-            model = Model("plant", signals, {"force": Signal()}, equations, {"s": Signal()})
-            return sweep(model, s=[0.0, 0.5, 1.0]).eigenvalues / seconds
-
-        np.testing.assert_allclose(swept(2.0**-45), swept(1.0), rtol=1e-9)

@@ -108,24 +108,6 @@ def test_a_state_that_no_equation_determines_keeps_its_start_value():
     assert swept["h"].tolist() == [500.0, 500.0]
 
 
-def test_an_altitude_that_the_equations_determine_is_not_kept():
-    """With the thrust of level flight at 2000 m held, a free altitude becomes 2000 m."""
-    model = aircraft("uav.toml")
-    trimmed = {name: each for name, each in model.trim.items() if name != "altitude"}
-    free = replace(model, trim=trimmed)
-    thrust = hfa.trim(free, hold={"altitude": 2000.0})["thrust"]
-    assert hfa.trim(free, hold={"thrust": thrust})["altitude"] == pytest.approx(2000.0, rel=1e-6)
-
-
-def test_alpha_keeps_its_start_value_if_the_speed_is_set_free():
-    """The trim of PLANE imposes V, gamma and flap. With V free, its equations leave one unknown
-    undetermined: of the states that the user did not set free, alpha ("a") keeps its start value.
-    """
-    first = str(hfa.trim(PLANE, hold={"h": 500.0}, free="V").report()).partition("\n\n")[0]
-    assert "does not determine it: a" in first
-    assert "One of many" not in first
-
-
 def test_a_trim_with_every_state_set_free_is_one_of_many():
     """No state that the user set free keeps its start value, so that the trim is one of many. The report
     names an option --hold that makes it unique.

@@ -53,15 +53,12 @@ def compared(critic, linear, game):
     return hfa.verify(game, critic, flights=1, linear=linear, taylor=True).nonlinear
 
 
-@pytest.mark.parametrize(
-    ("order", "basis"), [pytest.param(3, "cubic", marks=pytest.mark.slow), (4, "quartic")]
-)
-def test_the_exact_critic_passes_on_the_nonlinear_game(order, basis):
+def test_the_exact_critic_passes_on_the_nonlinear_game():
     """The exact value of the nonlinear game has the verdict PASS if flights of the exact policy
     converge from the whole box, else NEAR.
     """
-    linear, game, expansion = mixed_game(order)
-    critic = hfa.from_weights(game, expansion.weights, basis=basis)
+    linear, game, expansion = mixed_game(4)
+    critic = hfa.from_weights(game, expansion.weights, basis="quartic")
     said = []
     verdict = hfa.verify(
         game, critic, flights=QUICK, linear=linear, progress=lambda *done: said.append(done[-1])
@@ -72,15 +69,7 @@ def test_the_exact_critic_passes_on_the_nonlinear_game(order, basis):
     word = "PASS" if is_whole else "NEAR"
     assert verdict.headline.startswith(f"{word} on the nonlinear game in")
     assert verdict.nonlinear.flown.suboptimality < 1e-9
-    assert verdict.nonlinear.radius.degree == order
-
-
-def test_with_taylor_false_the_exact_critic_is_judged_on_the_linear_game():
-    """The exact value of the nonlinear game fails on the linear game, also with the aircraft."""
-    linear, game, expansion = mixed_game(4)
-    critic = hfa.from_weights(game, expansion.weights, basis="quartic")
-    verdict = hfa.verify(game, critic, flights=QUICK, linear=linear, taylor=False)
-    assert (verdict.ok, verdict.nonlinear) == (False, None)
+    assert verdict.nonlinear.radius.degree == 4
 
 
 def judged(expansion, game, linear, change):
@@ -96,17 +85,6 @@ def judged(expansion, game, linear, change):
         has_weights=True,
     )
     return hfa.verify(game, critic, flights=8, linear=linear), critic.policy
-
-
-def test_the_exact_policy_passes_if_the_whole_box_is_flown():
-    """The exact V with the exact policy passes, and would be NEAR if only half the box were flown."""
-    linear, game, expansion = mixed_game(4)
-    verdict, _ = judged(expansion, game, linear, ca.vertcat(0.0, 0.0))
-    assert verdict.ok
-    half = replace(verdict.nonlinear, flown=replace(verdict.nonlinear.flown, part=0.5))
-    assert replace(verdict, nonlinear=half).grade == "near"
-    text = " ".join(str(verdict).split())
-    assert "flights cost at most 0 % of the largest optimum more" in text
 
 
 def test_a_policy_with_wrong_terms_of_degree_9_fails_by_its_flights():
@@ -156,11 +134,10 @@ def flight_cost(game, policy, start):
     return float(solved.y[2, -1])
 
 
-@pytest.mark.parametrize("factor", [1.01, pytest.param(0.0, marks=pytest.mark.slow)])
-def test_one_wrong_coefficient_is_found(factor):
+def test_one_wrong_coefficient_is_found():
     """A critic with one wrong coefficient fails, and this is named as the worst one.
 
-    Its relative error is that of the factor, unless the coefficient contributes less than 1e-5 of the
+    Its relative error is 1 %, unless the coefficient contributes less than 1e-5 of the
     largest one of its degree to V where V2 <= 1: then it is relative to this fraction.
     """
     linear, game, expansion = mixed_game(4)
@@ -170,9 +147,9 @@ def test_one_wrong_coefficient_is_found(factor):
     for index in (0, 4, 8):  # of degree 2, 3 and 4
         degree = exponents[index].sum()
         least = 1e-5 * parts[exponents.sum(axis=1) == degree].max()
-        error = abs(factor - 1.0) * parts[index] / max(parts[index], least)
+        error = 0.01 * parts[index] / max(parts[index], least)
         weights = expansion.weights.copy()
-        weights[index] *= factor
+        weights[index] *= 1.01
         critic = hfa.from_weights(game, weights, basis="quartic")
         found = compared(critic, linear, game)
         assert not found.ok

@@ -69,14 +69,11 @@ OF_P = [
     (lambda P: np.triu(P) + np.triu(P, 1), "P is not symmetric; its symmetric part is exact"),
     (lambda P: -P, "the value has the wrong sign"),
     (lambda P: P / 2, "the value is half the exact one"),
-    (lambda P: 1000.0 * P, "every entry of P is 1000 times the exact one"),
     (lambda P: P * (2.0 - np.eye(3)), "are 2 times too large"),
     (lambda P: P * np.where(np.eye(3) == 1.0, 1.0, 2.0**0.5), "√2 times too large"),
-    (lambda P: P * np.where(np.eye(3) == 1.0, 1.0, 0.5**0.5), "√2 times too small"),
     (lambda P: P[ORDER][:, ORDER], "the states are in the order 1, 3, 2"),
     (lambda P: P * np.outer(ANGLES, ANGLES), "states 2 and 3 are in degrees"),
     (lambda P: P * np.outer(FLIPPED, FLIPPED), "state 3 has the wrong sign"),
-    (lambda P: P * at((0, 1), (1, 0), rows=3, factor=-1.0), "only P(1, 2) differs"),
     (lambda P: P * at((1, 2), (2, 1), rows=3, factor=10.0), "only P(2, 3) differs"),
 ]
 OF_W = [
@@ -95,7 +92,6 @@ OF_W = [
 OF_K = [
     (lambda K: -K, "the gain has the wrong sign: the policy is u = -K z"),
     (lambda K: 2.0 * K, "the gain is twice the exact one"),
-    (lambda K: 0.913 * K, "every entry of K is 0.913 times the exact one"),
     (lambda K: K[:, ORDER], "the states are in the order 1, 3, 2"),
     (lambda K: K[[1, 0]], "the inputs are in the order 2, 1"),
     (lambda K: K * ANGLES, "states 2 and 3 are in degrees"),
@@ -103,12 +99,10 @@ OF_K = [
     (lambda K: K / [1.0, 1.0, np.pi / 180.0], "state 3 is off by 180/pi"),
     (lambda K: K / [0.3048, 1.0, 1.0], "state 1 is in metres in place of feet"),
     (lambda K: K / ANGLES[:2, None], "input 2 is in degrees"),
-    (lambda K: K * ANGLES[:2, None], "input 2 is off by pi/180"),
     (lambda K: K * FLIPPED, "state 3 has the wrong sign"),
     (lambda K: K * FLIPPED[1:, None], "input 2 has the wrong sign"),
     (lambda K: K.T.reshape(2, 3), "but its entries are stored column by column"),
     (lambda K: K * at((1, 0), rows=2, factor=-1.0), "only K(2, 1) differs"),
-    (lambda K: K * at((0, 2), rows=2, factor=1.1), "only K(1, 3) differs"),
 ]
 
 
@@ -185,12 +179,6 @@ def with_wrong_entry_of_H(game):
     [
         (UNSTABLE, rounded, 8e-4, ""),  # with R = 1, K and R K are the same: no missing R⁻¹
         (
-            UNSTABLE,
-            lambda game: from_gain(game, 1.0000013 * gain(game)),
-            1e-6,
-            "1.0000013 times the exact",
-        ),
-        (
             TWO_INPUTS,
             lambda game: from_value(game, 0.99999 * value(game)),
             1e-6,
@@ -206,12 +194,6 @@ def with_wrong_entry_of_H(game):
         ),
         # Any K along the exact one has columns that are multiples of those of the exact K.
         (ALONG_ONE, lambda game: from_gain(game, gain(game) * [0.2, 3.0, 7.0]), 1e-6, ""),
-        (
-            ALONG_ONE,
-            lambda game: from_gain(game, gain(game) / [0.3048, 1.0, 1.0]),
-            1e-6,
-            "in metres",
-        ),
         (SAMPLED, with_wrong_entry_of_H, 1e-6, ""),
     ],
 )
@@ -233,19 +215,11 @@ OTHER_GAMES = {
     "R": (replace(TWO_INPUTS, R=4.0 * TWO_INPUTS.R), TWO_INPUTS, "exact for R 4 times as large"),
     "sampled": (TWO_INPUTS.sampled(0.05), TWO_INPUTS, "sampled with dt 0.05 s"),
     "discount": (TWO_INPUTS.sampled(0.02, 0.97), SAMPLED, "for discount 0.97, not 0.99"),
-    "no discount": (TWO_INPUTS.sampled(0.02), SAMPLED, "without discount, not for discount 0.99"),
-    "dt": (TWO_INPUTS.sampled(0.05, 0.99), SAMPLED, "for dt 0.05 s, not 0.02 s"),
     "continuous": (TWO_INPUTS, SAMPLED, "K is exact for the game in continuous time"),
 }
 
 
-@pytest.mark.parametrize(
-    "number",
-    [
-        pytest.param(name, marks=[pytest.mark.slow] * (name in ("dt", "no discount")))
-        for name in OTHER_GAMES
-    ],
-)
+@pytest.mark.parametrize("number", OTHER_GAMES)
 def test_the_game_of_which_a_gain_is_exact_is_named(number):
     """The reason of a wrong gain names the number by which the game of its training differs."""
     trained, game, says = OTHER_GAMES[number]
@@ -263,12 +237,11 @@ def test_other_games_are_found_in_all_units():
     assert verify(game, from_gain(game, K)).reason == "K is exact for R 3 times as large"
 
 
-@pytest.mark.parametrize("number", ["delta", pytest.param("discount", marks=pytest.mark.slow)])
-def test_a_gain_only_near_that_of_another_game_is_not_called_exact_for_it(number):
+def test_a_gain_only_near_that_of_another_game_is_not_called_exact_for_it():
     """A gain whose entries are off by 2 % from the exact gain of another game is not said to be exact
     for that game.
     """
-    trained, game, _ = OTHER_GAMES[number]
+    trained, game, _ = OTHER_GAMES["delta"]
     K = gain(trained) * (1.0 + 0.02 * np.array([[1.0, -1.0, 1.0], [-1.0, 1.0, 1.0]]))
     assert "exact for" not in verify(game, from_gain(game, K)).reason
 
@@ -327,11 +300,6 @@ def function(game, name, output):
         (scaled([[0.2], [0.7]]), "each row of K is a multiple of the exact one (u1 0.2, u2 0.7)"),
         (scaled([0.2, 3.0, 7.0]), "(x1 0.2, x2 3, x3 7), as of a state that is normalized"),
         (scaled([[0.0], [1.0]]), "u1 is never moved; the other rows of K are exact"),
-        # The output of a function with another name than "V" is read as the policy.
-        (
-            function(TWO_INPUTS, "f", lambda z, u, V: 0.0 * u),
-            "u1 is never moved; u2 is never moved",
-        ),
         (
             function(TWO_INPUTS, "f", lambda z, u, V: ca.vertcat(0.0, u[1])),
             "u1 is never moved; otherwise the policy is exact",

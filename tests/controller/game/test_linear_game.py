@@ -124,18 +124,3 @@ def test_a_wrong_weight_is_named(linear, weights, words):
     """The message on an unknown name, a missing weight or a wrong shape names the faulty entry."""
     with pytest.raises(BadInputError, match=words):
         hfa.game(linear, **{"Q": np.ones(6), "R": np.ones(5)} | weights)
-
-
-def test_the_box_of_states_is_within_their_limits():
-    """The largest deviations of the states reach the nearer limit of each, and no other one."""
-    limits = {"speed": (0.0, 300.0), "alpha": (-0.2, 0.5)}
-    model = hfa.Model(
-        "cart",
-        # unit, nominal value, limits
-        {name: hfa.Signal("1", 1.0, *ends) for name, ends in limits.items()},
-        {"thrust": hfa.Signal()},
-        lambda x, u, p, w: ({"speed": u.thrust - x.speed, "alpha": x.speed - x.alpha}, {}),
-        trim={"thrust": 0.1},
-    )
-    game = hfa.game(hfa.trim(model).linearize(), Q=np.ones(2), R=np.ones(1))
-    assert game.half_widths == pytest.approx([0.1, 0.3])  # from the trim, where both are 0.1

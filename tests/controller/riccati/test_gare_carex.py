@@ -6,11 +6,9 @@ examples for the numerical solution of algebraic Riccati equations I: continuous
 """
 
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.linalg
 
 from hfa import Game, solve
 
@@ -62,29 +60,3 @@ def test_known_carex_solutions_are_found(game, X):
 
 
 # Examples without a closed form: checked by their residual.
-
-
-def remainder(game, P):
-    """Return |A'P + P A + Q - P S P| divided by its largest term, in extended precision."""
-    A, Q, S, X = (each.astype(np.longdouble) for each in (game.A, game.Q, game.S, P))
-    terms = [A.T @ X, X @ A, Q, -X @ S @ X]
-    return float(np.abs(sum(terms)).max() / max(np.abs(each).max() for each in terms))
-
-
-def filed(number):
-    """Return the game of an example that SciPy's tests have as a file."""
-    file = Path(scipy.linalg.__file__).parent / f"tests/data/carex_{number}_data.npz"
-    if not file.exists():
-        pytest.skip("this SciPy comes without its tests")
-    with np.load(file) as data:
-        return Game(**{name: np.atleast_2d(data[name]) for name in "ABQR"})
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", [6, 15, 18, 19])
-def test_large_games_satisfy_their_riccati_equations(number):
-    """P of a game with 30 to 100 states satisfies its Riccati equation to 1e-12 and stabilizes."""
-    game = filed(number)
-    P = solve(game).P
-    assert remainder(game, P) <= 1e-12
-    assert np.linalg.eigvals(game.A - game.S @ P).real.max() < 0.0

@@ -91,18 +91,3 @@ def test_weights_without_cost_have_zero_value():
     assert np.abs(rounded.P).max() < 1e-15
     np.testing.assert_allclose(rounded.K, [[1.43 / 1.69, 0.91 / 1.69]], rtol=1e-14)
     assert not any(", and P is positive" in line for line in rounded.certificate.proved)
-
-
-def test_inputs_that_move_no_cost_are_zero():
-    """The second input moves a stable state without cost, and the third nothing: their rows of K are
-    0, exactly, also in states in which no entry of P is 0.
-    """
-    B = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
-    game = Game(np.diag([1.0, -1.0]), B, Q=[1.0, 0.0], R=np.eye(3))
-    np.testing.assert_array_equal(solve(game).K[1:], 0.0)
-    T = np.array([[1.0, 1.0], [1.0, 2.0]])
-    T_inverse = np.linalg.inv(T).round()
-    in_other_states = Game(
-        T @ game.A @ T_inverse, T @ B, Q=T_inverse.T @ game.Q @ T_inverse, R=np.eye(3)
-    )
-    np.testing.assert_array_equal(solve(in_other_states).K[1:], 0.0)

@@ -5,7 +5,6 @@ import pytest
 
 from controller.riccati.balls import ball_matrix, precision
 from controller.riccati.closed_loops import POLE_BITS, poles_of
-from hfa import Game, solve
 
 #: An integer matrix with the determinant 1, and its inverse.
 T = np.array([[1.0, 2.0, 1.0], [1.0, 3.0, 1.0], [0.0, 1.0, 1.0]])
@@ -31,12 +30,3 @@ def test_poles_are_right_to_the_last_digit(name):
         found = poles_of(ball_matrix(T) * ball_matrix(middle) * ball_matrix(T_INVERSE))
     np.testing.assert_allclose(found, exact, rtol=2.0**-52)
     assert not found.imag.any()
-
-
-def test_poles_of_a_solution_do_not_lose_their_digits_in_its_units():
-    """A double integrator in units of 1e-12 has the closed-form poles (-1 ± i) / √2."""
-    scale = 2.0**-40
-    game = Game([[0.0, scale], [0.0, 0.0]], [[0.0], [1.0]], Q=[scale**-2, 0.0], R=[1.0])
-    found = solve(game).poles()
-    exact = np.sqrt(0.5) * np.array([-1.0 - 1.0j, -1.0 + 1.0j])
-    np.testing.assert_allclose(found, exact, rtol=1e-15)

@@ -102,25 +102,6 @@ def test_the_worst_and_mean_costs_are_eigenvalues_of_the_suboptimality(delta):
     assert cost["cost_above_optimum_mean_percent"] == pytest.approx(100.0 * shares.mean(), rel=1e-6)
 
 
-@pytest.mark.parametrize("is_discrete", [False, True])
-def test_gains_are_of_both_policies(is_discrete):
-    """Both L2 gains are those on a grid of frequencies."""
-    A, scale, dt = [[-0.3, 1.0], [-1.0, -0.2]], 1.0, None
-    if is_discrete:
-        A, scale, dt = [[0.6, 0.4], [-0.4, 0.7]], 0.3, 1.0
-    game = Game(A, scale * np.eye(2), E=np.eye(2), Q=np.eye(2), R=np.eye(2), delta=9.0, dt=dt)
-    exact = solve(game)
-    found = graded(game, 0.2 * exact.K)
-    s = 1j * np.linspace(0.0, 3.0, 3001)
-    s = np.exp(s) if is_discrete else s
-    for K, suffix in ((0.2 * exact.K, ""), (exact.K, "_exact")):
-        loop = game.A - game.B @ K
-        C = np.vstack([np.eye(2), K])
-        shifted = s[:, None, None] * np.eye(2) - loop
-        largest = np.linalg.svd(C @ np.linalg.inv(shifted), compute_uv=False).max()
-        assert found[f"l2_gain{suffix}"] == pytest.approx(largest, rel=1e-4)
-
-
 # States without cost, and modes that the input hardly reaches.
 
 
@@ -245,18 +226,6 @@ def test_a_loop_whose_gain_is_delta_or_larger_has_no_value(time, most):
                 loop.value(delta)
         loop, delta, _ = scalar_loop(time, charge=most * (1.0 - 1e-6))
         loop.value(delta)
-
-
-@pytest.mark.parametrize("is_discrete", [False, True])
-def test_an_unstable_loop_has_no_value(is_discrete):
-    """No value of x' = 1.5 x + 0.1 d, or x⁺ = 1.5 x + 0.1 d, with the cost x² is proved for any δ."""
-    with precision(128):
-        loop = DisturbedLoop(
-            *(ball_matrix(np.array([[each]])) for each in (1.5, 0.1, 1.0)), is_discrete
-        )
-        for delta in (10.0, math.inf):
-            with pytest.raises((NotProvedError, FailedError)):
-                loop.value(delta)
 
 
 def test_bounds_of_a_ratio_hold_for_any_direction_and_estimate():

@@ -15,7 +15,6 @@ from ambiance import Atmosphere
 from cli import refusal, refused
 from project import ROOT
 
-import hfa
 from hfa import from_derivatives, linearize, trim
 
 #: kg/m³ in a slug/ft³.
@@ -196,23 +195,6 @@ def test_slope_and_coefficient_of_the_thrust_are_equivalent():
     np.testing.assert_allclose(np.sort_complex(np.linalg.eigvals(other.A)), expected, rtol=1e-9)
 
 
-def test_the_thrust_is_proportional_to_its_input_at_every_speed():
-    """With CT_u = -3 CT_0, as in cessna182.toml, thrust times speed does not depend on the speed.
-
-    At the table's 220.1 ft/s, the thrust is the input. Without thrust, tan(-gamma) is drag / lift.
-    """
-    plane = hfa.load_model("examples/cessna182.toml")
-    for speed in (100.0, 120.0, 160.0, 220.1, 280.0):
-        known = {"speed": speed, "altitude": 5000.0}
-        x = [known.get(name, 0.0) for name in plane.states]
-        for thrust in (0.0, 300.0):
-            u = [thrust, 0.0, 0.0, 0.0]
-            acts = plane.outputs_at(x, u)["thrust_force"]
-            assert acts * speed == pytest.approx(thrust * 220.1, rel=1e-12)
-        glide = hfa.trim(plane, hold={"thrust": 0.0, "speed": speed}, free=["gamma"])
-        assert np.tan(-glide["gamma"]) == pytest.approx(glide["drag"] / glide["lift"], rel=1e-9)
-
-
 #: Piper Cherokee PA-28-180 at 50 m/s in air of 1.06 kg/m³: dimensional derivatives divided by mass
 #: and moments of inertia, of a public course (aircraftflightmechanics.com, "Final Examples").
 CHEROKEE = {
@@ -282,26 +264,6 @@ def test_dimensional_derivatives_give_the_modes_of_their_matrices(form):
     for matrix in cherokee_by_hand():
         for printed in np.linalg.eigvals(matrix):
             assert np.min(np.abs(found - printed)) < 2e-3 * abs(printed) + 2e-4
-
-
-def test_limits_are_those_of_the_table_or_assumed():
-    """The table states the limits of inputs; those of states are assumed: the speed is 0.3 to 5 times, and
-    alpha ± 0.3 rad around, that of the condition. The nominal thrust is 10 % of the weight.
-    """
-    model = from_derivatives({**NAVION, "alpha": 0.05})
-    limits = {name: (signal.min, signal.max) for name, signal in model.signals.items()}
-    expected = {
-        "speed": (0.3 * 176.0, 5.0 * 176.0), "alpha": (0.05 - 0.3, 0.05 + 0.3),
-        "beta": (-0.3, 0.3), "roll": (-3.1, 3.1), "pitch": (-1.5, 1.5),
-        "altitude": (-1000.0, 150000.0), "thrust": (0.0, 1500.0),
-        "elevator": (-math.radians(23.0), math.radians(23.0)),
-    }  # fmt: skip
-    for name, ends in expected.items():
-        assert limits[name] == pytest.approx(ends), name
-        assert model.signals[name].assumed == (name not in ("thrust", "elevator"))
-    weight = NAVION["mass"]["mass"] * 32.17405
-    assert model.inputs["thrust"].nominal == pytest.approx(0.1 * weight)
-    assert model.trim["speed"] == 176.0
 
 
 def test_a_csv_file_equals_a_dictionary(folder):

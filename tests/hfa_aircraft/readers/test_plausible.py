@@ -104,26 +104,6 @@ def test_a_checked_name_that_is_no_entry_is_refused():
         hfa.from_derivatives(changed(checked="CL_elevator, Cl_x"))
 
 
-#: Line of glider.st -> its mistake, and a word of the warning.
-MISTAKES_OF_AVL = {
-    "Cref = 0.75000       Bref =  12.000": ("Cref = 12.000       Bref =  0.75000", "span"),
-    "Cmq = -39.078823": ("Cmq =  39.078823", "Cm_q"),
-}
-
-
-@pytest.mark.parametrize("line", MISTAKES_OF_AVL)
-def test_a_changed_file_of_avl_has_a_warning(line, tmp_path):
-    """Exchanged reference sizes and a wrong sign are reported."""
-    mistake, word = MISTAKES_OF_AVL[line]
-    text = (ROOT / "examples/glider.st").read_text("utf-8")
-    assert line in text
-    (tmp_path / "glider.st").write_text(text.replace(line, mistake), "utf-8")
-    table = (ROOT / "examples/glider.toml").read_text("utf-8")
-    (tmp_path / "glider.toml").write_text(table, "utf-8")
-    warnings = hfa.load_model(str(tmp_path / "glider.toml")).warnings
-    assert any(word in warning for warning in warnings)
-
-
 def test_a_derivative_by_speed_has_a_warning_far_from_its_speed():
     """The Cessna's CT_u is reported where the speed is more than about 10 % from that of its table,
     220.1 ft/s.

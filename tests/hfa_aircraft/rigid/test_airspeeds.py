@@ -2,9 +2,6 @@
 
 import json
 import math
-import tomllib
-from itertools import product
-from pathlib import Path
 
 import pytest
 from cli import assert_refused, hfa, refused
@@ -12,7 +9,7 @@ from project import ROOT
 from six_dof import KNOT, air, calibrated, equivalent
 
 import hfa as tool
-from hfa import TrimCondition, trim
+from hfa import trim
 
 UAV = f"{ROOT}/examples/uav.toml"
 #: Airspeed -> its formula of `six_dof.py`: (true airspeed in m/s, air) -> airspeed in kt, or Mach.
@@ -43,16 +40,6 @@ def test_an_imposed_airspeed_gives_the_true_airspeed(name, uav):
     outputs = point["dynamic_pressure"], point["mach"]
     expected = 0.5 * there.density * 33.0**2, 33.0 / there.sound
     assert outputs == pytest.approx(expected, rel=1e-4)
-
-
-def test_a_sweep_imposes_airspeeds_at_each_altitude(uav):
-    """Each point of a sweep over kcas, altitude and isa has the speed of the trim at its values."""
-    axes = {"kcas": [55.0, 62.0], "altitude": [3000.0], "isa": [0.0, 20.0]}
-    for row, (kcas, altitude, isa) in zip(
-        tool.sweep(uav, **axes), product(*axes.values()), strict=True
-    ):
-        alone = trim(uav.with_parameters(isa=isa), altitude=altitude, kcas=kcas)
-        assert row.point["speed"] == pytest.approx(alone["speed"], rel=1e-12)
 
 
 @pytest.mark.parametrize("source", ["HFA", "f16.py:F16"])
@@ -92,19 +79,6 @@ def test_a_trim_reads_texts_with_units(uav):
     kcas = 70.0 * 1609.344 / 1852.0
     in_numbers = trim(uav, kcas=kcas, altitude=AT_FL030, gamma=math.radians(2.0))
     assert point["speed"] == pytest.approx(in_numbers["speed"], rel=1e-12)
-
-
-def test_tables_parameters_conditions_and_sweeps_read_texts_with_units(uav):
-    """Texts with units are values also in a table, a parameter, a trim condition and a sweep."""
-    table = tomllib.loads(Path(UAV).read_text("utf-8"))
-    table["condition"]["altitude"] = "FL030"
-    assert trim(tool.from_derivatives(table))["altitude"] == pytest.approx(AT_FL030)
-    # ICAO's table of the standard atmosphere: 238.42 hPa at FL350.
-    assert air(uav.number("altitude", "FL350")).pressure == pytest.approx(23842.0, rel=2e-5)
-    assert uav.with_parameters(mass="30 lbm").parameters["mass"].start == pytest.approx(13.6077711)
-    assert TrimCondition(uav, {"speed": "90 km/h"}).imposed["speed"] == pytest.approx(25.0)
-    swept = tool.sweep(uav, speed=["90 km/h", "60 kt"])
-    assert [row.point["speed"] for row in swept] == pytest.approx([25.0, 60.0 * KNOT])
 
 
 @pytest.mark.parametrize(

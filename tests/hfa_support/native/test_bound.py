@@ -45,16 +45,6 @@ def test_any_number_of_rows_has_the_results_of_its_arguments(counts):
         np.testing.assert_allclose(second, Y[:, :1] ** 2, rtol=1e-14)
 
 
-def test_a_function_is_evaluated_at_the_given_rows_only():
-    """10 rows are evaluated in a block of 16, whose other 6 rows repeat given ones: at another
-    point, the function may not be defined, as 1/x at 0.
-    """
-    recorded = _Recorded()
-    (found,) = RowFunction(recorded)(np.arange(1.0, 11.0)[:, None])
-    np.testing.assert_allclose(found[:, 0], 1.0 / np.arange(1.0, 11.0))
-    assert set(recorded.seen) == set(np.arange(1.0, 11.0))
-
-
 def test_threads_have_their_own_memory():
     """If another thread calls a RowFunction at -x while a thread evaluates it at x, the results of
     the latter are those at x.

@@ -1,7 +1,6 @@
 """Reports as text, Markdown, HTML and data files, with every text escaped."""
 
 import csv
-from dataclasses import replace
 
 import pytest
 
@@ -29,13 +28,6 @@ def test_markdown_has_headings_and_tables():
         == "# Title & more\n\nof it\n\nfirst\n\n## Inner\n\n| load | value |\n|---|---|\n| lift <1>"
         " | 2.5 |\n| a\\|b | 10 |\n\nbelow the table\n\nNote: take care"
     )
-
-
-def test_every_line_of_the_provenance_fits_in_80_columns():
-    """Long provenance is wrapped at blanks; only a path of 90 characters makes a longer line."""
-    path = "x" * 90
-    lines = replace(report(), source=f"version 1, plant {path}, " + "word " * 40).text().split("\n")
-    assert [line for line in lines if len(line) > 80] == [f"{path},"]
 
 
 def test_html_has_real_tables_and_escapes_every_word():

@@ -9,10 +9,9 @@ from known_models import released_simulation
 import hfa
 from hfa import Model, linearize, trim
 from hfa.paper import level_flight, level_model
-from hfa_model import LINEAR_STATES, STATES, published_models
+from hfa_model import LINEAR_STATES, published_models
 from studies.identification.parameters import ASSUMED, IDENTIFIED
 from trim import compare, entry_bands
-from trim.hfa.printed import EntryRow
 from trim.linear.linearize import direct_disturbances
 
 MODELS = published_models()
@@ -101,7 +100,6 @@ def test_only_the_identified_parameters_have_error_bands():
 
 # Winds at each panel, compared with the released simulation.
 
-NAMES = tuple(hfa.aircraft().disturbances)
 #: Entries of the wind columns of SimVFA (B. Thomsen, 2018, data/VFA_trimData.mat) at 68 ft/s and 11
 #: deg.
 PEER = {
@@ -120,33 +118,6 @@ PEER = {
 
 def point_of(aircraft, degrees=11.0, **given):
     return trim(aircraft, level_flight(math.radians(degrees), **given))
-
-
-def test_panels_add_up_to_the_uniform_wind(aircraft):
-    """The columns of E for wind at the center and at the outer panels add up to that of uniform
-    wind.
-
-    In level trim, headwind has the effect of more speed over ground. Outward wind affects only
-    raised panels.
-    """
-    point = point_of(aircraft)
-    model = linearize(aircraft, point, full=True, disturbances=NAMES)
-    column = dict(zip(model.disturbances, model.E.T, strict=True))
-    for kind in ("updraft", "headwind"):
-        both = column[f"{kind}_center"] + column[f"{kind}_outer"]
-        np.testing.assert_allclose(both, column[kind], rtol=1e-12, atol=1e-15)
-    assert model.disturbances == NAMES
-    # In level trim all forces balance, so that a headwind has the effect of more speed over ground.
-    np.testing.assert_allclose(
-        column["headwind"], model.A[:, STATES.index("speed")], rtol=1e-9, atol=1e-12
-    )
-    # With outputs, the first disturbance, the updraft, is the default one.
-    assert np.array_equal(
-        linearize(aircraft, point, full=True, outputs=("alpha",)).E[:, 0], column["updraft"]
-    )
-    assert np.abs(column["outward_outer"]).max() > 0.1  # it affects raised panels
-    flat = linearize(aircraft, point_of(aircraft, 0.0), disturbances=("outward_outer",))
-    assert np.abs(flat.E).max() <= 1e-15  # it does not affect level panels
 
 
 def test_vertical_wind_has_the_released_columns():
@@ -193,25 +164,3 @@ def test_winds_that_act_through_an_omitted_lag_have_no_columns(disturbed, kept, 
         linear=("v",),
     )
     assert direct_disturbances(trim(model), kept) == (("gust",) if has_columns else ())
-
-
-@pytest.mark.parametrize(
-    ("printed", "computed", "half_units", "percent", "is_zero"),
-    [
-        (2.0, 2.1, 2.0, 5.0, False),
-        (-2.0, -2.1, -2.0, -5.0, False),
-        (0.0, 1e-9, 2e-8, math.nan, True),
-        (0.0, 0.1, 2.0, math.nan, False),
-        (2.0, 2.0, 0.0, 0.0, False),
-    ],
-)
-def test_an_entry_is_compared_in_half_units_and_percent(
-    printed, computed, half_units, percent, is_zero
-):
-    """The difference from the printed value is in units of 0.05, half of the last printed digit, and in
-    percent of the printed value. An entry is zero if it is printed as 0 and computed as a rounding.
-    """
-    entry = EntryRow("A", "alpha", "speed", printed, computed, half_unit=0.05)
-    assert entry.half_units == pytest.approx(half_units, rel=1e-4, abs=0.0)
-    assert entry.percent == pytest.approx(percent, nan_ok=True)
-    assert (entry.is_zero, entry.name) == (is_zero, "A(alpha, speed)")

@@ -9,7 +9,6 @@ import pytest
 from game_samples import game_models
 
 import hfa
-from controller.riccati.lyapunov import stabilizes
 from hfa import Game, NoSolutionError, solve
 
 
@@ -147,18 +146,6 @@ def test_a_loop_stable_within_rounding_has_no_margins(A, B, K, dt):
     with pytest.raises(NoSolutionError, match="a mode is undamped up to rounding"):
         hfa.margins(game, K)
     assert "margin of all inputs, disk" in str(hfa.verify(game, hfa.from_gain(game, K)))
-
-
-@pytest.mark.parametrize("rate", [1e-170, 1e-300])
-def test_a_slow_loop_is_proved_stable(rate):
-    """x' = -rate x is proved stable, and with u = 2 rate x unstable, although rate² is below the
-    smallest double. Beside a state with a cost, x without a cost has P = 0.
-    """
-    game = Game([[-rate]], [[1.0]], Q=[1.0], R=[1.0])
-    assert stabilizes(game, np.zeros((1, 1)))
-    assert not stabilizes(game, np.array([[-2.0 * rate]]))
-    beside_another = Game(np.diag([1.0, -rate]), [[1.0], [1.0]], Q=[1.0, 0.0], R=[1.0])
-    assert np.allclose(solve(beside_another).P, np.diag([1.0 + math.sqrt(2.0), 0.0]), rtol=1e-15)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -5,11 +5,8 @@ import math
 import numpy as np
 import pytest
 from own_models import NAVION, trimmed
-from project import ROOT
-from scipy.linalg import block_diag
 
 import hfa
-from hfa import Model, Signal, trim
 from trim import modes_of
 
 
@@ -56,22 +53,6 @@ def test_an_eigenvalue_zero_by_rounding_is_zero(block, seed):
         assert math.isinf(mode.time_to_double)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_a_double_integrator_does_not_change_the_participation_of_other_modes(seed):
-    """Simple modes have the participation of their exact right and left eigenvectors, |right x left| of
-    each state, although both eigenvalues 0 of a double integrator have the same eigenvector.
-    """
-    lower, upper = np.random.default_rng(seed).integers(-2, 3, size=(2, 5, 5))
-    basis = (np.eye(5) + np.tril(lower, -1)) @ (np.eye(5) + np.triu(upper, 1))
-    inverse = np.linalg.inv(basis).round()  # exact: the determinant of the basis is 1
-    block = block_diag([[0.0, 1.0], [0.0, 0.0]], [[-1.0, 2.0], [-2.0, -1.0]], -7.0)
-    modes = modes_of(basis @ block @ inverse, ("a", "b", "c", "d", "e"))
-    for value, vector in ((-1.0 + 2.0j, [0, 0, 1, 1j, 0]), (-7.0, [0, 0, 0, 0, 1])):
-        mode = min(modes, key=lambda mode: abs(mode.eigenvalue - value))
-        shares = np.abs((basis @ vector) * (np.conj(vector) @ inverse))
-        assert [*mode.participation.values()] == pytest.approx(shares / shares.sum(), abs=1e-6)
-
-
 # Handling qualities.
 
 
@@ -101,43 +82,3 @@ def test_handling_qualities_follow_from_the_modes():
     assert qualities["spiral time to half"] == pytest.approx(
         -math.log(2) / roots["spiral"].real, rel=1e-12
     )
-
-
-def test_repeated_zero_eigenvalues_are_called_neutral():
-    """Four lateral states whose rates are 0 add modes named "neutral", and no dutch roll, to those of a
-    longitudinal model.
-    """
-    A = block_diag([[-1.0, 1.0], [-4.0, -1.0]], np.zeros((4, 4)))
-    states = ("alpha", "q", "beta", "p", "r", "phi")
-    families = {"short period": ("alpha", "q"), "dutch roll": ("beta", "p", "r", "phi")}
-    names = [mode.name for mode in modes_of(A, states, families)]
-    assert names[0] == "short period"
-    assert all(name.startswith("neutral") for name in names[1:])
-
-
-def test_a_steep_turn_has_a_spiral():
-    """Speed participates most in the slow real mode of a turn with 60 deg of bank, which is its
-    spiral: the other mode of speed and pitch oscillates.
-    """
-    point = trim(hfa.load_model(f"{ROOT}/examples/uav.toml"), speed=50.0, turn_rate=0.35)
-    names = [mode.name for mode in point.modes]
-    assert sorted(names) == ["dutch roll", "phugoid", "roll", "short period", "spiral"]
-    spiral, phugoid = point.modes["spiral"], point.modes["phugoid"]
-    assert spiral.participation["speed"] > spiral.participation["roll"] > 0.25
-    assert spiral.eigenvalue.imag == 0.0 < phugoid.eigenvalue.imag
-
-
-@pytest.mark.parametrize("mode", ["roll", "spiral"])
-def test_a_coupled_roll_has_no_time_constant(mode):
-    """x'' + x' + x = 0 oscillates, with ζω = 0.5; x'' + x' + 0.1 x = 0 has two real modes of this name,
-    of which none has a time constant.
-    """
-    for stiffness, expected in ((1.0, {f"{mode} damping times frequency": 0.5}), (0.1, {})):
-        model = Model(
-            "oscillator",
-            {"x": Signal(), "v": Signal()},
-            {"u": Signal()},
-            lambda x, u, p, w, k=stiffness: ({"x": x.v, "v": u.u - k * x.x - x.v}, {}),
-            modes={mode: ("x", "v")},
-        )
-        assert values(trim(model)) == pytest.approx(expected)

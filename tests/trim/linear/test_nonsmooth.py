@@ -9,8 +9,7 @@ import casadi as ca
 import pytest
 from cli import hfa
 
-from hfa import Model, Signal, TrimCondition, linearize, sweep, trim
-from hfa.paper import level_flight
+from hfa import Model, Signal, linearize, sweep, trim
 from trim import usual_condition
 
 TABLE = ca.interpolant("table", "linear", [[-1.0, 0.0, 1.0]], [1.0, 0.0, 3.0])
@@ -85,42 +84,6 @@ def test_each_point_of_a_sweep_has_its_own_slope():
     assert list(result.nonsmooth_points) == list(range(1, NONSMOOTH + 1))
     (note,) = result.report().notes
     assert note.endswith("(9 of 11 points, the first at 0)")
-
-
-def test_several_switches_at_one_point_have_their_own_slopes():
-    """v' = table(x) + max(v - 1/2, 5 (v - 1/2)) + min(u, 2 u) has three nonsmooth terms at x = 0, v = 1/2,
-    u = 0. A and B have the mean slope of each, and a note names each.
-    """
-
-    def equations(x, u, p, w):
-        excess = x.v - 0.5
-        force = TABLE(x.x) + ca.fmax(excess, 5.0 * excess) + ca.fmin(u.u, 2.0 * u.u)
-        return {"x": x.v, "v": force}, {}
-
-    states = {"x": Signal(nominal=20.0), "v": Signal(nominal=0.3)}
-    model = Model("switched", states, {"u": Signal(nominal=7.0)}, equations, trim={"x": 0.0})
-    rates = {"x": 0.5, "v": 0.0}
-    condition = TrimCondition(model, {"x": 0.0, "v": 0.5}, rates)
-    (point,) = sweep(model, {"x": [0.0]}, condition=condition)
-    assert [list(point.A[1]), list(point.B[1])] == [
-        pytest.approx([1.0, 3.0], abs=1e-9),  # means of -1 and 3, and of 1 and 5
-        pytest.approx([1.5], abs=1e-9),  # of 1 and 2
-    ]
-    assert [note.split()[2] for note in point.nonsmooth_points] == ["A(v,", "A(v,", "B(v,"]
-
-
-def test_the_tropopause_is_a_nonsmooth_point(published_aircraft):
-    """The rate of the speed is nonsmooth in the altitude at 11 km, where the temperature stops
-    falling, and smooth at 40,000 ft.
-    """
-    # geometric altitude, ft, of a geopotential altitude of 11 km with the earth's radius 6356.766 km
-    tropopause = 11_000.0 / (1 - 11_000.0 / 6_356_766.0) / 0.3048
-    nonsmooth_points = []
-    for altitude in (tropopause, 40_000.0):
-        point = trim(published_aircraft, level_flight(0.1, altitude=altitude))
-        nonsmooth_points.append(linearize(published_aircraft, point, full=True).nonsmooth_points)
-    assert "A(speed, altitude)" in " ".join(nonsmooth_points[0])
-    assert nonsmooth_points[1] == ()
 
 
 SOURCE = """

@@ -14,7 +14,7 @@ import hfa
 from hfa import BadInputError, OperatingPoint, trim
 from hfa_aircraft import in_si
 from studies.validation.outside import released_trims
-from trim import load_condition, release
+from trim import load_condition
 
 
 @pytest.mark.parametrize(
@@ -68,44 +68,6 @@ def test_a_faulty_condition_file_is_refused(tmp_path, text, message):
     path = tmp_path / "own.toml"
     path.write_text(text, encoding="utf-8")
     assert message in refusal(load_condition, path)
-
-
-@pytest.mark.parametrize("metric", [False, True])
-def test_values_of_a_condition_file_have_its_units(tmp_path, metric):
-    """Angles with _deg are in degrees, others in rad; lengths are in ft, also of an aircraft in SI.
-
-    At a dihedral of 7.5 deg, the table from 1 deg at 0 to 3 deg at 10 deg has 2.5 deg; beyond 10 deg
-    it is refused.
-    """
-    text = """free = ["aileron_outer"]
-    [impose]
-    speed = 60.0
-    alpha_deg = 3.0
-    gamma = 0.01
-    elevator_center_deg = [[0, 1], [10, 3]]
-    [limits]
-    elevator_outer_deg = [-5, 6]
-    throttle = [0, 50]
-    altitude = [0, 50000]
-    """
-    path = tmp_path / "own.toml"
-    path.write_text(text, encoding="utf-8")
-    model = in_si(hfa.aircraft()) if metric else hfa.aircraft()
-    usual = release(hfa.TrimCondition(model, model.trim), free=("elevator_center",))
-    condition = load_condition(str(path), usual)
-    foot = 0.3048 if metric else 1.0
-    imposed = condition.at(math.radians(7.5)).imposed
-    assert imposed["speed"] == pytest.approx(60.0 * foot)
-    assert (imposed["alpha"], imposed["gamma"]) == pytest.approx((math.radians(3.0), 0.01))
-    assert imposed["elevator_center"] == pytest.approx(math.radians(2.5))
-    assert imposed["dihedral"] == math.radians(7.5)
-    limits = condition.limits
-    assert limits["elevator_outer"] == pytest.approx(np.radians([-5.0, 6.0]))
-    assert limits["throttle"] == (0.0, 50.0)
-    assert limits["altitude"] == pytest.approx((0.0, 50_000.0 * foot))
-    assert "aileron_outer" not in imposed
-    with pytest.raises(BadInputError, match="is given for dihedral from"):
-        condition.at(math.radians(10.1))
 
 
 def test_a_point_survives_its_file_bit_for_bit(point, tmp_path):

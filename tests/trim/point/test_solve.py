@@ -135,19 +135,6 @@ def test_too_few_unknowns_name_the_equations(published_aircraft):
     assert f" and {len(failing) - 2} more (" in str(error)
 
 
-def test_the_rounding_of_an_effect_is_no_effect():
-    """A failed trim names a control whose effect is below the rounding of its equation."""
-    model = Model(
-        "cart",
-        {"v": Signal("m/s")},
-        {"force": Signal("N", max=0.5), "other": Signal("N", min=-1.0, max=1.0)},
-        lambda x, u, p, w: ({"v": u.force + 1e-17 * u.other - 1.0}, {}),
-        trim={"v": 0.0},
-    )
-    with pytest.raises(TrimError, match="no effect of other"):
-        trim(model)
-
-
 # Limits of the pitch angle, alpha + gamma, in single trims and in sweeps.
 
 

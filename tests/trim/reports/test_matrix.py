@@ -141,23 +141,6 @@ def test_a_written_table_of_trims_is_a_file_of_conditions_with_the_same_trims(bo
     assert first["slip"]["hold beta [deg]"] == "0.051 rad"
 
 
-def test_a_figure_has_the_same_column_whether_it_is_held_or_found(book, trim, uav, tmp_path):
-    """The column "alpha [deg]" has the angle of each trim, whether a file of conditions or a sweep
-    holds alpha or finds it; what is held has another column, "hold alpha [deg]".
-    """
-    (tmp_path / "other.csv").write_text("name,alpha,free\ncruise,0.5,speed\nb,1,speed\n", "utf-8")
-    trim(tmp_path / "other.csv", "-o", str(tmp_path / "new.csv"))
-    old, new = rows_of(book / "matrix.csv"), rows_of(tmp_path / "new.csv")
-    for heading in ("alpha [deg]", "speed [m/s]"):
-        assert {bool(row[heading]) for row in (*new.values(), old["cruise"])} == {True}
-    assert float(new["cruise"]["alpha [deg]"]) == float(new["cruise"]["hold alpha [deg]"]) == 0.5
-    assert "hold speed [m/s]" not in new["cruise"]
-    swept = hfa.sweep(hfa.load_model(uav), speed=[35.0]).records()
-    cells = dict(zip(swept.header, swept.rows[0], strict=True))
-    assert cells["alpha [deg]"] == pytest.approx(float(old["cruise"]["alpha [deg]"]), rel=1e-9)
-    assert cells["hold speed [m/s]"] == cells["speed [m/s]"] == 35.0
-
-
 def test_the_terminal_shows_a_short_sheet(book, trim):
     """The sheet of one trim fits on a terminal of 80 x 40: rows that are 0 or of level 1 are left out,
     and --full prints them.
@@ -200,29 +183,6 @@ def test_stall_warning_and_missing_trim_are_cells_of_the_table_and_entries_of_js
         assert "results" not in sheets[name]["sheet"]
 
 
-def test_the_table_has_the_figures_of_the_sheets(book, uav):
-    """The cell "limits reached" of the climb begins with the thrust, which is held at its limit of
-    60 N. The cells "L/D" are those of the sheets in Python, and of these sheets only that of the
-    stall has a row "stalled".
-    """
-    cells = rows_of(book / "matrix.csv")
-    assert cells["climb full thrust"]["limits reached"].split(", ")[0] == "thrust"
-    trims = hfa.conditions(hfa.load_model(uav), book / "few.csv")  # "stall" and "planted"
-    for name in trims:
-        sheet = trims[name].sheet
-        assert ("stalled" in {each.name for each in sheet}) == (name == "stall")
-        assert float(cells[name]["L/D"]) == pytest.approx(sheet["L/D"].value, rel=1e-9)
-
-
-@pytest.mark.parametrize(("row", "said"), [("stall", "STALLED: CL"), ("turn", "load_factor 1.3")])
-def test_linearize_reports_a_stall_and_a_load_factor(row, said, book, trim):
-    """The first lines of `hfa linearize --row` have the stall of "stall", and the load factor held
-    by "turn".
-    """
-    run = trim(book / "conditions.csv", "--row", row, verb="linearize")
-    assert said in run.out.partition("\n\n")[0]
-
-
 def test_kcas_and_mach_give_the_altitude_of_their_crossover(tmp_path):
     """With KCAS and Mach number held and the altitude free, the speed found has both in the standard
     atmosphere at the altitude found (`air`, `calibrated`). A sweep finds the same altitudes.
@@ -247,14 +207,6 @@ def test_kcas_and_mach_give_the_altitude_of_their_crossover(tmp_path):
     swept = answer("sweep", *at_60_kcas, "mach=0.1,0.2")["operating_states"]
     assert [row[-1] for row in swept] == pytest.approx(crossovers, rel=1e-9)  # the last is altitude
     assert_refused(command("trim", *at_60_kcas, "mach=0.02"), 2, "do not give one altitude")
-
-
-def test_a_list_is_printed_alike_with_and_without_a_file(trim, tmp_path):
-    """What is printed of a list is the same with -o, which computes all figures, and without."""
-    (tmp_path / "few.csv").write_text(few("cruise", "stall", "planted"), "utf-8")
-    run = trim(tmp_path / "few.csv")
-    assert run.out.startswith("1 of 3 conditions are trimmed, 1 stalled, 1 with a warning\n")
-    assert run.out == trim(tmp_path / "few.csv", "-o", str(tmp_path / "few.json")).out
 
 
 @pytest.mark.slow
@@ -361,19 +313,6 @@ def test_a_usual_word_is_refused_with_the_name_of_the_model(word, said, tmp_path
     path.write_text(f"{word}\n30\n", "utf-8")
     assert_refused(command("trim", *UAV, "--hold", f"{word}=30"), 2, said)
     assert_refused(command("trim", *UAV, "--conditions", str(path)), 2, "row 1", said)
-
-
-@pytest.mark.parametrize("verb", ["solve", pytest.param("fly", marks=pytest.mark.slow)])
-def test_commands_print_the_same_for_a_row_and_for_its_values_as_options(verb, book, trim, uav):
-    """The row "glide" of `CONDITIONS` holds speed 25 m/s, altitude 100 m and thrust 0, with gamma
-    free.
-    """
-    weights = ("--Q", "1,1,1,1,1,1,1,1", "--R", "1,1,1,1") if verb == "solve" else ()
-    of_row = trim(book / "conditions.csv", "--row", "glide", *weights, verb=verb).out
-    typed = "--hold speed=25 --hold altitude=100 --hold thrust=0 --free gamma -q"
-    of_options = command(verb, "--aircraft", uav, *typed.split(), *weights).out
-    # The line that begins with the version contains the command.
-    assert of_row.partition("\nhfa 0")[0] == of_options.partition("\nhfa 0")[0] != ""
 
 
 def test_a_center_of_gravity_is_a_share_in_percent(tmp_path):

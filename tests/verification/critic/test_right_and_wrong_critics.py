@@ -20,7 +20,6 @@ from hfa import solve
 pytestmark = pytest.mark.usefixtures("folder")
 #: Number of flights of a critic that is simulated; the default takes longer.
 FAST = 4
-DEGREE = np.pi / 180.0
 
 
 class Case(NamedTuple):
@@ -34,10 +33,6 @@ class Case(NamedTuple):
     def W(self):
         """Weights of the exact P in the quadratic basis."""
         return basis("quadratic", len(self.P)).weights(self.P)
-
-    def with_delta(self, factor):
-        """Return the exact P for another delta."""
-        return solve(self.game.with_delta(factor * self.game.delta)).P
 
 
 #: Time -> game in the first line.
@@ -95,8 +90,6 @@ RIGHT = {
     "quartic basis": lambda case: hfa.from_weights(
         case.game, np.append(case.W, [0.0] * 3), basis="quadratic+quartic"
     ),
-    "file of P": lambda case: read(case, P=case.P),
-    "file of W": lambda case: read(case, W=case.W),
     "network of u": lambda case: network(case, weight=-case.K),
     **{kind: partial(function, kind=kind) for kind in ("V", "gradient", "V+policy")},
 }
@@ -104,13 +97,6 @@ RIGHT = {
 FLOWN = ("network of u", "V", "gradient", "V+policy", "listed")
 #: Mistake -> critic, and words of which the reason contains one. Without words, there is no reason.
 WRONG = {
-    "without factor 2": (lambda case: read(case, W=case.P[np.triu_indices(3)]), ("factor 2",)),
-    "per degree": (lambda case: read(case, K=case.K * [1.0, DEGREE, DEGREE]), ("degrees",)),
-    "other delta": (lambda case: read(case, P=case.with_delta(1.3)), ("P is exact for delta",)),
-    "without disturbance": (
-        lambda case: read(case, P=case.with_delta(np.inf)),
-        ("P is exact without disturbance (delta inf)",),
-    ),
     "biased": (lambda case: network(case, weight=-case.K, bias=np.ones(2)), ("at the origin",)),
     "half a network": (
         lambda case: network(

@@ -117,37 +117,3 @@ def test_the_policy_of_a_value_contains_the_cross_weights():
         for function, kind in ((ca.Function("V", [z], [V]), "V"), (slope, "gradient")):
             critic = from_network(game, function, network=kind)
             assert np.allclose(np.array(critic.policy(state)).ravel(), u)
-
-
-@pytest.mark.parametrize("depth", [1, 2, 3])
-def test_units_that_switch_at_the_trim_do_not_change_an_exact_gain(depth):
-    """relu(z) - relu(-z) = z: pairs of relu without biases, in 1 to 3 layers, are the policy -K z with
-    the slope -K, smooth at the trim. With another slope of one state below 0, they are not smooth.
-    """
-    pairs = np.vstack([np.eye(2), -np.eye(2)])
-    join = np.hstack([np.eye(2), -np.eye(2)])
-    K = np.array([[1.5, 2.5]])
-    for other, is_nonsmooth in ((1.0, False), (1.5, True)):
-        last = -K @ join * [1.0, 1.0, 1.0, other]
-        weights = [pairs, *[pairs @ join] * (depth - 1), last]
-        layers = {f"{place}.weight": matrix for place, matrix in enumerate(weights)}
-        game = Game(np.zeros((2, 2)), np.ones((2, 1)), Q=np.eye(2), R=np.eye(1))
-        critic = from_network(game, layers, activation="relu")
-        assert critic.is_nonsmooth == is_nonsmooth
-        assert critic.K[0] == pytest.approx(K[0] * [1.0, 0.5 + 0.5 * other], rel=1e-15)
-
-
-@pytest.mark.parametrize("cost_unit", [1e-12, 1.0, 1e12])
-@pytest.mark.parametrize(("bias", "is_nonsmooth"), [(0.0, True), (-1e-7, False), (1e-7, False)])
-def test_a_nonsmooth_point_at_the_trim_is_found_in_any_unit_of_cost(cost_unit, bias, is_nonsmooth):
-    """u = relu(z + bias) is nonsmooth at z = -bias, and at the trim z = 0 for the bias 0 only.
-
-    K = -∂u/∂z at the trim is -1 for a positive bias, 0 for a negative one, and their mean for 0. The
-    plant has no box of states from which a size of z would be known.
-    """
-    game = Game([[1.0]], [[1.0]], Q=[cost_unit], R=[cost_unit])
-    z = ca.SX.sym("z")
-    policy = ca.Function("policy", [z], [ca.fmax(z + bias, 0.0)])
-    critic = from_network(game, policy)
-    assert critic.is_nonsmooth == is_nonsmooth
-    assert critic.K.item() == pytest.approx(-0.5 if is_nonsmooth else -float(bias > 0.0))

@@ -58,27 +58,6 @@ def test_old_and_new_operator_sets_equal_onnxruntime(opset):
     assert_as_onnx_runtime(onnx_file("a.onnx", nodes, constants, outputs=2, opset=opset), abs=1e-6)
 
 
-@pytest.mark.parametrize("seven", [7, -7])
-def test_integer_division_in_a_graph_is_truncated(seven):
-    """The quotient of integers in a graph is truncated: 7 / 2 = 3, and -7 / 2 = -3.
-
-    The entries 0 to 3, or 0 to -3, of x = (1, ..., 6) have the sum 6.
-    """
-    nodes = [
-        ("Div", "seven two", "three"),
-        ("Slice", "x begin three axis", "part"),
-        ("ReduceSum", "part axis", "y"),
-    ]
-    constants = {
-        "seven": np.array([seven]),
-        "two": np.array([2]),
-        "begin": np.array([0]),
-        "axis": np.array([1]),
-    }
-    path = onnx_file("div.onnx", nodes, constants)
-    assert float(read(path).value(np.arange(1.0, 7.0))) == 6.0
-
-
 def external(path):
     """Write a graph whose weights are in another file, and return its path."""
     onnx = pytest.importorskip("onnx", reason="the package onnx is not installed")

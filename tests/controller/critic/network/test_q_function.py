@@ -6,7 +6,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from network_files import onnx_file, read, torch_file
+from network_files import read, torch_file
 
 from hfa import BadInputError, from_network
 
@@ -24,40 +24,6 @@ def test_default_torch_exports_are_read(game):
     for row, x in enumerate(expected["x"]):
         policy = np.array(critic.policy(x)).ravel()
         assert policy == pytest.approx(expected["mu"][row], rel=1e-11)
-
-
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("inputs", [0, 5])
-def test_the_policy_of_a_quadratic_form_is_linear(game, sign, inputs):
-    """The policy of Q = z'Hz with z = (x, u) has the gain H_uu⁻¹ H_ux.
-
-    H is positive or negative definite. The graph has one input z or two inputs x and u.
-    """
-    root = RNG.normal(size=(11, 11))
-    H = sign * root @ root.T
-    joined = [] if not inputs else [("Concat", "x u", "z", {"axis": 1})]
-    z = "z" if inputs else "x"
-    nodes = [
-        *joined,
-        ("MatMul", f"{z} H", "h"),
-        ("Mul", f"{z} h", "terms"),
-        ("MatMul", "terms ones", "y"),
-    ]
-    constants = {"H": H, "ones": np.ones((11, 1))}
-    states = 6 if inputs else 11
-    critic = from_network(game, onnx_file("q.onnx", nodes, constants, states=states, inputs=inputs))
-    assert set(critic.network) == {"policy"}
-    assert critic.origin.endswith("= Q(x, u), u from dQ/du = 0")
-    assert pytest.approx(np.linalg.solve(H[6:, 6:], H[6:, :6]), rel=1e-9) == critic.K
-
-
-def test_the_policy_is_nan_if_curvature_changes_sign():
-    """Q = (1 - x) u² + u has the policy -1 / (2 (1 - x)) for x < 1, and no minimum at x = 2."""
-    xu = ca.SX.sym("xu", 2)
-    Q = ca.Function("Q", [xu], [(1.0 - xu[0]) * xu[1] ** 2 + xu[1]])
-    policy = read(Q, states=1, inputs=1).policy
-    assert float(policy(0.5)) == pytest.approx(-1.0)
-    assert not np.isfinite(float(policy(2.0)))
 
 
 @pytest.mark.parametrize(
