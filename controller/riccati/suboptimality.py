@@ -256,6 +256,25 @@ def _largest_ratio(D: arb_mat, P: arb_mat, box: np.ndarray) -> _Ratio:
     return _Ratio(low, high, max(float(ratios.mean()), 0.0), worst)
 
 
+def price_of_delay(late: Enclosure, optimum: Enclosure) -> str:
+    """Return what a delay costs as a sentence.
+
+    late: game with the delay, whose first states are those of the game without, `optimum`
+    """
+    from flint import arb_mat
+
+    P, n = late.P.tolist(), optimum.P.nrows()
+    with precision(min(late.bits, optimum.bits)):
+        no_command = arb_mat([row[:n] for row in P[:n]])  # under way
+        ratio = _largest_ratio(no_command, optimum.P, np.ones(n))
+    if not math.isfinite(ratio.high):
+        return "What the delay costs is not known: without it, some states may cost nothing."
+    return (
+        "With the delay, the cost from states without a command under way is at most "
+        f"{ratio.high:.4g} times the optimum without, and {ratio.mean:.4g} times in the mean."
+    )
+
+
 def ratio_bounds(
     D: arb_mat, P: arb_mat, direction: arb_mat, estimate: float
 ) -> tuple[float, float]:

@@ -110,6 +110,13 @@ def solve(request: SolveRequest, given: GivenGames) -> Outcome:
         expanded = expand(named.linear, solution, request.order).report()
         parts = (*report.parts, expanded.title, *expanded.parts)
         report = replace(report, parts=parts).with_data(expanded.data)
+    if request.delay:
+        from controller.riccati.suboptimality import price_of_delay
+
+        prompt = gare.solve(given_game(replace(request, delay=0.0)).game)
+        report = replace(
+            report, parts=(*report.parts, price_of_delay(solution.enclosure, prompt.enclosure))
+        )
     report = replace(report, parts=(*named.sizes_line(), *report.parts))
     if reference is not None:
         report = with_tracking(report, reference, named, solution, solution.K)

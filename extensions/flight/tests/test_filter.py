@@ -454,7 +454,7 @@ def test_a_law_that_plans_is_told_what_the_wind_adds_in_a_sample(point, kalman, 
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"noise": {}}, "at least one state"),
+        ({"noise": {}}, "requires the noise of its sensors"),
         ({"noise": {"speeed": 1.0}}, "unknown sensor of 'speeed'"),
         ({"noise": {"speed": -1.0}}, "the sensor of speed: the noise is -1"),
         ({"noise": {"load_factor": 0.01}}, "load_factor depends on the inputs; add --servo"),

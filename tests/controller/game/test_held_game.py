@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa as run
 from known_models import model_at
-from scipy.linalg import expm
+from scipy.linalg import eigh, expm
 
 import hfa
 
@@ -35,6 +35,16 @@ def test_the_value_of_a_delayed_game_is_the_cost_of_its_flight(count):
     assert start @ solution.P @ start == pytest.approx(cost, rel=1e-3)
     prompt = hfa.solve(hfa.game(LINEAR, rate=1.0 / dt, delta=np.inf)).P
     assert (start @ solution.P @ start > start[:n] @ prompt @ start[:n]) == bool(count)
+
+
+def test_solve_prints_the_price_of_a_delay():
+    """Largest and mean ratio of z'Pz with and without the delay, by SciPy, without commands under way."""
+    said = run("solve", "--dihedral", "10", "--rate", "100", "--delay", "30ms").out
+    linear = hfa.trim(hfa.aircraft(), dihedral=np.radians(10.0)).linearize()
+    late, prompt = (hfa.solve(hfa.game(linear, rate=100.0, delay=late)).P for late in (0.03, 0.0))
+    ratios = eigh(late[: len(prompt), : len(prompt)], prompt, eigvals_only=True)
+    price = f"at most {ratios.max():.4g} times the optimum without, and {ratios.mean():.4g} times"
+    assert price in " ".join(said.split())
 
 
 def test_a_game_with_latency_is_solved_and_its_gain_verified(folder):
