@@ -69,7 +69,6 @@ class DataSummary(Result):
             parts[0] += f" of {self.episodes} episode{'s' if self.episodes > 1 else ''}"
         if self.hold is not None:
             parts.append(f"inputs held for {self.hold:.4g} s")
-            parts.append(f"no mode faster than {math.pi / self.hold:.3g} rad/s (assumed)")
         found = self.excitation
         parts.append(f"states and inputs of rank {found.rank} of {found.size}")
         parts.append(f"condition {found.condition:.3g}")
@@ -152,18 +151,21 @@ class TrainingRun(Result, Reported):
 
         A run has settled if the data have full rank and `residual_norm` is at most `SETTLED`;
         its critic may still be wrong.
-        For recorded data that are not linear, or noisy, the misfit of their linear fit, from which
-        the gain is learned, follows "settled".
+        Of recorded samples in continuous time follows that no mode is faster than π/hold, which they
+        cannot show, and of data that are not linear, or noisy, the misfit of their linear fit.
         """
         if self.excitation.rank < self.excitation.size:
             return f"the data have rank {self.excitation.rank} of {self.excitation.size}"
         if not self.residual_norm <= SETTLED:  # true for a nan too
             last = self.residual_norm
             return f"the residual does not settle: {last:.3g} at the end, above {SETTLED:g}"
+        said = "settled"
+        if self.data is not None and self.data.hold is not None:
+            said += f", if no mode is faster than {math.pi / self.data.hold:.3g} rad/s"
         if self.data is not None and self.data.misfit > SETTLED:
             percent = f"{100.0 * self.data.misfit:.2g} %"
-            return f"settled, but the data deviate from a linear plant by {percent}"
-        return "settled"
+            said += f", but the data deviate from a linear plant by {percent}"
+        return said
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""

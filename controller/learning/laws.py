@@ -41,8 +41,8 @@ def learn(
     A game in discrete time is learned by Q-learning.
 
     Without `data`, exact transitions from random states are simulated. With `data`, A and B of the
-    game are not used (zeros serve), and E only if the data have no disturbances; the run has what
-    the data can tell, and 95 % bands.
+    game are not used (zeros serve), but that samples slower than a mode of A are refused, and E
+    only if the data have no disturbances; the run has what the data can tell, and 95 % bands.
 
     The result is not verified. `hfa.verify` verifies it with the matrices of the game, as it does
     weights of a law of your own (examples/my_own_law.py).

@@ -220,12 +220,18 @@ class PlantFit:
         )
 
     def _refuse_fast_modes(self, rates: np.ndarray) -> None:
-        """Raise BadInputError if the rate of X is not X_rate, of states with such names.
-
-        Samples that are slower than a mode give wrong rates, and so does a wrong sample time.
+        """Raise BadInputError if samples are slower than a mode of the user's plant, or show another
+        rate of X than X_rate, of states with such names, as slow samples or a wrong time do.
 
         rates: [A B E] by the logarithm of the step, (n, s)
         """
+        hold = self.transitions.hold
+        fastest = float(np.abs(np.linalg.eigvals(self.user_game.A).imag).max())
+        if hold is not None and fastest * hold > math.pi:
+            raise BadInputError(
+                f"the plant has a mode of {fastest:.3g} rad/s, and samples every {hold:g} s show "
+                f"none faster than {math.pi / hold:.3g} rad/s; record more often"
+            )
         names = self.user_game.names
         labels = dict(zip(names.states, names.state_units, strict=True))
         for row, (state, unit) in enumerate(labels.items()):
@@ -239,7 +245,7 @@ class PlantFit:
             if np.abs(terms).max() > 0.5 * known:
                 raise BadInputError(
                     f"the rate of {state} in the data is not {rate}: the samples, every "
-                    f"{self.transitions.hold:g} s, are slower than a mode, or their time is wrong; "
+                    f"{hold:g} s, are slower than a mode, or their time is wrong; "
                     "record more often"
                 )
 

@@ -262,3 +262,17 @@ def test_a_record_about_its_trim_that_begins_at_rest():
     assert "constant part" in " ".join(run.data.notes)
     with pytest.raises(BadInputError, match="the rate of pitch in the data is not pitch_rate"):
         learn(plant, data=columns | {"Time [ms]": 1e3 * np.arange(80)})
+
+
+def test_samples_that_are_slower_than_a_mode():
+    """Samples of a mode of 20 rad/s every 0.2 s have the step of one of 11.4 rad/s. They are refused
+    beside the plant, and without it the first line says what is assumed. Faster samples are right.
+    """
+    plant = hfa.Game([[0, 1], [-400, -1]], [[0], [2]], Q=np.eye(2), R=np.eye(1))
+    slow = recorded(plant.sampled(0.2)) | {"dt": 0.2}
+    with pytest.raises(BadInputError, match="a mode of 20 rad/s, and samples every 0.2 s"):
+        learn(plant, data=slow)
+    run = learn(blind(plant), data=slow)
+    assert relative_error(run.K, solve(plant).K) > 0.1
+    assert run.outcome == "settled, if no mode is faster than 15.7 rad/s"
+    assert_exact(plant, learn(plant, data=recorded(plant.sampled(0.1)) | {"dt": 0.1}))
