@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import ast
-import builtins
 import inspect
 import os
 import sys
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import fields
 from functools import cache, wraps
-from importlib import import_module
 from itertools import chain
 from types import EllipsisType, FunctionType, UnionType
-from typing import Any, NamedTuple, get_args, get_origin
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
@@ -27,14 +25,14 @@ _TEXTS = str | bytes
 #: whether a type of arguments is of this kind.
 _KINDS: dict[str, tuple[str, Callable[[type], bool]]] = {
     "Any": ("", lambda kind: True),
-    "None": ("None", lambda kind: kind is type(None)),
+    **dict.fromkeys(("None", "NoneType"), ("None", lambda kind: kind is type(None))),
     "str": ("a text", lambda kind: issubclass(kind, str)),
     "Path": ("a path", lambda kind: issubclass(kind, os.PathLike)),
     "int": ("a whole number", lambda kind: kind is not bool and _has(kind, "__index__")),
     "bool": ("True or False", lambda kind: kind.__name__ == "bool"),  # also that of NumPy
     "float": ("a number", lambda kind: kind is not bool and _has(kind, "__float__")),
     "Mapping": ("a dictionary", lambda kind: _has(kind, "keys")),
-    "Callable": ("a function", lambda kind: _has(kind, "__call__")),
+    **dict.fromkeys(("Callable", "Progress"), ("a function", lambda kind: _has(kind, "__call__"))),
     **dict.fromkeys(
         (*_ARRAYS, "ca.SX"),  # a number and a sequence are converted
         (
@@ -277,33 +275,17 @@ def _takes(function: Any, count: int) -> bool:
 def _is_of(kind: type, name: str, module: str) -> bool:
     """Return whether a type is of the kind that a name in an annotation states.
 
-    module: name of the module with the annotation
+    Classes are known by their names, so that they need not be imported.
+
+    module: name of the module with the annotation, which defines or imports a union
     """
     if name in _KINDS:
         _, is_of_kind = _KINDS[name]
         return is_of_kind(kind)
-    if any(base.__name__ == name.rpartition(".")[2] for base in kind.__mro__):
-        return True  # a class of this name, which need not be imported
-    return _fits(kind, _annotated_object(name, module))
-
-
-def _fits(kind: type, annotated: Any) -> bool:
-    """Return whether a type is of the kind of the object that an annotation names: a union, a type,
-    or a protocol, whose public members the type must define.
-    """
+    annotated = vars(sys.modules[module]).get(name)
     if isinstance(annotated, UnionType):
-        return any(_fits(kind, alternative) for alternative in get_args(annotated))
-    annotated = get_origin(annotated) or annotated  # Mapping of Mapping[str, float]
-    if getattr(annotated, "__name__", "") in _KINDS:
-        return _is_of(kind, annotated.__name__, "")
-    if not getattr(annotated, "_is_protocol", False):
-        return not isinstance(annotated, type) or issubclass(kind, annotated)
-    members = [
-        name
-        for name, member in vars(annotated).items()
-        if isinstance(member, FunctionType | property)
-    ]
-    return all(_has(kind, name) for name in members if name == "__call__" or name[0] != "_")
+        return any(_is_of(kind, each.__name__, module) for each in get_args(annotated))
+    return any(base.__name__ == name.rpartition(".")[2] for base in kind.__mro__)
 
 
 def _has(kind: type, *attributes: str) -> bool:
@@ -311,28 +293,3 @@ def _has(kind: type, *attributes: str) -> bool:
     say that a type has `__call__` if the type itself can be called.
     """
     return any(name in vars(base) for base in kind.__mro__ for name in attributes)
-
-
-@cache
-def _annotated_object(name: str, module: str) -> Any:
-    """Return the object that an annotation names, also one that is imported for types only."""
-    first, *attributes = name.split(".")
-    names = vars(builtins) | vars(sys.modules[module])
-    annotated = names[first] if first in names else _imported_for_types(module, first)
-    for attribute in attributes:
-        annotated = getattr(annotated, attribute)
-    return annotated
-
-
-def _imported_for_types(module: str, name: str) -> Any:
-    """Return the object of an import statement of a module that is not executed, by its name."""
-    for statement in ast.walk(ast.parse(inspect.getsource(sys.modules[module]))):
-        if not isinstance(statement, ast.Import | ast.ImportFrom):
-            continue
-        for alias in statement.names:
-            if name != (alias.asname or alias.name):
-                continue
-            if isinstance(statement, ast.Import):
-                return import_module(alias.name)
-            return getattr(import_module(str(statement.module)), alias.name)
-    raise NameError(f"{module} does not import {name}")

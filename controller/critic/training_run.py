@@ -150,9 +150,9 @@ class TrainingRun(Result, Reported):
         """ "settled", or a sentence with the reason why the run has not settled.
 
         A run has settled if the data have full rank and `residual_norm` is at most `SETTLED`;
-        its critic may still be wrong.
-        Of recorded samples in continuous time follows that no mode is faster than π/hold, which they
-        cannot show, and of data that are not linear, or noisy, the misfit of their linear fit.
+        its critic may still be wrong. What follows is, of recorded samples in continuous time, that
+        no mode is faster than π/hold, which they cannot show, and of data that are not linear, or
+        noisy, the misfit of their linear fit.
         """
         if self.excitation.rank < self.excitation.size:
             return f"the data have rank {self.excitation.rank} of {self.excitation.size}"

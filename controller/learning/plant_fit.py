@@ -220,8 +220,8 @@ class PlantFit:
         )
 
     def _refuse_fast_modes(self, rates: np.ndarray) -> None:
-        """Raise BadInputError if samples are slower than a mode of the user's plant, or show another
-        rate of X than X_rate, of states with such names, as slow samples or a wrong time do.
+        """Raise BadInputError if samples are slower than a mode of the user's plant, or if the rate
+        of X is not X_rate, of states with such names, as of slow samples or of a wrong time.
 
         rates: [A B E] by the logarithm of the step, (n, s)
         """

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,9 +15,7 @@ from controller.game.zero_sum import Game
 from controller.learning.recording import Transitions
 from hfa_aircraft.readers.matrices_file import (
     NAME_KEYS,
-    FileScales,
     entries_found,
-    file_scales,
     sample_time,
     words,
 )
@@ -24,7 +23,9 @@ from hfa_aircraft.signals import UNNAMED, PlantNames
 from hfa_support.arrays.columns import Column, Label, matched
 from hfa_support.arrays.tables import Read, read_source, sources
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shortened
-from hfa_support.matrices import LARGEST, checked_matrix, shape_text
+from hfa_support.matrices import LARGEST, shape_text
+from hfa_support.reporting.text import numbered
+from hfa_support.units import conversion_factor
 
 #: Matrix of the ends of transitions -> suffixes of their columns.
 _SUFFIXES_OF_ENDS = {"x_next": ("_next",), "x_rate": ("_dot", "_rate")}
@@ -44,8 +45,8 @@ _ALIASES = {
     **dict.fromkeys(("next_observations", "next_observation", "next_obs"), "x_next"),
     **dict.fromkeys(("x_dot", "xdot"), "x_rate"),
 }
-#: Entries that are read, beside columns.
-_READ_ENTRIES = ("x", "u", "d", *_SUFFIXES_OF_ENDS, *_NO_SIGNALS, "Ts", "rows", *NAME_KEYS)
+#: Entries that are matrices.
+_MATRICES = ("x", "u", "d", *_SUFFIXES_OF_ENDS)
 
 
 def transitions_in(data: Any, game: Game) -> Transitions:
@@ -54,23 +55,24 @@ def transitions_in(data: Any, game: Game) -> Transitions:
     Raises BadInputError, with the source and the row, for data that are no transitions of the game.
     """
     parts: list[Transitions] = []
-    rows: list[str] = []
-    for name, entries in _sources(data, game.names):
+    names: list[str] = []  # of rows
+    for name, record in _records(data, game.names):
         with prefix_errors(name):
-            parts.append(_Source(entries, game).transitions())
-        rows += [f"{name}: {row}" for row in parts[-1].rows]
-    if len({(part.begins.shape[1], part.hold) for part in parts}) > 1:
+            parts.append(_transitions(record, game))
+        names += [f"{name}: {row}" for row in parts[-1].rows]
+    begins, ends, follows, roundings, holds, notes, rows = zip(*parts, strict=True)
+    if len({(len(rounding), hold) for rounding, hold in zip(roundings, holds, strict=True)}) > 1:
         raise BadInputError(
             "the episodes differ in sample time or in disturbances; give equal ones"
         )
     return Transitions(
-        begins=np.concatenate([part.begins for part in parts]),
-        ends=np.concatenate([part.ends for part in parts]),
-        follows=np.concatenate([part.follows for part in parts]),
-        rounding=np.min([part.rounding for part in parts], axis=0),
-        hold=parts[0].hold,
-        notes=tuple(dict.fromkeys(note for part in parts for note in part.notes)),  # each once
-        rows=rows if len(parts) > 1 else parts[0].rows,
+        np.concatenate(begins),
+        np.concatenate(ends),
+        np.concatenate(follows),
+        np.min(roundings, axis=0),
+        holds[0],
+        tuple(dict.fromkeys(chain(*notes))),  # each once
+        names if len(parts) > 1 else rows[0],
     )
 
 
@@ -86,16 +88,13 @@ def game_of_data(
     sizes: function of the names -> deviations of which Q and R are 1/size² (`weights_of_sizes`)
     weights: Q, R, and optionally delta and N
     """
-    name, entries = next(_sources(data, UNNAMED))  # of the first source
+    name, record = next(_records(data, UNNAMED))  # of the first source
     with prefix_errors(name):
-        if "u" not in entries:
-            raise BadInputError(f"there is no u{entries_found(entries)}; add it")
-        n, m = (np.shape(entries[key])[1] if np.ndim(entries[key]) > 1 else 1 for key in "xu")
-        is_continuous = "x_rate" in entries or words(entries, "time") == ("continuous",)
+        names, entries = record.names._replace(origin=name), record.entries
+        n, m = len(names.states), len(names.inputs)
+        is_continuous = "x_rate" in record.blocks or words(entries, "time") == ("continuous",)
         dt = None if is_continuous else sample_time(entries) or True  # True if it is not known
-        names = PlantNames(origin=name, **{key: words(entries, key) for key in NAME_KEYS})
         if sizes is not None:
-            names = names.completed(n, m)
             weights |= weights_of_sizes(sizes(names), names.states, names.inputs)
         for matrix in ("Q", "R"):
             if matrix not in weights:
@@ -105,8 +104,25 @@ def game_of_data(
         return Game(np.zeros((n, n)), np.zeros((n, m)), names=names, dt=dt, **weights)
 
 
-def _sources(data: Any, names: PlantNames) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the name and the matrices, entry -> value, of each source of data (`learn`).
+class _Record(NamedTuple):
+    """Samples of one file, mapping or table.
+
+    names: of its states and inputs, with the units to which they are converted
+    blocks: "x", "u", "d", "x_next" and "x_rate" as far as recorded -> columns and these units
+    marks: columns of times and ends of episodes
+    entries: single numbers and words: "dt", "time"
+    notes: sentences on what is not used or assumed
+    """
+
+    names: PlantNames
+    blocks: dict[str, list[tuple[Column, str]]]
+    marks: dict[str, Column]
+    entries: Mapping[str, Any]
+    notes: list[str]
+
+
+def _records(data: Any, names: PlantNames) -> Iterator[tuple[str, _Record]]:
+    """Yield the name and the samples of each source of data (`learn`).
 
     names: names of the states and inputs, which are columns. Without names, a state is a column
         beside one of its next value or rate, such as alpha beside alpha_next
@@ -115,60 +131,97 @@ def _sources(data: Any, names: PlantNames) -> Iterator[tuple[str, dict[str, Any]
     """
     for name, source in sources(data, "data"):
         with prefix_errors(name):
-            yield from _matrices(read_source(source, name), name, names)
+            yield from _records_in(read_source(source, name), name, names)
 
 
-def _matrices(read: Read, name: str, names: PlantNames) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the name and the matrices of a source, or of each of its groups, as of Minari."""
+def _records_in(read: Read, name: str, names: PlantNames) -> Iterator[tuple[str, _Record]]:
+    """Yield the name and the samples of a source, or of each of its groups, as of Minari."""
     groups = {key: group for key, group in read.entries.items() if isinstance(group, Mapping)}
     if groups and len(groups) == len(read.entries):
         for key, group in groups.items():
             of_group = f"{name}, {key}"
-            yield from _matrices(read_source(group, of_group), of_group, names)
+            yield from _records_in(read_source(group, of_group), of_group, names)
         return
     entries = {_ALIASES.get(key, key): values for key, values in read.entries.items()}
-    if "x" not in entries:
-        yield name, _of_columns(read.columns, names)
-        return
-    time = matched(read.columns, {"time": "s"}).get("time")
-    if time is not None:
-        entries = {key: each for key, each in entries.items() if Label.of(key).name != time.name}
-        entries["time"] = time.numbers("s")
-    yield from _episodes(entries, name)
-
-
-def _episodes(entries: dict[str, Any], name: str) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the matrices of each episode of x (E, T, n), or all as rows if their ends are known."""
-    shape = np.shape(entries["x"])[:2]
-    if np.ndim(entries["x"]) != 3:
-        yield name, entries
-    elif {*_SUFFIXES_OF_ENDS} & {*entries}:
-        yield (
-            name,
-            {
-                key: np.reshape(values, (-1, *np.shape(values)[2:]))
-                if np.shape(values)[:2] == shape
-                else values
-                for key, values in entries.items()
-            },
-        )
+    if "x" in entries:
+        yield name, _of_matrices(entries, name, names)
     else:
-        for episode in range(shape[0]):
-            yield (
-                f"{name}, episode {episode + 1}",
-                {
-                    key: values[episode]
-                    if np.ndim(values) > 1 and len(values) == shape[0]
-                    else values
-                    for key, values in entries.items()
-                },
+        yield name, _of_columns(read.columns, names, entries, [])
+
+
+def _of_matrices(entries: Mapping[str, Any], where: str, plant: PlantNames) -> _Record:
+    """Return the samples of x (N, n) or (E, T, n) and of what is beside it.
+
+    E episodes follow each other. A last row of x alone ends the last step. Signals without units
+    are taken in those of the plant, with a note.
+    """
+    if "u" not in entries:
+        raise BadInputError(f"there is no u{entries_found(entries)}; add it")
+    x = np.atleast_1d(entries["x"])
+    shape = x.shape[: max(1, x.ndim - 1)]  # (N,) or (E, T)
+    if len(shape) > 1:
+        entries = {"episode": np.indices(shape)[0], **entries}
+    blocks: dict[str, np.ndarray] = {}  # (*shape, width)
+    for key, values in entries.items():
+        array = np.asarray(values)
+        if key in _MATRICES:
+            array = np.atleast_1d(numbers_in(key, values))
+        if key == "episode":  # names, or numbers
+            array = np.unique(array, return_inverse=True)[1].reshape(array.shape)
+        if array.ndim >= len(shape) and array.dtype.kind in "iufb":
+            width = math.prod(array.shape[len(shape) :])
+            blocks[key] = array.reshape(*array.shape[: len(shape)], width)
+    notes: list[str] = []
+    given: dict[str, Any] = {key: words(entries, key) for key in NAME_KEYS}
+    for matrix, kind in (("x", "state"), ("u", "input")):
+        known, units = getattr(plant, f"{kind}s"), getattr(plant, f"{kind}_units")
+        of_data = given[f"{kind}s"]
+        if known and {*of_data} != {*known}:
+            given[f"{kind}s"] = known
+            if of_data:
+                notes.append(f"{', '.join(of_data)} of the data, taken as {', '.join(known)}")
+        if any(units) and not any(given[f"{kind}_units"]):
+            notes.append(f"{matrix} without units, taken in {', '.join(units)}")
+    n, m = (
+        len(given[key]) or blocks[matrix].shape[-1]
+        for matrix, key in (("x", "states"), ("u", "inputs"))
+    )
+    names = PlantNames(**given).completed(n, m)
+    of_states = [*zip(names.states, names.state_units, strict=True)]
+    labels = {
+        "x": of_states,
+        "u": [*zip(names.inputs, names.input_units, strict=True)],
+        "d": [(name, "") for name in numbered("d", blocks.get("d", blocks["x"]).shape[-1])],
+        "x_next": [(f"{name}_next", unit) for name, unit in of_states],
+        "x_rate": [(f"{name}_dot", unit and f"{unit}/s") for name, unit in of_states],
+    }
+    rows, columns = range(1, math.prod(shape) + 1), []
+    for key, block in blocks.items():
+        of_key = labels.get(key, [Label.of(key)])
+        samples = np.full((*shape, len(of_key)), np.nan)
+        if block.shape in (samples.shape, samples[..., 1:, :].shape):
+            samples[..., : block.shape[-2], :] = block
+            cells = samples.reshape(-1, len(of_key)).T
+            columns += [
+                Column(where, name, unit or None, each, rows)
+                for (name, unit), each in zip(of_key, cells, strict=True)
+            ]
+        elif key in (*_MATRICES, *_NO_SIGNALS):
+            raise BadInputError(
+                f"{key} is {shape_text(block.shape)}; give {shape_text(samples.shape)}, a row for "
+                "each sample"
             )
+    return _of_columns(columns, plant if plant.states else names, entries, notes)
 
 
-def _of_columns(columns: Sequence[Column], names: PlantNames) -> dict[str, Any]:
-    """Return the matrices of a table, by the names of its columns, such as alpha and alpha_next.
+def _of_columns(
+    columns: Sequence[Column], names: PlantNames, entries: Mapping[str, Any], notes: list[str]
+) -> _Record:
+    """Return the samples of columns, by their names, such as alpha and alpha_next.
 
     They are in the units of the plant, if it has any, and otherwise in those of the columns.
+
+    entries: what is beside the columns
     """
     signals = (*names.states, *names.inputs)  # before words such as time
     units = dict(zip(signals, (*names.state_units, *names.input_units), strict=False))
@@ -182,7 +235,7 @@ def _of_columns(columns: Sequence[Column], names: PlantNames) -> dict[str, Any]:
             "the columns so, with units as in alpha [deg], or give a plant that names them"
         )
     units = {name: units.get(name) or named[name].unit or "" for name in (*states, *inputs)}
-    blocks = {  # matrix -> its columns, each with its unit
+    blocks = {
         "x": [(named[state], units[state]) for state in states],
         "u": [(named[name], units[name]) for name in inputs],
         "d": [(named[name], "") for name in disturbances],
@@ -199,23 +252,30 @@ def _of_columns(columns: Sequence[Column], names: PlantNames) -> dict[str, Any]:
                 label = f"{end or state + suffixes[-1]} [{unit}]".removesuffix(" []")
                 raise BadInputError(f"there is no column {label}; add it, or remove the others")
             block.append((named[end], unit))
-    if len({len(column.cells) for block in blocks.values() for column, _ in block}) > 1:
-        raise BadInputError("the columns differ in length; give x and u, or columns of one length")
-    matrices: dict[str, Any] = {
-        key: np.column_stack([column.numbers(unit) for column, unit in block])
-        for key, block in blocks.items()
-        if block
-    }
-    for kind, of_kind in (("state", states), ("input", inputs)):
-        matrices[f"{kind}s"] = of_kind
-        matrices[f"{kind}_units"] = [units[name] for name in of_kind]
-    used = {column.name for block in blocks.values() for column, _ in block}
-    for name, column in named.items():
-        if column.name not in used:
-            matrices[name] = column.numbers("s") if name in ("time", "dt") else column.cells
-    if "dt" in matrices:
-        matrices["dt"] = np.unique(matrices["dt"])  # one number
-    return matrices | {"rows": columns[0].rows}
+    marks = {name: column for name, column in named.items() if name in _NO_SIGNALS}
+    used = [column for block in blocks.values() for column, _ in block]
+    if len({len(column.cells) for column in (*used, *marks.values())}) > 1:
+        raise BadInputError("the columns differ in length; give columns of one length")
+    if "dt" in marks:
+        entries = {**entries, "dt": np.unique(marks["dt"].numbers("s"))}  # one number
+    seen = {*_MATRICES, *_NO_SIGNALS, *NAME_KEYS, "Ts", *(column.name for column in used)}
+    unused = [name for name in named if name not in seen]
+    unused += [key for key in entries if Label.of(key).name not in {*seen, *named, "t"}]
+    if unused:
+        listed = shortened(", ".join(unused), 200)
+        notes.append(f"not used, as no state or input of the plant: {listed}")
+    return _Record(
+        PlantNames(
+            tuple(states),
+            tuple(inputs),
+            tuple(units[name] for name in states),
+            tuple(units[name] for name in inputs),
+        ),
+        {key: block for key, block in blocks.items() if block},
+        marks,
+        entries,
+        notes,
+    )
 
 
 def _end_of(
@@ -226,16 +286,10 @@ def _end_of(
     return min(ends, key=lambda end: end in states, default="")
 
 
-class _Signals(NamedTuple):
-    """Names of the states, inputs and disturbances among the columns of a table."""
-
-    states: list[str]
-    inputs: list[str]
-    disturbances: list[str]
-
-
-def _signals_among(columns: Mapping[str, Column], names: PlantNames) -> _Signals:
-    """Return which columns are states, inputs and disturbances.
+def _signals_among(
+    columns: Mapping[str, Column], names: PlantNames
+) -> tuple[list[str], list[str], list[str]]:
+    """Return the names of the states, inputs and disturbances among columns.
 
     The states are those of the plant, if the table has all of them, and otherwise the columns
     beside one of their next value or rate, such as alpha beside alpha_next. The inputs are those of
@@ -253,192 +307,130 @@ def _signals_among(columns: Mapping[str, Column], names: PlantNames) -> _Signals
     inputs = [name for name in columns if name not in no_inputs]
     if names.inputs and columns.keys() >= {*names.inputs}:
         inputs = list(names.inputs)
-    return _Signals(states, inputs, disturbances)
+    return states, inputs, disturbances
 
 
-class _Source:
-    """Matrices of one file, mapping or table, and the game whose transitions they are.
+def _transitions(record: _Record, game: Game) -> Transitions:
+    """Return the transitions of samples in the units of a game."""
+    blocks, notes, rows_of = record.blocks, record.notes, record.blocks["x"][0][0].rows
+    end, *others = [key for key in _SUFFIXES_OF_ENDS if key in blocks] or [""]
+    if others:
+        raise BadInputError("the data have x_next and x_rate; remove one of them")
+    if end == "x_rate" and game.is_discrete:
+        raise BadInputError("x_rate is of continuous time, the game is discrete; give x_next")
+    of_begins = [*blocks["x"], *blocks["u"], *blocks.get("d", ())]
+    for matrix, count in zip("xu", game.B.shape, strict=True):
+        if len(blocks[matrix]) != count:
+            raise BadInputError(f"{matrix} has {len(blocks[matrix])} columns; give {count}")
+    k = len(blocks.get("d", ()))
+    if k and math.isfinite(game.delta) and k != game.E.shape[1]:
+        notes.append(f"E of the game is replaced by {k} recorded disturbances")
+    starts = _starts(record)
+    rows = np.arange(len(starts))
+    if not end:
+        # The transition of a row ends at the next row, unless an episode begins there.
+        rows = np.flatnonzero(~starts[1:])
+        for row in np.flatnonzero(starts & np.append(starts[1:], True)).tolist():
+            raise BadInputError(
+                f"row {rows_of[row]} is an episode of one row, which has no next state; "
+                "remove it, or give x_next"
+            )
+    begins = _numbers(of_begins, rows)
+    ends = _numbers(blocks[end or "x"], rows if end else rows + 1)
+    follows = np.zeros(len(rows), dtype=bool)
+    if end != "x_rate":
+        follows[1:] = (ends[:-1] == begins[1:, : len(game.A)]).all(axis=1)
+    factors = [conversion_factor(column.unit or unit, unit) or 1.0 for column, unit in of_begins]
+    stated = np.column_stack([column.numbers() for column, _ in of_begins])[rows]
+    return Transitions(
+        begins=begins,
+        ends=ends,
+        follows=follows,
+        rounding=_last_digits(stated) * factors,
+        hold=None if end == "x_rate" else _time_of_hold(record, game, ~follows if end else starts),
+        notes=tuple(notes),
+        rows=[str(rows_of[row]) for row in rows.tolist()],
+    )
 
-    entries: "x", "u", "d", "x_next", "x_rate", "time", "dt", "episode", names and units
-    rows: name of each row of x, for messages
-    notes: sentences on what is not used or assumed
+
+def _numbers(block: Sequence[tuple[Column, str]], rows: np.ndarray) -> np.ndarray:
+    """Return some rows of columns, each in its unit."""
+    chosen = []
+    for column, unit in block:
+        numbers = column.numbers(unit)
+        is_wrong = np.zeros(len(numbers), dtype=bool)
+        is_wrong[rows] = ~(np.abs(numbers[rows]) <= LARGEST)
+        column.refuse(is_wrong, "has no number; remove the row, and begin another episode there")
+        chosen.append(numbers[rows])
+    return np.column_stack(chosen)
+
+
+def _starts(record: _Record) -> np.ndarray:
+    """Return whether a row is the first of an episode, (N,)."""
+    count = len(record.blocks["x"][0][0].cells)
+    starts = np.arange(count) == 0
+    if "episode" in record.marks:
+        labels = np.asarray(record.marks["episode"].cells)
+        starts[1:] |= labels[1:] != labels[:-1]
+    for name in {*_LAST} & {*record.marks}:
+        texts = np.char.lower(np.asarray(record.marks[name].cells)[:-1].astype(str))
+        starts[1:] |= ~np.isin(texts, ("false", "0", "0.0", ""))
+    return starts
+
+
+def _time_of_hold(record: _Record, game: Game, starts: np.ndarray) -> float | None:
+    """Return the time for which inputs are constant, s, or None for a game in discrete time.
+
+    starts: whether a row does not follow the one before it, (N,)
     """
-
-    def __init__(self, entries: Mapping[str, Any], game: Game) -> None:
-        self.entries = entries
-        self.game = game
-        self.rows: Sequence[Any] = entries.get("rows", ())
-        self.notes: list[str] = []
-        if unused := [name for name in entries if name not in _READ_ENTRIES]:
-            named = shortened(", ".join(unused), 200)
-            self.notes.append(f"not used, as no state or input of the plant: {named}")
-
-    def transitions(self) -> Transitions:
-        """Return the transitions in the units of the game."""
-        end, *others = [key for key in _SUFFIXES_OF_ENDS if key in self.entries] or [""]
-        if others:
-            raise BadInputError("the data have x_next and x_rate; remove one of them")
-        if end == "x_rate" and self.game.is_discrete:
-            raise BadInputError("x_rate is of continuous time, the game is discrete; give x_next")
-        scales = np.concatenate(self._scales())
-        names = self.game.names
-        n, m = len(names.states), len(names.inputs)
-        blocks = [self._matrix("x", n, names.states), self._matrix("u", m, names.inputs)]
-        if "d" in self.entries:
-            blocks.append(self._matrix("d", 0))
-            k = blocks[-1].shape[1]
-            if math.isfinite(self.game.delta) and k != self.game.E.shape[1]:
-                self.notes.append(f"E of the game is replaced by {k} recorded disturbances")
-
-        x = blocks[0]
-        count = len(x)
-        self.rows = self.rows or range(1, count + 1)
-        starts = self._starts(count)
-        if end:
-            rows, after = np.arange(count), self._matrix(end, n, names.states)
-            permitted = {count}
-        else:
-            # The transition of a row ends at the next row, unless an episode begins there. The last
-            # row only ends one, so that u and d may lack it.
-            rows, after, permitted = np.flatnonzero(~starts[1:]), x[1:], {count, count - 1}
-            for row in np.flatnonzero(starts & np.append(starts[1:], True)).tolist():
-                raise BadInputError(
-                    f"row {self.rows[row]} is an episode of one row, which has no next state; "
-                    "remove it, or give x_next"
-                )
-        for block in (*blocks, after):
-            if len(block) not in permitted:
-                raise BadInputError(
-                    f"x has {count} rows, another matrix {len(block)}; give a row of each for each "
-                    "sample"
-                )
-
-        begins, ends = np.hstack([block[rows] for block in blocks]), after[rows]
-        follows = np.zeros(len(rows), dtype=bool)
-        if end != "x_rate":
-            follows[1:] = (ends[:-1] == begins[1:, :n]).all(axis=1)
-        factors = np.ones(begins.shape[1])  # to the units of the game; d has none
-        factors[: n + m] /= scales
-        return Transitions(
-            begins=begins * factors,
-            ends=ends * factors[:n],
-            follows=follows,
-            rounding=_last_digits(begins) * factors,
-            hold=None if end == "x_rate" else self._time_of_hold(~follows if end else starts),
-            notes=tuple(self.notes),
-            rows=[str(self.rows[row]) for row in rows.tolist()],
+    # Only a float is a known sample time: True is an unknown one, None is no entry.
+    step_in_file = sample_time(record.entries)
+    dt, accuracy = step_in_file, 0.0
+    if "time" in record.marks and not starts.all():  # some rows are not the first of an episode
+        dt, accuracy = _step_of(record.marks["time"], starts)
+    for whose, other in (("their dt", step_in_file), ("the game", game.dt)):
+        if (
+            isinstance(dt, float)
+            and isinstance(other, float)
+            and not math.isclose(dt, other, rel_tol=1e-6, abs_tol=accuracy)
+        ):
+            raise BadInputError(
+                f"the sample time of the data is {dt:g} s, but that of {whose} is {other:g} s; "
+                "give data of this sample time, or correct dt"
+            )
+    if game.is_discrete:
+        return None
+    if not isinstance(dt, float):
+        raise BadInputError(
+            "the sample time of the data is not known, for a game in continuous time; add dt "
+            "(s), or time of successive samples, or x_rate in place of x_next"
         )
+    return dt
 
-    def _matrix(self, key: str, columns: int, names: Sequence[str] = ()) -> np.ndarray:
-        """Return an entry as a matrix of finite numbers, (N, columns); 0 stands for any width."""
-        if key not in self.entries:
-            raise BadInputError(f"there is no {key}{entries_found(self.entries)}; add it")
-        values = numbers_in(key, self.entries[key])
-        if values.ndim < 2:
-            values = values.reshape(-1, 1)
-        if values.ndim > 2 or not values.size or columns not in (0, values.shape[1]):
-            raise BadInputError(
-                f"{key} is {shape_text(values.shape)}; give a row for each sample, with"
-                f" {columns or 'its'} columns"
-            )
-        for row, place in np.argwhere(~np.isfinite(values)).tolist():
-            raise BadInputError(
-                f"row {self.rows[row] if self.rows else row + 1}: "
-                f"{names[place] if names else f'column {place + 1}'} of {key} has no number; "
-                "remove the row, and begin another episode there"
-            )
-        return checked_matrix(key, values, LARGEST)
 
-    def _scales(self) -> FileScales:
-        """Return the factors from the game's units to those of the data.
+def _step_of(time: Column, starts: np.ndarray) -> tuple[float, float]:
+    """Return the step of the times of successive samples, s, and its accuracy.
 
-        Signals with other names or without units are taken for the game's, with a note.
-        """
-        for matrix, signal in (("x", "state"), ("u", "input")):
-            names = getattr(self.game.names, f"{signal}s")
-            units = getattr(self.game.names, f"{signal}_units")
-            of_data = words(self.entries, f"{signal}s")
-            if of_data not in ((), names):
-                self.notes.append(f"{', '.join(of_data)} of the data, taken as {', '.join(names)}")
-            if any(units) and not any(words(self.entries, f"{signal}_units")):
-                self.notes.append(f"{matrix} without units, taken in {', '.join(units)}")
-        return file_scales(self.entries, self.game.names)
-
-    def _starts(self, count: int) -> np.ndarray:
-        """Return whether a row is the first of an episode, (N,)."""
-        starts = np.arange(count) == 0
-        for name in ("episode", *_LAST):
-            if name not in self.entries:
-                continue
-            labels = np.ravel(self.entries[name])
-            if len(labels) not in (count, count - 1) or (name == "episode" and len(labels) < count):
-                raise BadInputError(
-                    f"{name} has {len(labels)} entries, x has {count} rows; give one for each"
-                )
-            if name == "episode":
-                starts[1:] |= labels[1:] != labels[:-1]
-            else:
-                # With one row more, x has the end of the last step too, which its flag follows.
-                texts = np.char.lower(labels[: len(labels) - 1].astype(str))
-                starts[1 : len(labels)] |= ~np.isin(texts, ("false", "0", "0.0", ""))
-        return starts
-
-    def _time_of_hold(self, starts: np.ndarray) -> float | None:
-        """Return the time for which inputs are constant, s, or None for a game in discrete time.
-
-        starts: whether a row does not follow the one before it, (N,)
-        """
-        # Only a float is a known sample time: True is an unknown one, None is no entry.
-        step_in_file = sample_time(self.entries)
-        dt, accuracy = step_in_file, 0.0
-        # The entry time contains the times of the rows, or a word such as "continuous".
-        if "time" in self.entries and not words(self.entries, "time"):
-            times = np.ravel(numbers_in("time", self.entries["time"]))
-            if len(times) != len(starts):
-                raise BadInputError(f"time has {len(times)} entries, x has {len(starts)} rows")
-            if not starts.all():  # some rows are not the first of an episode
-                dt, accuracy = self._step_of(times, starts)
-        for whose, other in (("their dt", step_in_file), ("the game", self.game.dt)):
-            if (
-                isinstance(dt, float)
-                and isinstance(other, float)
-                and not math.isclose(dt, other, rel_tol=1e-6, abs_tol=accuracy)
-            ):
-                raise BadInputError(
-                    f"the sample time of the data is {dt:g} s, but that of {whose} is {other:g} s; "
-                    "give data of this sample time, or correct dt"
-                )
-        if self.game.is_discrete:
-            return None
-        if not isinstance(dt, float):
-            raise BadInputError(
-                "the sample time of the data is not known, for a game in continuous time; add dt "
-                "(s), or time of successive samples, or x_rate in place of x_next"
-            )
-        return dt
-
-    def _step_of(self, times: np.ndarray, starts: np.ndarray) -> tuple[float, float]:
-        """Return the step of the times of successive samples, s, and its accuracy.
-
-        starts: whether a time is the first of an episode, (N,)
-        """
-        steps = np.where(starts[1:], np.nan, np.diff(times))
-        mean = float(np.nanmean(steps))
-        # A step between two times, each rounded to half a unit of its last digit, has an error of
-        # this digit. Times such as 0, 1, 2 s, with a last digit of the size of the step, are exact
-        # up to a few floating-point spacings.
-        (rounding,) = _last_digits(times[:, None])
-        if 2.0 * rounding > mean:
-            rounding = 8.0 * float(np.spacing(np.abs(times).max()))
-        far = np.abs(steps - np.nanmedian(steps))
-        place = int(np.nanargmin(steps) if np.nanmin(steps) <= 0.0 else np.nanargmax(far))
-        if steps[place] <= 0.0 or abs(steps[place] - mean) > rounding:
-            raise BadInputError(
-                f"the samples are not equally spaced: {steps[place]:g} s at row "
-                f"{self.rows[place + 1]}, {mean:g} s on average; sort the rows, give episode, a "
-                "number for each row, or x_next for each row, with dt"
-            )
-        return mean, rounding
+    starts: whether a time is the first of an episode, (N,)
+    """
+    times = time.numbers("s")
+    steps = np.where(starts[1:], np.nan, np.diff(times))
+    mean = float(np.nanmean(steps))
+    # A step between two times, each rounded to half a unit of its last digit, has an error of
+    # this digit. Times such as 0, 1, 2 s, with a last digit of the size of the step, are exact
+    # up to a few floating-point spacings.
+    (rounding,) = _last_digits(times[:, None])
+    if 2.0 * rounding > mean:
+        rounding = 8.0 * float(np.spacing(np.nanmax(np.abs(times))))
+    far = np.abs(steps - np.nanmedian(steps))
+    place = int(np.nanargmin(steps) if np.nanmin(steps) <= 0.0 else np.nanargmax(far))
+    if steps[place] <= 0.0 or abs(steps[place] - mean) > rounding:
+        raise BadInputError(
+            f"the samples are not equally spaced: {steps[place]:g} s at row "
+            f"{time.rows[place + 1]}, {mean:g} s on average; sort the rows, give episode, a "
+            "number for each row, or x_next for each row, with dt"
+        )
+    return mean, rounding
 
 
 def _last_digits(columns: np.ndarray) -> np.ndarray:

@@ -178,8 +178,8 @@ X, U = trajectory(STEPS, 60, probing=0.0)
 TIMES = {"x": X, "u": U, "time": 0.1 * np.arange(61)}
 #: Data -> words of the refusal; a pair has another game.
 REFUSED = {
-    "x is 80 x 2; give a row for each sample, with 3": recorded(STEPS) | {"x": np.ones((80, 2))},
-    "row 17: u1 of u has no number": spoiled("u", np.nan),
+    "x is 80 x 2; give 80 x 3, a row for each sample": recorded(STEPS) | {"x": np.ones((80, 2))},
+    "row 17: u1 has no number": spoiled("u", np.nan),
     "have 1 transitions; record at least 6": recorded(STEPS, 1),
     "row 1 is an episode of one row": {"x": np.ones((1, 3)), "u": np.ones((1, 2))},
     "not equally spaced: 0 s at row 4": TIMES | {"time": 0.1 * np.r_[:3, 2:60]},
@@ -192,7 +192,7 @@ REFUSED = {
     "is 3 of 5: some are combinations": recorded(STEPS)
     | {"x": RNG.normal(size=(80, 1)) * [1.0, 2, 3]},
     "there is no u": {"x": X, "x_next": X},
-    "state 1 is in furlong in the file but in rad": (
+    "alpha is in furlong; give it in rad": (
         NAMED,
         recorded(STEPS) | {"state_units": ["furlong", "rad/s", "m"]},
     ),
