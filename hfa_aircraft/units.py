@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any
 
@@ -96,7 +96,7 @@ def in_si(model: Model) -> Model:
         name: signal.unit if name in AIRSPEEDS else si_unit(signal.unit)
         for name, signal in model.signals.items()
     }
-    return _converted(model, units, reload=in_si)
+    return _with_units(model, units, reload=in_si)
 
 
 @lru_cache(maxsize=16)
@@ -109,10 +109,10 @@ def coherent(model: Model) -> Model:
     words = " ".join(signal.unit for signal in model.signals.values())
     bases = ENGLISH_BASES if re.search(r"\bft\b", words) else SI_BASES
     units = {name: coherent_unit(signal.unit, bases) for name, signal in model.signals.items()}
-    return _converted(model, units, reload=coherent)
+    return _with_units(model, units, reload=coherent)
 
 
-def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model], Model]) -> Model:
+def _with_units(model: Model, units: Mapping[str, str], reload: Callable[[Model], Model]) -> Model:
     """Return a model with all signals in other units, and with rates per second.
 
     units: name of a signal -> its unit in the result
@@ -126,43 +126,27 @@ def _converted(model: Model, units: Mapping[str, str], reload: Callable[[Model],
         name: conversion_factor(signal.unit, units[name]) or 1 for name, signal in signals.items()
     }
     per_second = conversion_factor(f"1/{model.time_unit}", "1/s") or 1.0
-    rate_factors = {name: factors[name] * per_second for name in model.states}
+    of_rates = {name: factors[name] * per_second for name in model.states}
+    converted = {
+        name: _signal_in(units[name], factors[name], signal) for name, signal in signals.items()
+    }
+    for name, factor in of_rates.items():
+        converted[name] = converted[name]._replace(rate=model.rate_scale(name) * factor)
+        # The rate that a trim imposes, unless a signal has its name.
+        factors.setdefault(f"{name}_dot", factor)
 
-    converted: dict[str, Any] = {
-        kind: {
-            name: _signal_in(units[name], factors[name], signal)
-            for name, signal in getattr(model, kind).items()
-        }
+    kinds: dict[str, Any] = {
+        kind: {name: converted[name] for name in getattr(model, kind)}
         for kind in (*VECTORS.values(), "outputs")
     }
-    for name, factor in rate_factors.items():
-        rate = model.rate_scale(name) * factor
-        converted["states"][name] = converted["states"][name]._replace(rate=rate)
-        factors.setdefault(
-            f"{name}_dot", factor
-        )  # rate that a trim imposes, unless a signal has its name
-
-    # Functions that the model does not have remain None: None and partial(...) is None.
-    domain, begin = model.domain, model.trimming.begin
+    begin = model.trimming.begin
     return replace(
         model,
-        **converted,
-        equations=_Equations(tuple(factors.items()), tuple(rate_factors.items()), model.equations),
+        **kinds,
+        equations=partial(_equations, factors, of_rates, model.equations),
         trim=_scaled(factors, model.trim),
-        domain=Domain(
-            range={
-                name: (low * factors[name], high * factors[name], source)
-                for name, (low, high, source) in domain.range.items()
-            },
-            envelope=domain.envelope and partial(_converted_envelope, factors, domain.envelope),
-            check=domain.check and partial(_converted_check, factors, domain.check),
-            reference=_scaled(factors, domain.reference),
-            by_speed=domain.by_speed,
-        ),
-        trimming=replace(
-            model.trimming,
-            begin=begin and partial(_converted_begin, factors, begin),
-        ),
+        domain=_domain_in(factors, model.domain),
+        trimming=replace(model.trimming, begin=begin and partial(_begin, factors, begin)),
         source=Source(model.source.text, model.source.digest, native=model, reload=reload),
     )
 
@@ -178,72 +162,68 @@ def _signal_in(unit: str, factor: float, signal: Signal) -> Signal:
     )
 
 
+def _domain_in(factors: Mapping[str, float], domain: Domain) -> Domain:
+    """Return a domain in other units. That of flights is the original model's."""
+    return Domain(
+        range={
+            name: (low * factors[name], high * factors[name], source)
+            for name, (low, high, source) in domain.range.items()
+        },
+        envelope=domain.envelope and partial(_envelope, factors, domain.envelope),
+        check=domain.check and partial(_check, factors, domain.check),
+        reference=_scaled(factors, domain.reference),
+        by_speed=domain.by_speed,
+    )
+
+
 def _scaled(factors: Mapping[str, float], values: Mapping[str, Any]) -> dict[str, Any]:
     """Return name -> converted value. An airspeed without a declared signal is unchanged."""
     return {name: value * factors.get(name, 1.0) for name, value in values.items()}
 
 
-def _unscaled(factors: Mapping[str, float], values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return name -> value in the declared unit, the inverse of `_scaled`."""
-    return {name: value / factors.get(name, 1.0) for name, value in values.items()}
-
-
-def _in_declared_units(factors: Mapping[str, float], vector: Any) -> Any:
-    """Return a named tuple of converted values in the declared units of the original model."""
+def _declared(factors: Mapping[str, float], vector: Any) -> Any:
+    """Return a named tuple of converted values in the units of the original model."""
     values = zip(vector._fields, vector, strict=True)
     return record(vector._fields)(*(value / factors[name] for name, value in values))
 
 
-def _converted_envelope(
-    factors: Mapping[str, float],
-    envelope: Callable[[Any, Any], Mapping[str, tuple[float, float]]],
-    x: Any,
-    p: Any,
-) -> dict[str, tuple[float, float]]:
-    """Return `Domain.envelope` in converted units, state -> (lowest, highest).
+# Functions of a model in converted units; each calls that of the original model.
 
-    x, p: state and parameters of a trim, in converted units
-    """
-    limits = envelope(_in_declared_units(factors, x), _in_declared_units(factors, p))
+
+def _equations(
+    factors: Mapping[str, float],
+    of_rates: Mapping[str, float],
+    equations: Callable[..., Any],
+    *vectors: Any,
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return state -> rate and output -> value of the vectors x, u, p and w."""
+    rates, outputs = equations(*(_declared(factors, vector) for vector in vectors))
+    return _scaled(of_rates, rates), _scaled(factors, outputs)
+
+
+def _envelope(
+    factors: Mapping[str, float], envelope: Callable[..., Mapping[str, Any]], x: Any, p: Any
+) -> dict[str, tuple[float, float]]:
+    """Return `Domain.envelope`, state -> (lowest, highest), at x and p of a trim."""
+    limits = envelope(_declared(factors, x), _declared(factors, p))
     return {
         name: (low * factors[name], high * factors[name]) for name, (low, high) in limits.items()
     }
 
 
-def _converted_check(factors: Mapping[str, float], check: Callable[[Any], None], x: Any) -> None:
+def _check(factors: Mapping[str, float], check: Callable[[Any], None], x: Any) -> None:
     """Raise BadInputError as `Domain.check` does, whose message has declared units."""
-    check(_in_declared_units(factors, x))
+    check(_declared(factors, x))
 
 
-def _converted_begin(
+def _begin(
     factors: Mapping[str, float],
     begin: Callable[[Mapping[str, Any]], Mapping[str, Any]],
     imposed: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Return `Trimming.begin` in converted units, variable -> initial value of a trim search."""
-    return _scaled(factors, begin(_unscaled(factors, imposed)))
-
-
-@dataclass(frozen=True)
-class _Equations:
-    """Equations of motion in converted units.
-
-    factors: (name, factor from the declared unit) for each signal
-    rates: (state, factor to the rate per second)
-    equations: equations of the original model
-    """
-
-    factors: tuple[tuple[str, float], ...]
-    rates: tuple[tuple[str, float], ...]
-    equations: Callable[..., Any]
-
-    def __call__(self, x: Any, u: Any, p: Any, w: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return state -> rate and output -> value, all in converted units."""
-        factors = dict(self.factors)
-        rates, outputs = self.equations(
-            *(_in_declared_units(factors, vector) for vector in (x, u, p, w))
-        )
-        return _scaled(dict(self.rates), rates), _scaled(factors, outputs)
+    """Return `Trimming.begin`, variable -> initial value of a trim search."""
+    declared = {name: value / factors.get(name, 1.0) for name, value in imposed.items()}
+    return _scaled(factors, begin(declared))
 
 
 def in_units_of(model: Model, value: Any, unit: str) -> Any:

@@ -26,15 +26,8 @@ LARGEST = 2**28
 MATRIX_FILES = (".json", ".npz", ".npy", ".mat", ".csv")
 #: Suffixes of tables (`hfa_support/arrays/tables.py`), the last ones by pandas or h5py.
 TABLE_FILES = (
-    *MATRIX_FILES,
-    ".txt",
-    ".tsv",
-    ".dat",
-    ".parquet",
-    ".feather",
-    ".xlsx",
-    ".h5",
-    ".hdf5",
+    *(*MATRIX_FILES, ".txt", ".tsv", ".dat"),
+    *(".parquet", ".feather", ".xlsx", ".h5", ".hdf5"),
 )
 _LONGEST_REASON = 200
 #: Largest depth of elements, folders and keys: readers are recursive.

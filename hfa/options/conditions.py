@@ -152,14 +152,10 @@ def _text(column: Column, place: int) -> str:
 def _with_unit(cell: str, unit: str) -> str:
     """Return the text of a cell with its unit, or that of the column: "250 kt", "FL100".
 
-    Commas may separate thousands: "20,000 ft".
-
     Raises BadInputError for a formula, whose value only a spreadsheet knows.
     """
     if cell.startswith("="):
         raise BadInputError(f"is the formula {shown(cell)}; write its value")
-    if re.match(r"[-+]?\d{1,3}(,\d{3})+(?!\d)", cell):
-        cell = cell.replace(",", "")
     if split_unit(cell)[1]:
         return cell
     return f"FL{cell}" if unit.upper() == "FL" else f"{cell} {unit}".strip()

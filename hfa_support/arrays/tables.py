@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -46,10 +47,9 @@ def read_source(source: Any, name: str = "") -> Read:
     """Return the columns of a table, and the entries of a file of arrays.
 
     source: file (text with commas, semicolons or tabs; .npz, .mat, .json; by pandas .parquet,
-        .feather, .xlsx; by h5py .hdf5), mapping of columns, or data frame of pandas, polars or
-        xarray. A heading is "speed [ft/s]" or "speed (ft/s)". The units in a file of arrays can be
-        the entries states, state_units, inputs, input_units. A flight, stored or not, has its
-        history
+        .feather, .xlsx; by h5py .hdf5), mapping of columns, or data frame of pandas or polars. A
+        heading is "speed [ft/s]" or "speed (ft/s)". The units in a file of arrays can be the
+        entries states, state_units, inputs, input_units. A flight, stored or not, has its history
     name: name of the table in messages, by default the file
 
     Raises BadInputError, with the row and the column, for a faulty file.
@@ -62,8 +62,6 @@ def read_source(source: Any, name: str = "") -> Read:
     content = _loaded(Path(source)) if is_file else source
     if hasattr(type(content), "history"):  # a flight, not a frame with this column
         content = content.to_dict() | {"history": content.history()}
-    if hasattr(content, "data_vars"):  # of xarray
-        return Read(_columns_of_arrays(name, {n: content[n].values for n in content.variables}))
     if hasattr(content, "columns"):  # of pandas or polars
         if getattr(getattr(content, "index", None), "name", None):
             content = content.reset_index()
@@ -146,7 +144,13 @@ def _entries_of_group(group: Any) -> dict[str, Any]:
     entries: dict[str, Any] = {}
     for name, item in group.items():
         if isinstance(item, h5py.Group):
-            entries[name] = _entries_of_group(item)
+            inside = _entries_of_group(item)
+            is_unit = re.search(r"[\[(][^\])]*$", name)  # "speed [m/s]" is "s]" in "speed [m"
+            entries |= (
+                {f"{name}/{rest}": each for rest, each in inside.items()}
+                if is_unit
+                else {name: inside}
+            )
         else:
             entries[name] = (item.asstr() if h5py.check_string_dtype(item.dtype) else item)[()]
     return entries

@@ -10,7 +10,7 @@ from hfa_support.errors import BadInputError
 #: Byte order mark -> encoding. Without one, a text is in UTF-8, or else as Windows writes it.
 _MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"": "utf-8-sig"}
 #: Number with a decimal comma, or a point, and a unit or none.
-DECIMAL_COMMA = re.compile(r"([-+]?\d*),(\d+(?:[eE][-+]?\d+)?\s*[^\d,.]*)")
+_DECIMAL_COMMA = re.compile(r"([-+]?\d*),(\d+(?:[eE][-+]?\d+)?\s*[^\d,.]*)")
 _DECIMAL_POINT = re.compile(r"[-+]?\d*\.\d+(?:[eE][-+]?\d+)?\s*[^\d,.]*")
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(,\d{3})+\D*")
 
@@ -49,27 +49,23 @@ def rows_of_text(where: str, content: bytes) -> list[tuple[int, list[str]]]:
 def _with_decimal_points(
     where: str, rows: list[tuple[int, list[str]]], separator: str
 ) -> list[tuple[int, list[str]]]:
-    """Return rows with points in place of decimal commas.
+    """Return rows with points in place of decimal commas, and without commas between thousands.
 
-    Between semicolons, commas are decimal. Otherwise that of 20,000 may separate thousands.
+    Between semicolons, commas are decimal. Between commas, those of 20,000 separate thousands if
+    no cell has another comma.
     """
-    cells = [cell for _, row in rows for cell in row]
-    with_comma = [*filter(DECIMAL_COMMA.fullmatch, cells)]
-    in_thousands = [] if separator == ";" else [*filter(_THOUSANDS.fullmatch, with_comma)]
-    if not with_comma or (separator == "," and len(in_thousands) == len(with_comma)):
+    cells = {cell for _, row in rows for cell in row}
+    in_thousands = {*filter(_THOUSANDS.fullmatch, cells)} if separator != ";" else set()
+    with_comma = {*filter(_DECIMAL_COMMA.fullmatch, cells)} | in_thousands
+    if not with_comma:
         return rows
-    if in_thousands or any(map(_DECIMAL_POINT.fullmatch, cells)):
+    point = "" if separator == "," and with_comma == in_thousands else "."
+    if point and (in_thousands or any(map(_DECIMAL_POINT.fullmatch, cells))):
         raise BadInputError(
-            f"{where} contains decimal commas and points, or {with_comma[0]}, whose comma may "
+            f"{where} contains decimal commas and points, or {min(with_comma)}, whose comma may "
             "separate thousands; give decimal points alone"
         )
     return [
-        (
-            number,
-            [
-                DECIMAL_COMMA.sub(r"\1.\2", cell) if DECIMAL_COMMA.fullmatch(cell) else cell
-                for cell in row
-            ],
-        )
+        (number, [cell.replace(",", point) if cell in with_comma else cell for cell in row])
         for number, row in rows
     ]

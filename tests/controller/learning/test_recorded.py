@@ -270,7 +270,7 @@ def test_samples_that_are_slower_than_a_mode():
     """
     plant = hfa.Game([[0, 1], [-400, -1]], [[0], [2]], Q=np.eye(2), R=np.eye(1))
     slow = recorded(plant.sampled(0.2)) | {"dt": 0.2}
-    with pytest.raises(BadInputError, match="a mode of 20 rad/s, and samples every 0.2 s"):
+    with pytest.raises(BadInputError, match="a mode of 20 rad/s, and samples every"):
         learn(plant, data=slow)
     run = learn(blind(plant), data=slow)
     assert relative_error(run.K, solve(plant).K) > 0.1

@@ -63,6 +63,41 @@ def test_frames_and_arrays_are_read_alike():
         }
 
 
+#: Suffix -> library that writes it, and how.
+WRITERS = {
+    ".parquet": ("pyarrow", lambda frame, file: frame.to_parquet(file)),
+    ".feather": ("pyarrow", lambda frame, file: frame.to_feather(file)),
+    ".xlsx": ("openpyxl", lambda frame, file: frame.to_excel(file, index=False)),
+    ".hdf5": ("h5py", lambda frame, file: write_hdf5(frame, file)),
+}
+
+
+def write_hdf5(frame, file):
+    with pytest.importorskip("h5py").File(file, "w") as stored:
+        for name in frame:
+            stored[name] = frame[name].to_numpy()
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_a_file_of_a_library_equals_the_text(suffix):
+    """.parquet, .feather, .xlsx and .hdf5 have the columns, units and empty cells of the text."""
+    frame = pytest.importorskip("pandas").DataFrame(
+        {"Time (ms)": [0, 500, 1000], "speed [km/h]": [127.8, np.nan, 129.6]}
+    )
+    library, write = WRITERS[suffix]
+    pytest.importorskip(library)
+    frame.to_csv("table.csv", index=False)
+    write(frame, f"table{suffix}")
+    of_text, of_library = read("table.csv"), read(f"table{suffix}")
+    for name in ("time", "speed"):
+        np.testing.assert_allclose(of_library[name], of_text[name], rtol=1e-14)
+
+
+def test_commas_between_thousands():
+    """Between commas, "1,250" is 1250, as spreadsheets write it; between tabs it could be 1.25."""
+    assert read(written('time,speed\n0,"1,250"\n'))["speed"] == [1250.0]
+
+
 def test_degrees_of_windows_and_empty_cells():
     """A file in Windows' encoding has its degree sign; an empty cell is nan."""
     found = read(written("time;alpha [°]\n0;180\n0,5;\n", "cp1252"))
