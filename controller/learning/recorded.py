@@ -201,6 +201,8 @@ def _of_matrices(entries: Mapping[str, Any], where: str, plant: PlantNames) -> _
         samples = np.full((*shape, len(of_key)), np.nan)
         if block.shape in (samples.shape, samples[..., 1:, :].shape):
             samples[..., : block.shape[-2], :] = block
+            if block.size < samples.size and key in _LAST:
+                samples[..., -2, :] = False  # x has the end of this step, too
             cells = samples.reshape(-1, len(of_key)).T
             columns += [
                 Column(where, name, unit or None, each, rows)

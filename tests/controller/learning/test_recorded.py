@@ -235,7 +235,8 @@ def test_episodes_are_read_in_each_layout():
         90: [
             [{"x": x, "u": u} for x, u in parts],
             {"x": x, "u": u},
-            {f"episode_{k}": {"observations": x[k], "actions": u[k]} for k in range(3)},
+            {"x": x, "u": u, "terminals": last},
+            {f"episode_{k}": {"obs": x[k], "action": u[k], "done": last[k]} for k in range(3)},
             rows | ends,
         ],
         87: [rows | numbered, rows | {"timeouts": last.ravel()}],
