@@ -104,18 +104,6 @@ def test_gaps_and_several_records():
     assert chi_square(result, TRUE) < 24.3
 
 
-def test_a_flight_is_a_record():
-    """A flight of `hfa.fly` with steps of the elevator and without noise gives its own Cm_q, in a search
-    from 1.5 times this value.
-    """
-    moved = {"elevator": [(0.0, 0.03), (0.6, -0.03), (1.2, 0.0)]}
-    flight = hfa.fly(LONGITUDINAL, hfa.trim(LONGITUDINAL), moved, duration=1.9)
-    begin = LONGITUDINAL.with_parameters(Cm_q=1.5 * true_value("Cm_q"))
-    result = identify(begin, flight, ["Cm_q"])
-    assert result.inputs == "steps"  # the likelier inputs
-    assert result["Cm_q"].value == pytest.approx(true_value("Cm_q"), rel=1e-3)
-
-
 def test_a_held_initial_state_is_held():
     """Without a column of pitch, its initial value is fitted, and a wrong value that is held stays wrong."""
     columns = record()

@@ -63,7 +63,7 @@ def test_a_weight_of_an_option_replaces_that_of_the_deployment(folder):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("--weights stated.toml --inputs throttle", "add --inputs elevator,throttle"),
+        ("--weights stated.toml --flights 0 --inputs throttle", "add --inputs elevator,throttle"),
         ("--weights observed.toml", "an observation depends on the inputs"),
         ("--weights stated.toml --inputs throttle,flap", "unknown input 'flap'"),
         ("--weights stated.toml --network policy=actor", "remove --basis, --network"),
