@@ -37,8 +37,15 @@ def test_plans_of_flights_differ_in_each_thing_that_decides(planned):
     gain, other_gain = np.zeros((5, 6)), np.eye(5, 6)
     kalman = hfa.filter(point.linearize(), dict.fromkeys(model.linear, 0.1), dt=0.01)
     laws = (
-        [hfa.predictive(model, point, margin=margin, budget=1.0) for margin in (0.01, 0.02)]
-        + [hfa.predictive(model, point, dt=dt, budget=b) for dt, b in ((0.01, 2.0), (0.02, 1.0))]
+        [
+            hfa.predictive(model, point, margin=margin, dt=dt, budget=budget, horizon=0.1)
+            for margin, dt, budget in (
+                (0.01, 0.01, 1.0),
+                (0.02, 0.01, 1.0),
+                (0.01, 0.02, 1.0),
+                (0.01, 0.01, 2.0),
+            )
+        ]
         + [hfa.state_dependent(model, point, limit_weight=weight) for weight in (0.0, 0.1)]
         + [hfa.state_dependent(model, point, R=np.eye(5))]
     )

@@ -5,7 +5,6 @@ import dataclasses
 import io
 import json
 import math
-import os
 import pickle
 import shutil
 import zipfile
@@ -74,11 +73,8 @@ def message_of(folder, text):
         ('file = "ppo_gtm.zip"', 'file = "ppo_gtm.py"', "give a file with the suffix .onnx"),
         ("speed = {scale = 20.0}", "speed = {scale = 0}", "observation.speed.scale is 0"),
         ("speed = {scale = 20.0}", 'speed = {about = "start"}', 'give "trim" or a number'),
-        ("speed = {scale = 20.0}", "", "has 4 inputs, but 3 observations are given"),
-        ("throttle = {box", "elevator_2 = {box", "action names the unknown input 'elevator_2'"),
         ("box = [-1, 1], map = \"trim + 14", "box = [-2, 1], map = \"trim + 14", "but the policy contains"),
         ("box = [-1, 1], map = \"trim + 14", "box = [1, -1], map = \"trim + 14", "[lowest, highest]"),
-        ('"trim + 14 * a"', '"trim + 14 * b"', "contains the unknown name 'b'"),
         ('normalizer = "ppo_gtm.pkl"', 'activation = "relu"', "contains 'tanh'; remove activation"),
         ('normalizer = "ppo_gtm.pkl"', 'normalizer = "ppo_c172.pkl"', "normalizes 8 observations"),
         ('"ppo_gtm.pkl"', "{mean = [0, 0]}", "policy.normalizer: variance is missing"),
@@ -148,15 +144,15 @@ def pickled(value):
     return {":serialized:": base64.b64encode(content).decode()}
 
 
-def rewrite_zip(folder, more=None, *, weights=None):
-    """Rewrite the policy's zip in a folder, with more data or with other bytes as its weights."""
+def rewrite_zip(folder, more=None):
+    """Rewrite the policy's zip in a folder with more data."""
     rewritten = io.BytesIO()
     with (
         zipfile.ZipFile(FOLDER / "ppo_gtm.zip") as archive,
         zipfile.ZipFile(rewritten, "w", zipfile.ZIP_DEFLATED) as new,
     ):
         new.writestr("data", json.dumps(json.loads(archive.read("data")) | (more or {})))
-        new.writestr("policy.pth", archive.read("policy.pth") if weights is None else weights)
+        new.writestr("policy.pth", archive.read("policy.pth"))
     (folder / "ppo_gtm.zip").write_bytes(rewritten.getvalue())
 
 
@@ -169,6 +165,14 @@ def rewrite_zip(folder, more=None, *, weights=None):
         ({"policy_class": pickled(BadInputError)}, "hfa_support.errors.BadInputError"),
         ({"policy_class": pickled(json.JSONEncoder)}, "policy_class"),
         ({"policy_kwargs": pickled({"scale_inputs": True})}, "'scale_inputs'"),
+        (
+            {
+                "policy_kwargs": pickled(
+                    b"(dS'activation_fn'\nctorch.nn.modules.activation\nOdd\ns."
+                )
+            },
+            "unknown activation 'Odd'",
+        ),
     ],
 )
 def test_a_zip_that_stable_baselines3_does_not_write_is_refused_and_not_run(
@@ -184,12 +188,11 @@ def test_a_zip_that_stable_baselines3_does_not_write_is_refused_and_not_run(
 
 
 def test_spaces_that_are_no_flat_box_are_refused(folder):
-    """Another kind of space, a box of two axes, and limits in the wrong order are refused."""
+    """A box of two axes and limits in the wrong order are refused."""
     spaces = pytest.importorskip("gymnasium").spaces
     turned = spaces.Box(-1.0, 1.0, (2,))
     turned.low = np.array([2.0, -1.0])
     for space, said in (
-        (spaces.Discrete(3), "one of 3 discrete actions"),
         (spaces.Box(-1.0, 1.0, (2, 2)), "has 2 axes"),
         (turned, "has a lower limit above the upper limit"),
     ):
@@ -203,12 +206,9 @@ def damaged(folder, monkeypatch):
     monkeypatch.chdir(folder)
     (folder / "calls.pkl").write_bytes(pickle.dumps(Caller()))
     (folder / "empty.pkl").write_bytes(b"")
-    for name in ("fifo.zip", "fifo.npz"):
-        os.mkfifo(folder / name)
     K = np.full((2, 4), np.nan)
     np.savez("K.npz", K=K)
     np.savez("flat.npz", K=np.ones(4))
-    (folder / "text.npz").write_text("K")
     np.savez("net.npz", **{"0.weight": K, "0.bias": np.zeros(2)})
     # Tensors besides the layers, such as CleanRL's action_scale, are left to ONNX.
     layers = {"fc_mu.weight": np.ones((2, 4)), "fc_mu.bias": np.zeros(2)}
@@ -220,17 +220,14 @@ def damaged(folder, monkeypatch):
     [
         ("calls.pkl", "would call"),
         ("empty.pkl", "empty.pkl: the file is damaged or has another format"),
-        ("fifo.zip", "not a regular file"),
-        ("fifo.npz", "not a regular file"),
         ("K.npz", "give finite entries"),
         ("flat.npz", "returns 1 actions"),
-        ("text.npz", "text.npz: this is not a readable zip"),
         ("net.npz", "not finite"),
         ("actor.npz", "is not a weight or bias"),
     ],
 )
 def test_damaged_files_are_refused(folder, damaged, file, said):
-    """Normalizers whose pickles call or are empty, and policies that are pipes, files of another kind
+    """Normalizers whose pickles call or are empty, and policies that are of another size
     or contain numbers that are not finite, are refused in one line, and nothing is called.
     """
     replaced = "ppo_gtm.pkl" if file.endswith(".pkl") else "ppo_gtm.zip"
@@ -251,11 +248,6 @@ def test_a_normalizer_that_lacks_an_attribute_is_refused(folder, lost, said):
     assert said in message_of(folder, DEPLOYMENT)
 
 
-def test_weights_that_torch_did_not_write_are_refused(folder):
-    rewrite_zip(folder, weights=b"{")
-    assert "not written by torch.save" in message_of(folder, DEPLOYMENT)
-
-
 @pytest.mark.parametrize(
     ("size", "said"), [(100, "this is not a readable zip"), (2**28 + 1, "unpacks to")]
 )
@@ -267,31 +259,6 @@ def test_zips_that_state_a_wrong_size_are_refused(folder, size, said):
     zipped[entry + 24 : entry + 28] = size.to_bytes(4, "little")
     (folder / "ppo_gtm.zip").write_bytes(zipped)
     assert said in message_of(folder, DEPLOYMENT)
-
-
-def with_activation(folder, name):
-    """Rewrite the policy's zip with an activation that is a class of PyTorch, by a pickle."""
-    content = f"(dS'activation_fn'\nctorch.nn.modules.activation\n{name}\ns.".encode()
-    rewrite_zip(folder, {"policy_kwargs": pickled(content)})
-
-
-def test_a_zip_that_names_an_activation_has_the_actions_of_its_layers_with_it(folder):
-    """The actions of a zip whose policy_kwargs name ELU are those of its layers alone (policy.pth, which
-    names no activation) in a deployment with activation = "elu".
-    """
-    with_activation(folder, "ELU")
-    with zipfile.ZipFile(folder / "ppo_gtm.zip") as archive:
-        archive.extract("policy.pth", folder)
-    layers = {"file": folder / "policy.pth", "network": "policy_net+action_net"}
-    known = gtm_deployment({**layers, "activation": "elu"}).actor.function
-    found = gtm_deployment({"file": folder / "ppo_gtm.zip"}).actor.function
-    o = np.array([1.0, -2.0, 0.5, 3.0])
-    np.testing.assert_array_equal(found(o), known(o))
-
-
-def test_an_unknown_activation_of_a_zip_is_refused(folder):
-    with_activation(folder, "Odd")
-    assert "unknown activation 'Odd'" in message_of(folder, DEPLOYMENT)
 
 
 def test_the_usual_deployment_moves_inputs_by_half_their_range():
@@ -321,18 +288,14 @@ NORMALIZED = {"mean": [0.0] * 4, "variance": [1.0] * 4}
         ({"file": ca.Function("f", [ca.SX.sym("o", 3)], [ca.SX.zeros(2)])}, "requires 3 observa"),
         ({"file": ca.Function("f", [ca.SX.sym("o", 4)], [ca.SX.zeros(3)])}, "returns 3 actions"),
         ({"file": ca.Function("f", [o := ca.SX.sym("o", 4)], [ca.log(o[:2] - 1.0)])}, "not finite"),
-        ({"normalizer": NORMALIZED | {"mean": [[0.0, 1.0, 0.0, 0.0]]}}, "mean[0] is [0.0, 1.0"),
         (
             {"normalizer": NORMALIZED | {"variance": [1.0, 1.0, math.inf, 1.0]}},
             "variance[2] is inf",
         ),
-        ({"normalizer": NORMALIZED | {"mean": [0.0]}}, "has 1 means and 4 variances"),
-        ({"normalizer": NORMALIZED | {"epsilon": math.nan}}, "epsilon is nan"),
         (
             {"normalizer": NORMALIZED | {"variance": [0.0] * 4, "epsilon": 0.0}},
             "plus epsilon is po",
         ),
-        ({"normalizer": NORMALIZED | {"clip": 0.0}}, "clip is 0.0"),
     ],
 )
 def test_policies_that_do_not_fit_are_refused(policy, said):
@@ -361,7 +324,7 @@ def test_squashed_actions_need_a_box_and_reach_its_ends():
         np.testing.assert_allclose(found, [-1.0 + 4.0 * share, 5.0 * share], atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["ppo", "ppo_squash", "sac", "sac_sde", "td3", "ars", "a2c"])
+@pytest.mark.parametrize("name", ["ppo", "ppo_squash", "sac"])
 def test_a_deployment_of_a_zip_has_the_actions_of_its_critic(name):
     """A deployment of a zip has the actions of `read_critic` bit by bit, with the tanh (squash), clip and
     box of the file. Another box or squash in the deployment is refused.
@@ -376,7 +339,7 @@ def test_a_deployment_of_a_zip_has_the_actions_of_its_critic(name):
     assert deployment.actor.declared.notes == hfa.read_critic(file, game).declared.notes
     for policy, box, said in (
         ({}, [-1.0, 1.0], "contains the box"),
-        ({"squash": name in ("ppo", "a2c")}, [-1.0, 2.0], "remove policy.squash"),
+        ({"squash": name == "ppo"}, [-1.0, 2.0], "remove policy.squash"),
     ):
         action = {"elevator": {"box": box}, "throttle": {}}
         with pytest.raises(BadInputError, match=said):

@@ -1,7 +1,5 @@
 """Equilibria of a policy on a linear aircraft, compared with their closed forms."""
 
-from dataclasses import replace
-
 import casadi as ca
 import numpy as np
 
@@ -76,23 +74,6 @@ def test_the_equilibrium_balances_the_offset_of_the_policy():
         np.testing.assert_allclose(getattr(loop, name), value, atol=1e-9, err_msg=name)
     assert not loop.K_inputs.any()
     assert (found.clips, found.clipped_observations) == ((), ())
-
-
-def test_at_a_nonsmooth_point_the_loop_is_that_of_linearize():
-    """With -5 |alpha - .1| in the rate of the speed and the trim at alpha = .1, the nominal loop is
-    the linear model divided by the nominal values X and U.
-    """
-
-    def with_nonsmooth_point(x, u, p, w):
-        rates, outputs = glide(x, u, p, w)
-        return {**rates, "speed": rates["speed"] - 5.0 * ca.fabs(x.alpha - 0.1)}, outputs
-
-    model = replace(GLIDER, equations=with_nonsmooth_point)
-    found = equilibrium(lambda o: -ca.DM(K) @ o, model=model)
-    linear = hfa.linearize(model, hfa.trim(model))
-    assert linear.nonsmooth_points
-    np.testing.assert_allclose(found.nominal.A, linear.A * X / X[:, None], rtol=1e-14)
-    np.testing.assert_allclose(found.nominal.B, linear.B * U / X[:, None], rtol=1e-14)
 
 
 def test_a_saturated_equilibrium_fails_and_its_actions_are_named():

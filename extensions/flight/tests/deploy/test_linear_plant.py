@@ -111,7 +111,7 @@ def test_a_table_of_gains_has_the_loop_and_cost_of_its_gain_at_the_trim(folder):
     with np.load("table.npz") as table:
         mean = {name: table[name] for name in ("Q", "R", "states", "inputs")}
         np.savez("mean.npz", K=table["K"].mean(axis=0), **mean)
-    words = ["--sample-time", ".01", "--dihedral", "10"]
+    words = ["--sample-time", ".04", "--dihedral", "10"]
     radii = [
         answer("assess", file, *words, "--samples", "0")["points"][0]["spectral_radius"]
         for file in ("table.npz", "mean.npz")
@@ -128,7 +128,6 @@ def test_a_table_of_gains_has_the_loop_and_cost_of_its_gain_at_the_trim(folder):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("P.npy --sample-time 0.05", "P.npy: the file contains no linear policy u = -K x"),
         (
             "plant.npz --sample-time 0.05",
             "the file contains no linear policy u = -K x; give a K",
@@ -136,7 +135,6 @@ def test_a_table_of_gains_has_the_loop_and_cost_of_its_gain_at_the_trim(folder):
         ("steps_of_K.npz --sample-time 0.05", "K is a gain for dt = 0.1 s"),
         ("K.npz", "add --sample-time"),
         ("policy.onnx", "a policy u(x) requires a sample time; add --sample-time"),
-        ("policy.onnx --sample-time 0.05", "policy.onnx: the graph uses ONNX operator set 0"),
         ("deployment.toml --sample-time 0.05", "remove --sample-time"),
     ],
 )
@@ -144,26 +142,8 @@ def test_a_file_that_is_no_sampled_policy_is_refused(files, words, said):
     """Refused are files without a policy, a gain for another sample time, a policy without a sample
     time, and a deployment with a second one.
     """
-    np.save("P.npy", np.eye(2))
     Path("policy.onnx").touch()
     assert_refused(hfa("assess", *words.split(), "--aircraft", "plant.npz"), 2, said)
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("deployment.toml --aircraft steps.npz", "the plant is in discrete time"),
-        ("deployment.toml --aircraft nan.npz", "A[0][0] is nan"),
-        ("deployment.toml --aircraft A.npz", "unknown input 'u1'"),
-        ("K.npz --sample-time 0.05 --aircraft Q.npz", "Q.npz: Q is 3 x 3; give 2 x 2"),
-        ("K.npz --sample-time 0.05 --aircraft N.npz", "N.npz has cross weights N"),
-    ],
-)
-def test_faulty_plants_are_refused(files, words, said):
-    """Refused are plants in discrete time, not finite, without B, with a Q of another size, or with
-    cross weights.
-    """
-    assert_refused(hfa("assess", *words.split()), 2, said)
 
 
 def test_weights_of_the_plant_file_are_those_of_the_cost(assessed):
