@@ -277,7 +277,7 @@ def _is_of(kind: type, name: str, module: str) -> bool:
 
     Classes are known by their names, so that they need not be imported.
 
-    module: name of the module with the annotation, which defines or imports a union
+    module: name of the module with the annotation, which defines or imports an alias
     """
     if name in _KINDS:
         _, is_of_kind = _KINDS[name]
@@ -285,6 +285,8 @@ def _is_of(kind: type, name: str, module: str) -> bool:
     annotated = vars(sys.modules[module]).get(name)
     if isinstance(annotated, UnionType):
         return any(_is_of(kind, each.__name__, module) for each in get_args(annotated))
+    if isinstance(annotated, str):
+        return True  # an alias for checkers of types alone
     return any(base.__name__ == name.rpartition(".")[2] for base in kind.__mro__)
 
 

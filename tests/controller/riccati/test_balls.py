@@ -14,6 +14,7 @@ from controller.riccati.balls import (
     is_positive_definite,
     norm,
     precision,
+    radii,
     symmetric,
 )
 from hfa import Game, solve
@@ -36,6 +37,15 @@ def test_norms_are_upper_bounds():
         assert norm(ball_matrix(np.zeros((1, 1))) + arb_mat([[arb(0, 1e-300)]])) >= arb(1e-300)
         for rows in ([1.0, np.nan], [np.nan, 1.0]):
             assert not norm(ball_matrix(np.diag(rows))).is_finite()
+
+
+def test_radii_are_rounded_up():
+    """Radii below the smallest double are not 0, and those of exact numbers are."""
+    with precision(256):
+        found = radii(arb_mat([[arb(1), arb(1, arb("3e-300")), arb(1, arb("1e-400"))]]))
+    assert found[0, 0] == 0.0
+    assert 3e-300 <= found[0, 1] <= 3.1e-300
+    assert found[0, 2] == 5e-324
 
 
 def test_only_positive_matrices_are_proved_positive():

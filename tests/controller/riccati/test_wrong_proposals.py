@@ -188,6 +188,18 @@ def test_each_ball_proved_in_doubles_contains_the_solution_and_its_gains(name, m
     assert proofs > 10
 
 
+@pytest.mark.parametrize("change", [1e-9, 1e-3, 0.05])
+def test_the_ball_about_a_candidate_has_room_for_the_quadratic_term(change):
+    """P of x' = u is 1. At X = 1 + s, the residual is -2 s - s², and Y = 1 / (2 + 2 s): the distance
+    from P is more than the residual times Y.
+    """
+    game = Game([[0.0]], [[1.0]], Q=[[1.0]], R=[[1.0]])
+    with precision(BITS):
+        equation = equation_of(game, users_units(game), game.delta)
+        X = ball_matrix(np.array([[1.0 + change]]))
+        assert proved_ball(equation, X, lyapunov_solution(equation, X)).P[0, 0].contains(1)
+
+
 @pytest.mark.parametrize(
     "game",
     [
@@ -210,6 +222,24 @@ def test_no_ball_is_proved_where_there_is_no_solution(game):
             X = solution([(hundredths, 100), (second, 1)])
             with pytest.raises(NotProvedError):
                 proved_ball(equation, X, lyapunov_solution(equation, X))
+
+
+@pytest.mark.parametrize(
+    ("rate", "q", "root", "dt"), [(-1.0, 1.0, 1.0, None), (0.5, 0.25, 0.5, True)]
+)
+def test_no_ball_is_proved_just_below_the_smallest_delta(rate, q, root, dt):
+    """P² - 2 P + q = 0 has the double root 1 at q = 1, and P² - (0.75 + q) P + q = 0 has 0.5 at
+    q = 0.25. For q just above, they have none: no X near the root is proved.
+
+    rate: a of x' = a x + d, or x⁺ = a x + d, at δ = 1
+    """
+    game = Game([[rate]], [[0.0]], E=[[1.0]], Q=[[q + 5e-4]], R=[[1.0]], delta=1.0, dt=dt)
+    with precision(BITS):
+        equation = equation_of(game, users_units(game), game.delta)
+        for X in root * np.linspace(0.6, 0.98, 20):
+            candidate = ball_matrix(np.array([[X]]))
+            with pytest.raises(NotProvedError):
+                proved_ball(equation, candidate, lyapunov_solution(equation, candidate))
 
 
 @pytest.mark.parametrize(

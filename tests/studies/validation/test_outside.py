@@ -42,6 +42,26 @@ def test_the_identified_aircraft_passes(published_aircraft):
     assert sum(entry.half_unit > outside.ROUNDING for entry in validation.entries) == 27
 
 
+@pytest.mark.parametrize(
+    ("name", "factor", "check"),
+    [
+        ("hinge_damping", 1.02, "gibson_fig_7_fast_root"),
+        ("hinge_damping", 1.0001, "eigenvalue_30_ft_s"),
+        ("zero_lift_moment", 1.01, "deflection_68_ft_s"),
+        ("induced_drag", 1.02, "thrust_30_ft_s"),
+        ("inertia_pitch", 1.01, "third_printed_model_half_units"),
+    ],
+)
+def test_a_wrong_parameter_fails_its_check(parameters, name, factor, check):
+    """A wrong parameter fails the check that is expected for it, and every failed check has a
+    reason.
+    """
+    wrong = parameters._replace(**{name: getattr(parameters, name) * factor})
+    failing = [each for each in validate(hfa.aircraft(parameters=wrong)).checks if not each.ok]
+    assert check in {each.name for each in failing}
+    assert all(each.reason for each in failing)
+
+
 def test_a_wrong_eigenvalue_fails_its_check(published_aircraft, monkeypatch):
     """If one eigenvalue of the released simulation, at 68 ft/s and 0 deg, is off by 2e-4, the check of the
     eigenvalues at 68 ft/s fails, and no other.
