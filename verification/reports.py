@@ -104,11 +104,12 @@ def game_words(game: Game) -> GameWords:
     """Return the words for a game in the first line and the heading of a verdict."""
     if not game.is_discrete:
         return GameWords("linear game", "game solution")
-    discount = f"discount {game.discount:g} a step"
+    solution = "solution of the game in discrete time"
+    if game.discount != 1.0:
+        solution += f", discount {game.discount:g} a step"
     if game.dt is True:  # steps of unknown duration
-        return GameWords("discrete game", f"solution of the game in discrete time, {discount}")
-    solution = f"solution of the discounted game, {discount} of {game.dt:g} s"
-    return GameWords("sampled game", solution)
+        return GameWords("discrete game", solution)
+    return GameWords("sampled game", f"{solution}, steps of {game.dt:g} s")
 
 
 def _first_lines(verdict: Verdict, limit_cost: float | None, game: str) -> list[str]:

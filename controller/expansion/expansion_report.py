@@ -29,9 +29,9 @@ def expansion_report(expansion: Expansion) -> Report:
             f" coefficients, proved within {expansion.error:.1g}"
         ),
         parts=(
-            f"Flights of both players, without input limits, cost what V predicts within"
-            f" {100 * PERMITTED_ERROR:g} %\nin the set z'Pz <= c, which extends to these"
-            " deviations from the trim:",
+            "Sampled flights of both players, without input limits, cost what V predicts\n"
+            f"within {100 * PERMITTED_ERROR:g} % in the set z'Pz <= c, of these largest"
+            " deviations:",
             Table(("largest", "unit", *columns), rows),
         ),
         data=storable(expansion),

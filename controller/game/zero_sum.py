@@ -203,7 +203,7 @@ class Game(ByValue, Reported):
         stored = (*names, "delta")
         change, time = "z'", ""
         if self.is_discrete:
-            change, time = "z⁺", f", discount {self.discount:g} a step"
+            change, time = "z⁺", f", discount {self.discount:g} a step" * (self.discount != 1.0)
             stored += ("dt", "discount")
         return Report(
             title=f"Game on {self.names.origin}, delta {self.delta:.6g}{time}:"

@@ -37,13 +37,12 @@ def solution_report(solution: Solution) -> Report:
         f", margin {solution.delta_margin:.4g}"
     )
     if game.is_discrete:
-        title += f", discount {game.discount:g} a step"
         radius = np.abs(solution.poles()).max()
         verb = "stabilizes" if solution.is_stable else "does NOT stabilize"
-        loop = (
-            f"u = -K x {verb}: A - B K has the spectral radius {radius:.7g},"
-            f" sqrt(discount) (A - B K) {math.sqrt(game.discount) * radius:.7g}"
-        )
+        loop = f"u = -K x {verb}: A - B K has the spectral radius {radius:.7g}"
+        if game.discount != 1.0:
+            title += f", discount {game.discount:g} a step"
+            loop += f", sqrt(discount) (A - B K) {math.sqrt(game.discount) * radius:.7g}"
     else:
         poles = [value for value in solution.closed_loop_eigenvalues if value.imag >= 0]
         loop = f"closed loop A - B K, 1/s: {', '.join(map(eigenvalue_text, poles))}"
