@@ -112,14 +112,10 @@ def detents(component: Element) -> tuple[float, float]:
 SURFACES = ("elevator", "left-aileron", "right-aileron", "rudder", "flap", "speedbrake", "spoiler")
 
 
-def add_control_systems(
-    sections: Iterable[Element], properties: Properties, commands: ca.SX
-) -> None:
+def add_control_systems(sections: Iterable[Element], properties: Properties) -> None:
     """Define the properties of all components in the sections of the control system.
 
     sections: <system>, <autopilot> and <flight_control> elements
-    commands: symbols of the pilot's commands. An integrator that depends on a command has no
-        steady-state value.
     """
     order = 0
     for section in sections:
@@ -128,13 +124,11 @@ def add_control_systems(
             for component in channel.children:
                 if component.name in KINDS:
                     order += 2  # the other units of a surface are set directly after it
-                    _add_component(component, properties, commands, order, execute)
+                    _add_component(component, properties, order, execute)
     _join_units(properties)
 
 
-def _add_component(
-    component: Element, properties: Properties, commands: ca.SX, order: int, execute: str
-) -> None:
+def _add_component(component: Element, properties: Properties, order: int, execute: str) -> None:
     """Define the properties that a component sets, which its name and its outputs name.
 
     execute: property of the channel, which is executed while it is not 0, or ""
@@ -158,7 +152,7 @@ def _add_component(
         component.take()
         for child in component.all("output"):
             child.take()
-        return _output(component, properties, commands)
+        return _output(component, properties)
 
     writer = Writer(compute, component.where, order, component, is_of_file=True)
     for output_name in dict.fromkeys(names):
@@ -223,11 +217,11 @@ def join_surface(
     properties.add_writer(f"fcs/mag-{surface}-pos-rad", Writer(magnitude, "", order))
 
 
-def _output(component: Element, properties: Properties, commands: ca.SX) -> Any:
+def _output(component: Element, properties: Properties) -> Any:
     """Return the output of a component, within its limits."""
     # The output is the steady-state output, or an expression of filter states.
     if component.name in ("pid", "integrator"):
-        value = _controller(component, properties, commands)
+        value = _controller(component, properties)
     elif component.name in _COMPONENTS:
         value = _COMPONENTS[component.name](component, properties)
     else:
@@ -465,7 +459,7 @@ def _holds(test: Element, properties: Properties) -> ca.SX:
     return result
 
 
-def _controller(component: Element, properties: Properties, commands: ca.SX) -> Any:
+def _controller(component: Element, properties: Properties) -> Any:
     """Return the output of a <pid> or an <integrator> with the input u, before limits (`FGPID`)."""
     # - <pid>: kp u + ki ∫ u dt + kd u'
     # - <pid> of type "standard": kp (u + ki ∫ u dt + kd u')
@@ -476,7 +470,7 @@ def _controller(component: Element, properties: Properties, commands: ca.SX) -> 
     gain = 0.0 if integral is None else properties.value(integral.text, integral)
     integrated: Any = 0.0
     if not is_zero(gain):
-        integrated = _integral(component, properties, value, gain, commands)
+        integrated = _integral(component, properties, value, gain)
     proportional = parameter(component, "kp", properties, 0.0)
     damping = parameter(component, "kd", properties, 0.0)
     slope: Any = 0.0
@@ -489,9 +483,7 @@ def _controller(component: Element, properties: Properties, commands: ca.SX) -> 
     return proportional * value + integrated + damping * slope
 
 
-def _integral(
-    component: Element, properties: Properties, value: Any, gain: Any, commands: ca.SX
-) -> Any:
+def _integral(component: Element, properties: Properties, value: Any, gain: Any) -> Any:
     """Return the integral of gain times value, a state, which is omitted if it moves no force and
     filters are not states.
 
@@ -506,7 +498,7 @@ def _integral(
     if not properties.has_filter_states:
         # A command that the pilot holds moves the integral without end, unless controls are
         # centered.
-        if ca.depends_on(properties.at_start(value), commands):
+        if ca.depends_on(properties.at_start(value), properties.commands):
             error = LoopError(component.where, "the integrator has no steady-state value")
             return properties.unknown(error)
         properties.leave_out(component, "its integral is 0")

@@ -81,6 +81,8 @@ AFTER_ALL = 1 << 30
 _OF_ALL_FORCES = ("accelerations/", "forces/", "moments/")
 _NAME = re.compile(r"/?[A-Za-z_][\w.-]*(\[\d+\])?(/[A-Za-z_][\w.-]*(\[\d+\])?)*")
 _SLASHES = re.compile("//+")
+#: Rounding of the solution of a loop, relative to 1 or its size.
+_ROUNDING = 1e-12
 #: Depth to which two conditions are compared.
 _DEEP = 100
 #: Properties of wheels, which are 0 in flight.
@@ -192,6 +194,7 @@ class Properties:
     notes: notes for the user.
     interpolate: interpolation of tables.
     has_filter_states: whether dynamic components have states.
+    commands: symbols of the pilot's commands, a column.
     travels: (component, target) of each <kinematic> that takes time to move.
     names_read: names of the properties that were read.
     ranges: argument of a table -> lowest and highest breakpoint of its tables.
@@ -206,6 +209,7 @@ class Properties:
         is_native: function (name) -> whether JSBSim computes a property that no file sets
         """
         self.has_filter_states = has_filter_states
+        self.commands = ca.SX()
         self._is_native = is_native
         self.unknowns: list[Unknown] = []
         self._looping: list[Writer] = []  # those that need their value of the past
@@ -303,12 +307,15 @@ class Properties:
             return value
         if _is_kept(value, past):
             return ca.SX(initial)
-        # value = slope past + rest: a static loop, if the frames approach its solution
+        # A static loop, value = slope past + rest, if the frames approach its solution.
         slope = ca.jacobian(value, past)
         is_alone = len(self._loops.keys() & symbols_of(value)) == 1
-        if slope.is_constant() and abs(float(slope)) < 1.0 and is_alone:
-            return ca.substitute(value, past, 0.0) / (1.0 - slope)
-        return None
+        if not (slope.is_constant() and abs(float(slope)) < 1.0 and is_alone):
+            return None
+        solution = (ca.substitute(value, past, initial) - slope * initial) / (1.0 - slope)
+        miss = ca.fabs(ca.substitute(value, past, solution) - solution)  # not 0 past a switch
+        is_solved = miss <= _ROUNDING * (1.0 + ca.fabs(solution))
+        return ca.if_else(is_solved, solution, math.nan) if not is_zero(is_solved) else None
 
     def loop_in(self, value: Any) -> LoopError | None:
         """Return the error of a loop on which a value depends, or None."""
@@ -500,30 +507,35 @@ class Properties:
     def read_or(self, name: str, default: Any, where: str) -> Any:
         """Return the value of a property, or the default if the files do not set it.
 
-        The default is also returned, with a note, if the value depends on itself or on all forces.
+        A value in a loop is `centered`.
         """
         self.names_read.add(canonical(name))
         if self.writer(name) is None:
             return self._initial.get(canonical(name), default)
         value = self.read(name, where)
-        if error := self.loop_in(value):
-            self.notes.append(
-                Note(f"{error.cause}; kept at the initial value", canonical(name), error.where)
-            )
-            self.replace(name, default)
-            return default
-        return value
+        loop = self.loop_in(value)
+        return self.centered(name, loop) if loop else value
 
-    def read_centered(self, name: str, commands: ca.SX) -> Any:
-        """Return the value of a property with all pilot commands at 0 and all integrators at 0.
-
-        commands: symbols of the commands
+    def centered(self, name: str, loop: LoopError) -> ca.SX:
+        """Set a property in a loop to its value in the first frame, with all pilot commands and
+        integrators at 0, with a note, and return it.
         """
-        zeros = [loop.symbol for loop in self._loops.values()]
+        firsts = {
+            key_of(each.past.symbol): self.initial(each.name) for each in self._looping if each.past
+        }
+        loops = self._loops
+        symbols = [self.commands, *(each.symbol for each in loops.values())]
+        values = [ca.SX.zeros(self.commands.numel()), *(firsts.get(key, 0.0) for key in loops)]
         if not self.has_filter_states:
-            zeros += [integral.symbol for integral in self.filters]
-        zeroed = ca.vertcat(commands, *zeros)
-        return ca.substitute(ca.SX(self.read(name, "")), zeroed, ca.SX.zeros(zeroed.numel()))
+            symbols += [integral.symbol for integral in self.filters]
+            values += [0.0] * len(self.filters)
+        value = ca.substitute(ca.SX(self.read(name, "")), ca.vertcat(*symbols), ca.vertcat(*values))
+        statement = "these have their values for centered controls"
+        self.notes.append(
+            Note(statement, f"{shortened(canonical(name))} ({loop.cause})", loop.where)
+        )
+        self.replace(name, value)
+        return value
 
     def value(self, text: str, element: Element) -> Any:
         """Return the number in a text, or the value of the property that it names.

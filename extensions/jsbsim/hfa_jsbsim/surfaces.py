@@ -53,7 +53,6 @@ def use_surface_positions(
     names: properties on which the aerodynamic forces depend
     inputs: inputs by name. A surface replaces the command of the same name.
     """
-    commands = ca.vertcat(*(command.symbol for command in inputs.values()))
     positions: dict[str, PilotInput] = {}
     notes = []
     for name in names:
@@ -63,9 +62,7 @@ def use_surface_positions(
         surface = _AROUND.sub("", name.rpartition("/")[2])  # such as left-aileron
         key = surface.removeprefix("left-").removeprefix("right-").replace("-", "_")
         if key not in inputs:  # not a surface, or one without a pilot's command
-            properties.replace(name, properties.read_centered(name, commands))
-            statement = "these have their values for centered controls"
-            notes.append(Note(statement, f"{name} ({loop.cause})", loop.where))
+            properties.centered(name, loop)
             continue
         sign = -1.0 if surface.startswith("right-aileron") else 1.0  # opposite to the left one
         if key not in positions:

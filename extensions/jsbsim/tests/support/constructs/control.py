@@ -161,6 +161,13 @@ CONSTRUCTS = {
         f" </test> {_OUT} </switch>"
     )
     | {"control": '<property value="0.2">fcs/c</property>'},
+    "latch by its own test": component(
+        '<switch name="metrics/aero-rp-x-in"> <default value="6"/> <test value="2">'
+        " metrics/aero-rp-x-in gt 50 </test> </switch>"
+    ),
+    "loop that toggles": _switch(
+        '<test value="0.3"> fcs/c lt 0.1 </test> <test value="0.7"> fcs/c lt 0.5 </test>'
+    ),
     "integrator without a gain": _of("integrator", ""),
     "kinematic without times": _of(
         "kinematic",
