@@ -13,7 +13,7 @@ from hfa_support.units import si_unit
 from trim.hfa.reports import trim_report
 from trim.point.condition import release, usual_condition
 from trim.point.operating_point import OperatingPoint
-from trim.point.reasons import Reason, reason_of
+from trim.point.reasons import reason_of
 from trim.point.solve import TrimError, trim
 from trim.reports.balances import balances_of
 from trim.reports.trimmed import Trimmed
@@ -44,10 +44,10 @@ def _advised(given: GivenTrim, failure: TrimError) -> TrimError:
     warnings = [f"check: {warning}" for warning in found]
     advice = ""
     with suppress(BadInputError, NoSolutionError, ArithmeticError):  # the reason stands alone
-        advice = _advice(given, failure, reason)
+        advice = _advice(given, failure, is_known=bool(reason))
     message = str(failure)
-    if reason.sentence:
-        message = f"no trim: {reason.sentence} ({message.removeprefix('no trim: ')})"
+    if reason:
+        message = f"no trim: {reason} ({message.removeprefix('no trim: ')})"
     said = "; ".join(filter(None, (message, *warnings, advice)))
     advised = TrimError(said, failure.attempt, failure.required)
     advised.found = trim_report(failure.attempt).with_data(reason=said)
@@ -55,26 +55,22 @@ def _advised(given: GivenTrim, failure: TrimError) -> TrimError:
     return advised
 
 
-def _advice(given: GivenTrim, failure: TrimError, reason: Reason) -> str:
+def _advice(given: GivenTrim, failure: TrimError, is_known: bool) -> str:
     """Return a sentence on the options with which a trim exists, or "".
 
-    With a known reason, the first option is enough.
+    is_known: whether the reason is known: the first option is then enough
     """
     if failure.attempt._uncontrolled_rates:  # the model is at fault
         return ""
     if advice_on_inputs := _free_inputs(given):
         return advice_on_inputs
-    names = sorted(_releasable(given), key=lambda name: name != reason.free)
-    most = 1 if reason.sentence else _MOST_ADVICE
+    names = sorted(_releasable(given), key=lambda name: name != "gamma")  # steepest first
+    most = 1 if is_known else _MOST_ADVICE
     model, condition = given.model, given.condition
     saturated = _saturated_input(given, failure)
     options: list[str] = []  # with each of them a trim exists
     for name in names:
         is_rate = name not in condition.imposed
-        # A value that only the user imposes is freed last: without it, the trim is the default one.
-        is_extra = name in given.hold and name not in usual_condition(model).imposed
-        if is_extra and options:
-            continue
         # With the saturated input held at its limit, the value that is found is an extreme one: the
         # steepest climb at full thrust, and not a glide.
         freed = release(condition, free=(name,), hold={} if is_rate else saturated)
@@ -110,9 +106,10 @@ def _options(
     # An imposed airspeed, such as kcas, is not a variable of the trim: the speed is reported.
     found = name if name in point else recognized(model.states)["speed"]
     shown = model.describe(found, point[found])
-    usual = usual_condition(model).imposed.get(name)
-    is_usual = isinstance(usual, float) and model.describe(found, usual) == shown
-    if point._large_angles or is_usual:  # a strange attitude, or the value that is imposed anyway
+    problem = point.trim_problem
+    is_one_of_many = bool(problem.kept) or problem.count[1] > problem.count[0]
+    is_other = name in given.hold and is_one_of_many
+    if point._large_angles or is_other:  # a strange attitude, or away from what was asked
         return []
     held = "".join(
         f"--hold {input_name}={shown_value(value, model.unit(input_name))} "
