@@ -26,8 +26,6 @@ from trim.point.status import BALANCE
 _ANGLES_OF_ATTACK = np.arange(-4.0, 40.5, 0.5)
 #: Moment about an axis, by the role of the rate that it changes.
 _MOMENTS = {"q": "pitching", "r": "yawing", "p": "rolling"}
-#: Imposed value that gives way if the thrust cannot.
-_FLIGHT_PATH = "gamma"
 #: Halvings of a range in which the thrust jumps, and the largest change of a state there, relative
 #: to its nominal value: a larger one leads to another solution.
 _HALVINGS = 40
@@ -36,25 +34,12 @@ _NEAR = 0.5
 _LEAST_REPORTED = 1e-6
 
 
-class Reason(NamedTuple):
-    """Reason of a failed trim.
-
-    sentence: the reason, "" if it is unknown
-    free: imposed value that advice sets free first, or ""
-    """
-
-    sentence: str = ""
-    free: str = ""
-
-
-def reason_of(error: TrimError, model: Model, condition: TrimCondition) -> Reason:
-    """Return why a condition has no trim.
+def reason_of(error: TrimError, model: Model, condition: TrimCondition) -> str:
+    """Return why a condition has no trim, or "" if the reason is unknown.
 
     error: error of the trim search
     condition: condition of the failed trim
     """
-    if not model.inputs:
-        return Reason("no input changes a force or a moment")
     posed = TrimProblem(model, condition)  # with a speed in place of an airspeed
     search = _Search(posed, error.attempt, tuple(condition.imposed))
     reasons = chain(
@@ -63,7 +48,7 @@ def reason_of(error: TrimError, model: Model, condition: TrimCondition) -> Reaso
         search.of_controls(),
         search.of_rest(),
     )
-    return next(reasons, Reason())
+    return next(reasons, "")
 
 
 class _Balance(NamedTuple):
@@ -128,7 +113,7 @@ class _Search:
         ends = ((name, *self.limits[name]) for name in self.throttles)
         return {name: low + share * (high - low) for name, low, high in ends}
 
-    def of_thrust(self) -> Iterator[Reason]:
+    def of_thrust(self) -> Iterator[str]:
         """Yield what is missing at full throttle, too much at idle, or jumps between them."""
         speed = self.balanced.get("speed", "")
         if not (speed and self.throttles):
@@ -141,8 +126,7 @@ class _Search:
             excess = at.rests[speed] if share == 0.0 else -at.rests[speed]
             if excess > _LEAST_REPORTED * self.rows[speed].scale:
                 given = self._thrust(at)
-                sentence = f"at {end} the thrust is {self._force(at, speed)} too {what}{given}"
-                yield Reason(sentence, _FLIGHT_PATH)
+                yield f"at {end} the thrust is {self._force(at, speed)} too {what}{given}"
                 return
             ends.append(at)
         yield from self._of_jump(ends[1], ends[0], speed)
@@ -165,7 +149,7 @@ class _Search:
         force = at.values["weight"] / (STANDARD_GRAVITY * gravity) * rate
         return f"{force:.0f} {self.model.unit('weight')}"
 
-    def _of_jump(self, before: _Balance, after: _Balance, speed: str) -> Iterator[Reason]:
+    def _of_jump(self, before: _Balance, after: _Balance, speed: str) -> Iterator[str]:
         """Yield the jump of the thrust between two points at which the speed falls and rises."""
         low, high = 0.0, 1.0
         for _ in range(_HALVINGS):
@@ -187,10 +171,12 @@ class _Search:
         throttle = self.throttles[0]
         at = self.model.describe(throttle, before.values[throttle])
         jump = f"{self._force(before, speed)} too small to {self._force(after, speed)} too large"
-        sentence = f"no throttle balances the drag: at {throttle} {at} the thrust jumps from {jump}"
-        yield Reason(sentence + self._thrust(before), _FLIGHT_PATH)
+        yield (
+            f"no throttle balances the drag: at {throttle} {at} the thrust jumps from {jump}"
+            f"{self._thrust(before)}"
+        )
 
-    def of_lift(self) -> Iterator[Reason]:
+    def of_lift(self) -> Iterator[str]:
         """Yield the greatest lift at an imposed airspeed if it is too small at all angles."""
         airspeed = next((name for name in self.imposed if name in ("speed", *AIRSPEEDS)), "")
         alpha, speed = self.balanced.get("alpha"), self.balanced.get("speed")
@@ -198,47 +184,34 @@ class _Search:
             return
         if alpha not in self.limits:
             freed = TrimProblem(self.model, release(self.posed.condition, free=[alpha]))
-            yield from _Search(freed, self.attempt, self.imposed).of_lift()
+            search = _Search(freed, self.attempt, self.imposed)
+            yield from chain(search.of_lift(), search.of_controls())
             return
-        released = (alpha, speed, "load_factor")
-        q = self.balanced.get("q", "")
-        best = self._most_lift(*released)
-        if best is None or self._lack(best) <= 0.0:
+        moments = ("", self.balanced.get("q", ""))  # with and without balance of the moment
+        unit = conversion_factor("deg", self.model.unit(alpha)) or 1.0
+        tried = []
+        for angle, moment in product((_ANGLES_OF_ATTACK * unit).tolist(), moments):
+            held = {alpha: angle, **self.throttle(0.5)}
+            if at := self.released(held, alpha, speed, moment, "load_factor"):
+                tried.append(at)
+                if self._lack(at) <= 0.0:
+                    return
+        if not tried:
             return
-        free = self._most_lift(*released, q) or best
-        what = "the greatest lift is"
-        if self._lack(free) <= 0.0:  # without balance of the pitching moment, the lift is enough
-            controls = " and ".join(self.controls_of(q))
-            what = f"with the pitching moment balanced by {controls}, the greatest lift is"
-        else:
-            best = min(best, free, key=self._lack)
-        values = best.values
+        values = min(tried, key=self._lack).values
         size = "too small"
         if {"lift", "weight"} <= values.keys():
             share = values.get("lift_to_weight", values["lift"] / values["weight"])
             size = f"{100.0 * share:.0f} % of the weight"
-        sentence = f"{what} {size}, at {alpha} {self.model.describe(alpha, values[alpha])}"
-        if "load_factor" in self.rows:
-            needed = self.posed.condition.imposed["load_factor"]
-            sentence += f"; {100.0 * needed:.0f} % is needed"
-        yield Reason(sentence, airspeed)
+        at_alpha = f"at {alpha} {self.model.describe(alpha, values[alpha])}"
+        needed = self.posed.condition.imposed.get("load_factor", 1.0)
+        more = f"; {100.0 * needed:.0f} % is needed" if needed != 1.0 else ""
+        yield f"the greatest lift is {size}, {at_alpha}{more}"
 
     def _lack(self, at: _Balance) -> float:
         """Return a measure of the lift that is missing, which increases alpha."""
         of_load = -at.rests.get("load_factor", 0.0)  # of a pull-up
         return of_load if "load_factor" in self.rows else at.rests[self.balanced["alpha"]]
-
-    def _most_lift(self, alpha: str, *released: str) -> _Balance | None:
-        """Return the balance over alpha, at half throttle, in which the lift lacks least."""
-        best = None
-        unit = conversion_factor("deg", self.model.unit(alpha)) or 1.0
-        for angle in (_ANGLES_OF_ATTACK * unit).tolist():
-            at = self.released({alpha: angle, **self.throttle(0.5)}, alpha, *released)
-            if at is not None and (best is None or self._lack(at) < self._lack(best)):
-                best = at
-            if best is not None and self._lack(best) <= 0.0:
-                break
-        return best
 
     def controls_of(self, state: str) -> list[str]:
         """Return the free controls that change the rate of a state where the search begins, and
@@ -251,7 +224,7 @@ class _Search:
         moving = [name for name in limited if slope_of[name]]
         return sorted(moving, key=slope_of.__getitem__, reverse=True)
 
-    def of_controls(self) -> Iterator[Reason]:
+    def of_controls(self) -> Iterator[str]:
         """Yield the moment that is not balanced with its controls at either end of their range."""
         speed = self.balanced.get("speed", "")
         for role, moment in _MOMENTS.items():
@@ -259,10 +232,10 @@ class _Search:
             if not state:
                 continue
             inputs = [at for at, name in enumerate(self.posed.free) if name in self.model.inputs]
-            jacobian = self.system.equations.jacobian
-            is_moved = ca.sparsify(jacobian[[*self.rows].index(state), inputs]).nnz() > 0
+            effects = self.system.equations.jacobian[[*self.rows].index(state), inputs]
+            is_moved = ca.sparsify(effects).nnz() > 0
             if not is_moved and abs(self.attempt.scaled_residuals[state]) > BALANCE:
-                yield Reason(f"no free input changes {state}")
+                yield f"no free input changes {state}"
             # each control at both ends, with or without balance of the speed
             for name, also in product(self.controls_of(state), ("", speed)):
                 low, high = (self.released({name: end}, state, also) for end in self.limits[name])
@@ -273,12 +246,12 @@ class _Search:
                 if low.rests[state] * high.rests[state] > 0.0 and abs(nearest.rests[state]) > least:
                     rest = self.model.describe(f"{state}_dot", nearest.rests[state])
                     at = self.model.describe(name, nearest.values[name])
-                    yield Reason(
+                    yield (
                         f"the {moment} moment is not balanced at either end of {name}: "
                         f"{rest} remain at {at}"
                     )
 
-    def of_rest(self) -> Iterator[Reason]:
+    def of_rest(self) -> Iterator[str]:
         """Yield the rate without which all others balance, if the unknowns are fewer."""
         equations, unknowns = self.posed.count
         residuals = self.attempt.scaled_residuals if equations > unknowns else {}
@@ -286,5 +259,4 @@ class _Search:
             is_left = self.rows[name].is_rate and abs(residuals[name]) > BALANCE
             if is_left and (at := self.released({}, name)):
                 rest = self.model.describe(f"{name}_dot", at.rests[name])
-                free = _FLIGHT_PATH if name == self.balanced.get("speed") else ""
-                yield Reason(f"all balances but {name}, which changes by {rest}", free)
+                yield f"all balances but {name}, which changes by {rest}"
