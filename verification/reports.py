@@ -68,7 +68,7 @@ def verdict_report(
     critic = f"Critic of {source}" if source else "Critic"
     heading = [f"{critic} on {names.origin}, against the exact {words.solution}"]
     heading += about or (weights_line(verdict.exact.game),)
-    heading += verdict.critic.declared.notes
+    heading += (note for note in verdict.critic.declared.notes if note != verdict.reason)
     wrong = {check.name for check in verdict.checks if check.kind == "error" and not check.ok}
     if verdict.critic.network:  # only a wrong K, of a critic that fails, may be of another game
         wrong = wrong & {*_OF_K} if verdict.grade == "fail" else set()

@@ -213,7 +213,7 @@ class Game(ByValue, Reported):
             records=matrix_records(entries),
         )
 
-    @property
+    @cached_property
     def weights(self) -> np.ndarray:
         """Matrix [[Q, N], [N', R]] of the cost rate of (z, u), (n + m, n + m)."""
         return np.block([[self.Q, self.N], [self.N.T, self.R]])

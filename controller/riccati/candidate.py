@@ -91,14 +91,21 @@ class Candidate(NamedTuple):
 
     @classmethod
     def at(cls, equation: Equation, X: arb_mat, Y: arb_mat) -> Candidate:
-        """Return the candidate with the midpoints of the symmetric parts of X and Y."""
-        X = symmetric(X)
-        gains, residual = equation.gains_and_residual(X)
-        return cls(equation, X, gains, residual, equation.loop(X, gains), symmetric(Y))
+        """Return the candidate with the midpoints of the symmetric parts of X and Y, in balls.
+
+        Raises FailedError.
+        """
+        with failures():
+            X = symmetric(X)
+            gains, residual = equation.gains_and_residual(X)
+            return cls(equation, X, gains, residual, equation.loop(X, gains), symmetric(Y))
 
     @property
     def in_balls(self) -> Candidate:
-        """The same candidate of a proof in doubles, whose proof is in balls."""
+        """The same candidate of a proof in doubles, whose proof is in balls.
+
+        Raises FailedError.
+        """
         return Candidate.at(self.equation, self.X, ball_matrix(self.Y.middle))
 
 

@@ -333,5 +333,6 @@ def has_semidefinite_weights(game: Game) -> bool:
     has_weight = weights.any(1)
     if not has_weight.any():
         return True
+    exact = Near(weights[np.ix_(has_weight, has_weight)])
     with precision(BITS):
-        return is_positive_definite(ball_matrix(weights[np.ix_(has_weight, has_weight)])) is True
+        return bool(is_positive_definite(exact) or is_positive_definite(exact.in_balls))
