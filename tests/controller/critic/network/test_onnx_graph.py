@@ -25,7 +25,7 @@ def assert_as_onnx_runtime(path, **tolerance):
         assert np.array(policy(x)).ravel() == pytest.approx(theirs, **tolerance)
 
 
-@pytest.mark.parametrize("opset", [9, 11, 13, 20])
+@pytest.mark.parametrize("opset", [9, 13])
 def test_old_and_new_operator_sets_equal_onnxruntime(opset):
     """A graph of each operator set gives the results of ONNX Runtime.
 
@@ -70,7 +70,6 @@ def external(path):
 
 _SINGLES = {"P": np.eye(6, dtype="float32"), "ones": ONES.astype("float32")}
 _TALL = {"a": np.ones((2**12, 1), "float32"), "b": np.ones((1, 2**12), "float32")}
-_MANY = {"P": np.eye(6), "places": np.zeros(2**20, int)}
 _SUM = ("ReduceSum", "h", "y")
 _LARGE = [("ConstantOfShape", "size", "h"), _SUM]
 #: Graphs that are refused: what is said, nodes, constants, number of states.
@@ -87,16 +86,9 @@ REFUSED = {
         name: (said, [(name, "x", "y")], _SINGLES, 6)
         for name, said in {
             "Dropout": "operator Dropout is not supported; export",
-            "Loop": "the graph has a loop or a branch (operator Loop)",
             "ArgMax": "chooses one of several discrete actions",
         }.items()
     },
-    "attribute": (
-        "operator Tanh is not supported as",
-        [("Tanh", "x", "y", {"odd": 1})],
-        _SINGLES,
-        6,
-    ),
     "large": ("requires 2e+18 array elements", _LARGE, {"size": np.array([10**9] * 2)}, 6),
     "column": ("(6, 1), but only rows", [("Transpose", "x", "h"), _SUM], _SINGLES, 6),
     "first axis": (
@@ -106,12 +98,6 @@ REFUSED = {
         6,
     ),
     "large Mul": ("array elements, but at most", [("Mul", "a b", "h"), _SUM], _TALL, 6),
-    "large Gather": (
-        "array elements, but at",
-        [("Gather", "x places", "h", {"axis": 1}), _SUM],
-        _MANY,
-        6,
-    ),
 }
 
 
@@ -159,7 +145,6 @@ _UNARY = [
 #: The first state at which graphs are compared: equal to it, and above and below.
 _FIRST = {"c": (3.0 * X)[:1]}
 _WEIGHTS = RNG.normal(size=(6, 4)).astype("float32")
-_WIDE = RNG.normal(size=(6, 1600)).astype("float32")
 #: Graphs with one operator each, compared with ONNX Runtime: nodes, constants, outputs.
 GRAPHS = {
     **{f"{name} {how or ''}": ([(name, "x", "y", how)], {}, 6) for name, how in _UNARY},
@@ -196,16 +181,6 @@ GRAPHS = {
         },
         2,
     ),
-    "Slice of all axes": (
-        [("Slice", "x begin end", "y")],
-        {"begin": np.array([0, 2]), "end": np.array([1, 5])},
-        3,
-    ),
-    "Cast of integers": (
-        [("Cast", "n", "f", {"to": 1}), ("Mul", "x f", "y")],
-        {"n": np.array([7])},
-        6,
-    ),
     "Clip": ([("Clip", "x low high", "y")], {"low": np.float32(-0.5), "high": np.float32(1.5)}, 6),
     "LayerNormalization": (
         [("LayerNormalization", "x c two_c", "y", {"epsilon": 1e-4})],
@@ -217,11 +192,6 @@ GRAPHS = {
         {"c": X[0], "two_c": 2.0 * X[1], "spread": X[2] ** 2 + np.float32(0.5)},
         6,
     ),
-    "ReduceSum of none": (
-        [("ReduceSum", "x none", "y", {"noop_with_empty_axes": 1})],
-        {"none": np.zeros(0, "int64")},
-        6,
-    ),
     "Max of three": ([("Max", "x c two", "y")], _FIRST | {"two": np.float32(2)}, 6),
     "Split": (
         [("Split", "x widths", "a b", {"axis": 1}), ("Tanh", "b", "y")],
@@ -229,11 +199,6 @@ GRAPHS = {
         4,
     ),
     "Concat": ([("Tanh", "x", "t"), ("Concat", "x t", "y", {"axis": 1})], {}, 12),
-    "Gemm of a wide layer": (
-        [("Gemm", "x W", "h"), ("Tanh", "h", "t"), ("MatMul", "t V", "y")],
-        {"W": _WIDE, "V": _WIDE.T[:, :2] / 40.0},
-        2,
-    ),
     # The scale of a distribution, as exported by torch: ones_like(mean) exp(log_std).
     "Shape": (
         [
@@ -250,7 +215,6 @@ GRAPHS = {
     ),
     "Reciprocal": ([("Exp", "x", "a"), ("Reciprocal", "a", "y")], {}, 6),
     "Log": ([("Exp", "x", "a"), ("Add", "a one", "b"), ("Log", "b", "y")], {}, 6),
-    "Clip above": ([("Clip", "x low", "y")], {"low": np.float32(-0.5)}, 6),
 }
 
 
