@@ -126,8 +126,7 @@ def test_the_command_learns_from_data_with_and_without_a_plant():
     assert hfa_command("verify", "--model", "plant.npz", "--weights", "own.json").code == DONE
 
 
-@pytest.mark.parametrize("game", [STEPS, RATES.with_delta(9.0)])
-@pytest.mark.parametrize("hold", [None, 0.1])
+@pytest.mark.parametrize(("game", "hold"), [(STEPS, None), (RATES.with_delta(9.0), 0.1)])
 def test_bands_contain_the_exact_entries_in_95_percent(game, hold):
     """The 95 % bands of P and K from 40 noisy records contain 90 to 99 % of the exact entries: the
     entries of a record are correlated, so that their share scatters.
@@ -135,8 +134,6 @@ def test_bands_contain_the_exact_entries_in_95_percent(game, hold):
     The mean half-width of the bands agrees with the standard deviation over the records, and the
     stated noise with that of the data.
     """
-    if hold and game.is_discrete:
-        pytest.skip("has its own sample time")
     exact, runs = solve(game), []
     for seed in range(40):
         noise = 0.02 * (hold or 1.0)

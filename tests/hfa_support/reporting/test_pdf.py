@@ -5,8 +5,6 @@ from dataclasses import replace
 import pypdf
 import pytest
 
-from hfa_support.reporting.figure import new_figure
-from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.rows import Group, Row
 from hfa_support.reporting.text import Cell, Table
@@ -127,21 +125,6 @@ def test_a_table_wider_than_the_page_continues_in_blocks(tmp_path):
     (text,) = pages(wide, tmp_path)
     assert not lost(wide, text)
     assert text.count("column0") == 3  # blocks
-
-
-@pytest.mark.slow
-def test_a_picture_has_a_second_page_but_in_a_book(tmp_path):
-    """A picture of 9 inches that does not fit below the rows of a sheet is on a second page. In a
-    book, pictures of sheets are left out, and each sheet has one page.
-    """
-    picture = Picture("a.png", "a figure", lambda: new_figure(7.0, 9.0))
-    report = sheet(16)
-    illustrated = replace(report, parts=[*report.parts, picture])
-    assert len(pages(illustrated, tmp_path)) == 2
-    of_two = Report("book", [illustrated, sheet(3)])
-    texts = pages(of_two, tmp_path)
-    assert len(texts) == 1 + 2  # a cover and two sheets
-    assert not lost(of_two, "".join(texts))
 
 
 def test_equal_reports_give_equal_files(tmp_path):
