@@ -1,6 +1,5 @@
 """`hfa solve`, `hfa learn` and `hfa verify` on the aircraft and on plants from files."""
 
-import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import answer, hfa
-from game_files import AT_15, small, stored
+from game_files import AT_15, small
 
 from controller.learning import laws
 from hfa.main import FAILED
@@ -40,26 +39,6 @@ def test_sizes_are_typed_in_degrees_and_in_the_units_of_the_model(speed, options
     sized = ("solve", *AT_15, *options, "--sizes", sizes, "--delta", "inf")
     assert np.allclose(answer(*sized)["K"], weighted["K"], rtol=1e-9)
     assert "alpha 5 deg, throttle 40" in " ".join(hfa(*sized).out.split())
-
-
-def test_the_verdict_on_a_learned_file_is_that_of_the_learning():
-    """`verify` of the file that `learn` writes has the exit code and the checks of `learn`; the file
-    contains the last weights W alone, and no iterates.
-    """
-    steps = {"A": [[1.0, 0.1], [0.0, 0.9]], "B": [[0.0], [0.1]], "Q": np.eye(2), "R": [[1.0]]}
-    plant = stored("plant.json", **steps, time="discrete")
-    run = hfa("learn", "--model", plant, "-o", "learned.json")
-    learned = json.loads(Path("learned.json").read_text(encoding="utf-8"))
-    assert np.ndim(learned["W"]) == 1
-    assert not {"time", "times", "weights", "iterates"} & set(learned)
-    judged = hfa("verify", "--model", plant, "--weights", "learned.json", "--json")
-    assert judged.code == run.code
-    checks = {check["name"]: check for check in json.loads(judged.out)["checks"]}
-    for check in learned["certificates"]:
-        if check["name"] != "data_rank":  # `verify` has no data
-            judged_too = checks[check["name"]]
-            assert judged_too["ok"] == check["ok"]
-            assert judged_too["value"] == pytest.approx(check["value"], rel=1e-6, abs=1e-12)
 
 
 def test_a_wrong_gain_that_is_learned_has_exit_code_1(monkeypatch):

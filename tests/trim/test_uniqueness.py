@@ -119,32 +119,3 @@ def test_a_trim_with_every_state_set_free_is_one_of_many():
     name = first.partition("(--hold ")[2].partition("=")[0]
     held = hfa.trim(PLANE, hold={"h": 500.0, name: released[name]}, free=[*free - {name}])
     assert "One of many" not in str(held.report())
-
-
-def test_which_states_keep_their_start_value_does_not_depend_on_units():
-    """In a climb at an imposed gamma, V and h keep their start values, 55 m/s and 500 m, also in km/s and
-    mm, with alpha in degrees and without nominal values.
-    """
-
-    def in_degrees(x, u, p, w):
-        rates, outputs = plane(
-            x._replace(V=1000.0 * x.V, a=ca.pi / 180.0 * x.a, h=1e-3 * x.h), u, p, w
-        )
-        rates |= {"V": rates["V"] / 1000.0, "a": rates["a"] * 180.0 / ca.pi, "h": 1e3 * rates["h"]}
-        return rates, outputs
-
-    states = {
-        "V": Signal("km/s", start=0.055),
-        "a": Signal("deg"),
-        "nose": Signal("rad"),
-        "q": Signal("rad/s"),
-        "h": Signal("mm", start=5e5),
-    }
-    inputs = {"T": Signal("N", start=1500.0), "stick": Signal("rad"), "flap": ANGLE}
-    outputs = {"gamma": ANGLE}
-    model = Model(
-        "plane", states, inputs, in_degrees, outputs=outputs, trim={"gamma": 0.05, "flap": 0.1}
-    )
-    point = hfa.trim(model, free=["h_dot"])  # the altitude changes in a climb
-    assert point["V"] == 0.055
-    assert point["h"] == 5e5

@@ -13,7 +13,6 @@ from own_models import NAVION
 import hfa
 from hfa import BadInputError, OperatingPoint, trim
 from hfa_aircraft import in_si
-from studies.validation.outside import released_trims
 from trim import load_condition
 
 
@@ -34,18 +33,6 @@ def test_wrong_files_are_refused(point, tmp_path, pattern, replacement, words):
     assert count == 1
     path.write_text(text, encoding="utf-8")
     assert words in refusal(lambda file: OperatingPoint.load(file, hfa.aircraft()), path)
-
-
-@pytest.mark.parametrize(("name", "speed"), [("simvfa-64", 64.0), ("simvfa-30", 30.0)])
-def test_trims_at_released_conditions_have_released_angles(published_aircraft, name, speed):
-    """Trims at the dihedral angles of the released simulation have its speed and angles of attack."""
-    condition = load_condition(name)
-    trims = [each for each in released_trims() if each.speed == speed]
-    assert len(trims) >= 5
-    for released in trims:
-        point = trim(published_aircraft, condition.at(released.dihedral))
-        assert point.states.speed == speed
-        assert point.states.alpha == pytest.approx(released.alpha, abs=1e-7)
 
 
 @pytest.mark.parametrize(

@@ -187,20 +187,6 @@ def test_the_game_on_a_row_of_stored_models_is_that_at_its_condition(folder, suf
     np.testing.assert_allclose(found, there, rtol=1e-9)
 
 
-def test_a_stored_linear_model_is_read_back_whole(folder):
-    """The trim, the outputs, the winds and n/alpha of a linear model that `linearize -o` wrote are those of
-    the aircraft.
-    """
-    navion = ("--aircraft", f"{ROOT}/examples/navion.py:NAVION")
-    outputs = ("--outputs", "alpha,load_factor")
-    first = answer("linearize", *navion, *outputs, "-o", "one.json")
-    again = answer("linearize", "--aircraft", "one.json", *outputs)
-    for name in ("A", "B", "C", "D", "state_offsets", "input_offsets", "output_offsets"):
-        np.testing.assert_allclose(again[name], first[name], atol=1e-12, err_msg=name)
-    qualities = [each["handling_qualities"]["n/alpha"]["value"] for each in (first, again)]
-    assert qualities[1] == pytest.approx(qualities[0], rel=1e-9)
-
-
 def test_a_document_has_all_matrices_of_each_condition(tmp_path):
     """A page of models.md for each trim has C of the chosen outputs, models.csv its entries too."""
     rows, outputs = tmp_path / "rows.csv", ("load_factor", "gamma")
