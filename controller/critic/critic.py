@@ -377,13 +377,13 @@ def from_functions(
         sizes = _SIZE_WITHOUT_BOX * np.where(costs > 0.0, costs, 1.0) ** -0.5
     P, is_nonsmooth = None, False
     if gradient is not None:
-        of_V = _slope_at_trim(gradient, z, sizes, sizes.max() / sizes, "second derivative of V")
+        of_V = slope_at_trim(gradient, z, sizes, sizes.max() / sizes, "second derivative of V")
         P, is_nonsmooth = of_V.mean / 2.0, of_V.is_nonsmooth
     if u is None:
         assert P is not None  # V or its gradient is given
         K = game.gain(P)
     else:
-        of_u = _slope_at_trim(u, z, sizes, np.diag(game.R) ** -0.5, "slope of the policy")
+        of_u = slope_at_trim(u, z, sizes, np.diag(game.R) ** -0.5, "slope of the policy")
         K, is_nonsmooth = -of_u.mean, of_u.is_nonsmooth
     if is_nonsmooth:
         origin += "; nonsmooth point at the trim: K has the mean slopes of both sides"
@@ -444,16 +444,16 @@ _LEAST_SHARE = 0.5
 _SIZE_WITHOUT_BOX = 1e-200
 
 
-class _Slope(NamedTuple):
+class Slope(NamedTuple):
     """Slope at the trim, (k, n), and whether other slopes were found beside it."""
 
     mean: np.ndarray
     is_nonsmooth: bool
 
 
-def _slope_at_trim(
+def slope_at_trim(
     expression: ca.SX, z: ca.SX, sizes: np.ndarray, units: np.ndarray, what: str
-) -> _Slope:
+) -> Slope:
     """Return the slope of k entries at z = 0: the mean of the derivatives at two opposite states.
 
     The derivative at 0 itself is CasADi's choice where an activation has a kink. The function is
@@ -489,7 +489,7 @@ def _slope_at_trim(
         is_large = _LEAST_CHANGE * largest(far) < change < math.inf
     mean = (near[0] + near[1]) / 2.0
     _refuse_not_finite({what: mean})
-    return _Slope(mean, is_large and near_change > _LEAST_SHARE * change)
+    return Slope(mean, is_large and near_change > _LEAST_SHARE * change)
 
 
 def from_weights(

@@ -199,10 +199,11 @@ class Assessor:
     def _linear_point(self, case: TrimCase, delays: Delays | None) -> AssessedPoint:
         """Return the result of the linear loop at a trim, without flights."""
         point = AssessedPoint(self.deployed, case, share=self.needs.get(SHARE, ALL))
-        if not _has_slope(self.deployed, case):
+        at_kink = case.equilibrium is not None and case.equilibrium.is_nonsmooth
+        if at_kink or not _has_slope(self.deployed, case):
             steps = (
-                "no linear figures: the slope of the policy at the trim is not that over its steps "
-                "or its noise; the flights decide"
+                "no linear figures: the slope of the policy at the trim is not that over its "
+                "kinks, steps or noise; the flights decide"
             )
             return replace(point, case=replace(case, loop=None), remarks=(steps,))
         if case.loop is None:
@@ -229,8 +230,7 @@ def _has_slope(deployed: Deployed, case: TrimCase) -> bool:
     columns = model.input_places(deployed.commanded)
     units = model.nominal(deployed.commanded)[:, None]
     rows = model.state_places(model.linear)
-    _, by_states, _ = deployed.command_slopes(point.x, point.u, trim)
-    derivative = np.array(by_states)[np.ix_(columns, rows)] * case.box / units
+    derivative = EquilibriumSearch(deployed, point).at_trim().K * case.box / units
 
     def command(x: np.ndarray) -> np.ndarray:
         return np.array(deployed.command(x, point.u, trim)).ravel()[columns]

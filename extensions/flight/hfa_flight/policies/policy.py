@@ -116,6 +116,10 @@ class Policy(Reported):
         """
         return self, scenario
 
+    def tolerates(self) -> str:
+        """Return the further delay that the linear loop tolerates, for a first line, or ""."""
+        return ""
+
     def notes(self) -> tuple[str, ...]:
         """Return sentences on the last flight for its report."""
         return ()

@@ -154,8 +154,7 @@ def _latency_text(plan: MonteCarlo) -> str:
     uncertain = plan.scenario.uncertainty
     if isinstance(plan.policy, OpenLoop) or not (uncertain.noise or uncertain.turbulence):
         return ""
-    more = plan.policy.tolerates() if isinstance(plan.policy, FilteredPolicy) else ""
-    return f" ({plan.scenario.text(plan.model)}{more})"
+    return f" ({plan.scenario.text(plan.model)}{plan.policy.tolerates()})"
 
 
 def _least_text(plan: MonteCarlo) -> list[str]:

@@ -25,7 +25,6 @@ from hfa_flight.air.gusts import (
 from hfa_flight.air.held_step import step_count
 from hfa_flight.air.scenario import MOST_STEPS, Scenario
 from hfa_flight.air.signals import Deviations, series
-from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.policies.policy import GainPolicy, OpenLoop
 from hfa_flight.simulate.closed_loop import FlightLoop, LinearPlant
@@ -487,9 +486,7 @@ class Flight(StatesAndInputs, Result, Reported):
         if self.loop.scenario.is_random:
             outcome += f"; 1 random flight (seed {self.loop.scenario.seed})"
             if not isinstance(self.loop.policy, OpenLoop):
-                outcome += f", {self.loop.scenario.text(self.point.model)}"
-            if isinstance(self.loop.policy, FilteredPolicy):
-                outcome += self.loop.policy.tolerates()
+                outcome += f", {self.loop.scenario.text(self.model)}{self.loop.policy.tolerates()}"
         if (without := self.uncontrolled_within_limits) is not None:
             outcome += f"; without control {verdict_text(without)}"
             outcome += ", so the policy is worse" if without and not self.ok else ""

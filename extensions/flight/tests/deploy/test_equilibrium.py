@@ -76,6 +76,20 @@ def test_the_equilibrium_balances_the_offset_of_the_policy():
     assert (found.clips, found.clipped_observations) == ((), ())
 
 
+def test_a_kink_at_the_equilibrium_leaves_out_linear_figures():
+    """A gain that is K for positive deviations and K / 3 for negative ones, whatever CasADi's
+    derivative at 0: K has the mean of both, and no margins are stated.
+    """
+
+    def kinked(o):
+        return -ca.DM(K) @ ca.if_else(o > 0.0, o, o / 3.0)
+
+    (point,) = assessed(kinked).points
+    np.testing.assert_allclose(point.equilibrium.K, 2.0 / 3.0 * K, rtol=1e-9)
+    assert point.margins is None
+    assert "no linear figures" in point.remarks[0]
+
+
 def test_a_saturated_equilibrium_fails_and_its_actions_are_named():
     """An equilibrium at the end of an action's box or at a limit of an input does not pass.
 

@@ -353,18 +353,6 @@ class Deployed:
         a = self.act(self.observe(X, U, trim))
         return ca.Function("command", [X, U, trim], [ca.densify(self.inputs(a, X, U, trim))])
 
-    @cached_property
-    def command_slopes(self) -> ca.Function:
-        """Function (X, U, trim) -> (commanded U, derivatives by X (m, n), derivatives by U (m, m)).
-
-        The argument U is the input just before the sample.
-        """
-        X, U, trim = self.symbols(self.command)
-        commanded = self.command(X, U, trim)
-        slopes = [ca.jacobian(commanded, X), ca.jacobian(commanded, U)]
-        parts = [ca.densify(part) for part in (commanded, *slopes)]
-        return ca.Function("command_slopes", [X, U, trim], parts)
-
 
 def _rounded(value: ca.SX, entry: Mapping[str, Any]) -> ca.SX:
     """Return a value rounded to multiples of the quantizer of an entry, if it has one."""

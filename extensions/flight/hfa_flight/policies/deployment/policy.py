@@ -154,13 +154,5 @@ def flown_deployment(given: Deployment | Path, point: OperatingPoint) -> Deploye
     deployed = Deployed(Deployment.of(given), point.model)
     deployed.refuse_undefined_at([point])
     name = "deployment" if isinstance(given, Deployment) else f"of {given}"
-    return policy_about(deployed, point, name)
-
-
-def policy_about(deployed: Deployed, point: OperatingPoint, name: str) -> DeployedPolicy:
-    """Return a deployment on its aircraft as a policy for flights from a trim.
-
-    name: name of the policy in reports
-    """
     held = np.zeros((1, len(point.model.inputs)))  # the sampler returns them in flight
     return DeployedPolicy(name, deployed, point, held=held)

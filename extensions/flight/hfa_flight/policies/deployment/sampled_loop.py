@@ -21,10 +21,13 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from controller.critic.critic import Slope, slope_at_trim
+from controller.critic.features import symbols_for
 from hfa_aircraft.limits import Limits
 from hfa_flight.air.held_step import acting_commands, in_samples, samples_under_way
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import MOST_SAMPLES
+from hfa_support.errors import BadInputError
 from hfa_support.matrices import balanced, spectral_radius
 from hfa_support.reporting.results import Matrix
 from trim.linear.frequency_response import System, in_continuous_time
@@ -63,7 +66,8 @@ class Equilibrium:
 
     states: X, (n,). States outside the linear model have their trim values.
     inputs: U, (m,).
-    K: (m', k), -∂u/∂x of the commanded inputs u and the linear states x.
+    K: (m', k), -∂u/∂x of the commanded inputs u and the linear states x; at a kink, where u has no
+        slope, the mean of its sides (`is_nonsmooth`), as of a critic.
     nominal: the linearization in nominal values.
     clips: descriptions of saturated actions and inputs.
     clipped_observations: names of the observations that the normalizer clips.
@@ -75,6 +79,7 @@ class Equilibrium:
     nominal: NominalLoop
     clips: tuple[str, ...] = ()
     clipped_observations: tuple[str, ...] = ()
+    is_nonsmooth: bool = False
 
 
 class _Residual(NamedTuple):
@@ -83,12 +88,10 @@ class _Residual(NamedTuple):
     z: (n + m,)
     values: (k + m',), rates of the linear states beside those at the trim, and inputs beside the
         commanded ones.
-    jacobian: (k + m', k + m'), by the linear states and commanded inputs in nominal values.
     """
 
     z: np.ndarray
     values: np.ndarray
-    jacobian: np.ndarray
 
     @property
     def size(self) -> float:
@@ -133,7 +136,7 @@ class EquilibriumSearch:
         here = self._residual_at(self.base)
         for _ in range(_MOST_STEPS):
             # It goes on to a thousandth of the accepted residual.
-            if here.size <= _STEADY * 1e-3 or not np.isfinite(here.jacobian).all():
+            if here.size <= _STEADY * 1e-3:
                 break
             following = self._after_newton_step(here)
             if following is None:
@@ -145,7 +148,13 @@ class EquilibriumSearch:
         """Return a point with a smaller residual, after a Newton step that is halved if it is
         too long, or None.
         """
-        step = np.linalg.lstsq(here.jacobian, -here.values, rcond=1e-12)[0]
+        try:
+            jacobian = self._jacobian_at(here.z)
+        except BadInputError:  # a slope is not finite
+            return None
+        if not np.isfinite(jacobian).all():
+            return None
+        step = np.linalg.lstsq(jacobian, -here.values, rcond=1e-12)[0]
         for halvings in range(_MOST_HALVINGS):
             z = here.z.copy()
             z[self.moving] += step / 2.0**halvings * self.scales
@@ -154,41 +163,44 @@ class EquilibriumSearch:
                 return following
         return None
 
-    def _command_and_slopes(
-        self, X: np.ndarray, U: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the commanded inputs (m',) at X and U, and their slopes by the linear states
-        (m', k) and by the commanded inputs just before the sample (m', m').
-        """
-        commanded, by_states, by_inputs = self.deployed.command_slopes(X, U, self.trim)
-        u = np.array(commanded).ravel()[self.columns]
-        by_linear = np.array(by_states)[np.ix_(self.columns, self.rows)]
-        return u, by_linear, np.array(by_inputs)[np.ix_(self.columns, self.columns)]
+    def _slope_at(self, z: np.ndarray) -> Slope:
+        """Return the slope of the commanded inputs at a point by the entries of z that move."""
+        command = self.deployed.command
+        d, count = symbols_for([command], len(self.moving)), len(self.model.states)
+        at = ca.DM(z) + ca.DM(np.eye(len(z))[:, self.moving]) @ d
+        u = command(at[:count], at[count:], ca.DM(self.trim))[self.columns]
+        return slope_at_trim(u, d, self.scales, self.input_scales, "slope of the policy")
 
     def _residual_at(self, z: np.ndarray) -> _Residual:
-        """Return the scaled residual of the equilibrium conditions at a point z = (X; U).
+        """Return the scaled residual of the equilibrium conditions at a point z = (X; U)."""
+        X, U = np.split(z, [len(self.model.states)])
+        try:
+            rates = self.model.at(X, U).f[self.rows]
+        except FloatingPointError:
+            return _Residual(z, np.full(len(self.moving), np.nan))
+        u = np.array(self.deployed.command(X, U, self.trim)).ravel()[self.columns]
+        values = np.concatenate([rates - self.steady_rates, U[self.columns] - u])
+        return _Residual(z, values / self.residual_scales)
 
-        Its Jacobian is that by the scaled linear states and commanded inputs, `moving`.
+    def _jacobian_at(self, z: np.ndarray) -> np.ndarray:
+        """Return the derivatives of the scaled residual by the scaled entries of z that move.
+
+        Raises BadInputError if the slope of the policy is not finite.
         """
         X, U = np.split(z, [len(self.model.states)])
-        count = len(self.moving)
-        try:
-            plant = self.model.at(X, U)
-        except FloatingPointError:
-            return _Residual(z, np.full(count, np.nan), np.full((count, count), np.nan))
-        u, by_states, by_inputs = self._command_and_slopes(X, U)
-        values = np.concatenate([plant.f[self.rows] - self.steady_rates, U[self.columns] - u])
+        plant = self.model.at(X, U)
         A = plant.A[np.ix_(self.rows, self.rows)]
         B = plant.B[np.ix_(self.rows, self.columns)]
-        jacobian = np.block([[A, B], [-by_states, np.eye(len(u)) - by_inputs]])
-        per_residual = self.residual_scales[:, None]
-        return _Residual(z, values / self.residual_scales, jacobian * self.scales / per_residual)
+        slope = self._slope_at(z).mean
+        rows = np.vstack([np.hstack([A, B]), np.eye(len(slope), len(self.moving), len(A)) - slope])
+        return np.asarray(rows * self.scales / self.residual_scales[:, None])
 
     def _linearized_at(self, z: np.ndarray) -> Equilibrium:
         """Return the linearization at a point (X; U), and what is saturated or clipped there."""
         X, U = np.split(z, [len(self.model.states)])
         plant, _ = linearization_at(self.model, X, U)
-        _, by_states, by_inputs = self._command_and_slopes(X, U)
+        slope = self._slope_at(z)
+        by_states, by_inputs = np.split(slope.mean, [len(self.rows)], axis=1)
         A = plant.A[np.ix_(self.rows, self.rows)]
         B = plant.B[np.ix_(self.rows, self.columns)]
         x, u = self.state_scales, self.input_scales  # nominal values
@@ -211,6 +223,7 @@ class EquilibriumSearch:
                 *self._inputs_at_limits(deployed.unlimited_inputs(action, X, U, self.trim)),
             ),
             clipped_observations=self._clipped_observations(normalized),
+            is_nonsmooth=slope.is_nonsmooth,
         )
 
     def _actions_at_ends(self, raw: np.ndarray) -> list[str]:
