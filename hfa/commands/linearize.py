@@ -39,7 +39,7 @@ class LinearizeRequest(Request, TrimOptions):
     """Options of `hfa linearize`."""
 
     needs_dihedral: ClassVar = True
-    output: Path | None = output_option(".pdf", purpose=_PURPOSE)
+    output: Path | None = output_option(".pdf", stores=(".zarr",), purpose=_PURPOSE)
     aircraft: str | None = option(aircraft_help, "FILE.py:NAME")
     picture: Path | None = picture_option("Bode plots from each input to each output")
     states: tuple[str, ...] | None = option(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,10 +15,11 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
+from hfa_support.files import folder_written_whole
 from hfa_support.progress import Progress
 from hfa_support.reporting.parts import NO_RECORDS
 from hfa_support.reporting.report import Report, Reported
-from hfa_support.reporting.results import Entries, Result, Stack, save_data, storable
+from hfa_support.reporting.results import Entries, Result, Stack, json_text, save_data, storable
 from hfa_support.reporting.rows import stated_level, with_names
 from hfa_support.reporting.text import Table, eigenvalue_text, shown_values, with_shown_unit
 from trim.linear.linear_model import MATRICES, OFFSETS, LinearModel
@@ -31,10 +32,11 @@ from trim.point.status import CATEGORY, CLASS, NAME, RESULTS, STALLED, TRIMMED, 
 from trim.reports.levels import DEFAULT_AIRPLANE, Airplane, graded_modes
 from trim.reports.linear_report import report_of_linear, reported_matrices
 from trim.reports.trimmed import Trimmed
-from trim.tables import eigenvalue_headings, entry_headings
+from trim.tables import dataset, eigenvalue_headings, entry_headings
 
 if TYPE_CHECKING:
     import pandas
+    import xarray
 
 #: Suffixes of data that are no document.
 _DATA = (".json", ".mat", ".csv")
@@ -350,21 +352,38 @@ class Conditions(StatesAndInputs, Result, Reported):
         arrays |= {name: (("mode",), array) for name, array in of_modes.items()}
         return {name: (("condition", *axes), array) for name, (axes, array) in arrays.items()}
 
+    def to_xarray(self) -> xarray.Dataset:
+        """Return `arrays` with the names of conditions and signals, and units. Requires xarray."""
+        model = self.model
+        words = partial(np.array, dtype=object)  # of any length
+        coordinates: dict[str, Any] = {
+            axis: (axis, words(names), {"units": [*model.units(names)]})
+            for axis, names in self._axes.items()
+        }
+        coordinates |= {"condition": words(self.names), "rate": words(self.signals.states)}
+        return dataset(self.arrays, coordinates, model.title)
+
     def save(self, path: str | Path, provenance: Mapping[str, Any] | None = None) -> None:
         """Write the conditions to a file.
 
         - .json, .mat: the linear models as a list, or an array of structs, `models`
         - .npz: `arrays`, with the names and units of the signals
+        - .zarr: `to_xarray`
         - .csv: `records`
         - .html, .pdf, .tex, .md: the report, with a page of A to F for each linear model
 
         provenance: provenance of the results, or None
 
-        Raises BadInputError for another suffix.
+        Raises BadInputError for another suffix, and for a store that exists.
         """
         path = Path(path)
         suffix = path.suffix.lower()
         origin = {"provenance": dict(provenance)} if provenance else {}
+        if suffix == ".zarr":
+            attributes = {name: json_text(entry) for name, entry in origin.items()}
+            with folder_written_whole(path) as folder:
+                self.to_xarray().assign_attrs(attributes).to_zarr(folder, consolidated=False)
+            return
         if suffix == ".npz":
             arrays = {name: array for name, (_, array) in self.arrays.items()}
             words = [name for name, array in arrays.items() if array.dtype == object]

@@ -38,3 +38,27 @@ def test_a_sweep_is_an_xarray_dataset():
     listed = hfa.sweep(F16, {"speed": [400.0, 500.0], "xcg": [0.3, 0.35]}, listed=True).to_xarray()
     assert listed.B.dims == ("point", "rate", "input")
     assert listed.xcg.values.tolist() == [0.3, 0.35]
+
+
+def test_trims_and_linear_models_are_datasets(tmp_path):
+    """Entries of an operating point, a linear model, and the linear models of two conditions, which
+    are read from a Zarr store, are selected by name and have units.
+    """
+    import xarray
+
+    model = hfa.aircraft()
+    point = hfa.trim(model)
+    linear = point.linearize()
+    dataset = linear.to_xarray()
+    assert float(dataset.A.sel(rate="speed", state="pitch")) == linear.A["speed", "pitch"]
+    assert float(dataset.U0.sel(input="throttle")) == point["throttle"]
+    assert dataset.state.attrs["units"][:2] == ["ft/s", "rad"]
+    trimmed = point.to_xarray()
+    assert float(trimmed.alpha) == point["alpha"]
+    assert trimmed.alpha.attrs["units"] == "rad"
+    (tmp_path / "two.csv").write_text("name,dihedral [deg]\nlow,5\nhigh,10\n")
+    models = hfa.conditions(model, str(tmp_path / "two.csv"))
+    models.save(tmp_path / "models.zarr")
+    with xarray.open_zarr(tmp_path / "models.zarr", consolidated=False) as stored:
+        entry = stored.A.sel(condition="high", rate="alpha", state="pitch_rate")
+        assert float(entry) == models.linear[1].A["alpha", "pitch_rate"]
