@@ -11,7 +11,7 @@ from game_files import stored
 from tolerances import FEW_ROUNDINGS
 
 import hfa
-from controller import basis, critic_in
+from controller import critic_in
 from hfa import BadInputError, Game, LinearModel
 from hfa.extend import Reading
 
@@ -61,15 +61,6 @@ def test_bad_entries_are_refused_in_one_line(game, content, message):
     assert re.search(f"^a.json: .*{message}", said)
 
 
-@pytest.mark.parametrize(
-    ("name", "n", "says"), [("quadratic", 0, "0 st"), ("paper", 4, "6 states")]
-)
-def test_a_basis_needs_its_states(name, n, says):
-    """A basis of 0 states, and the paper's, which has 6 states, for 4, are refused."""
-    with pytest.raises(BadInputError, match=says):
-        basis(name, n)
-
-
 @pytest.mark.parametrize("has_gain", [False, True])
 def test_a_value_with_a_policy_of_its_own_keeps_both(has_gain):
     """A file with W and a policy has V of W, and not the policy that V implies.
@@ -105,14 +96,6 @@ def test_functions_of_a_critic_follow_its_matrices():
     assert np.array(gain.policy(z)).ravel() == pytest.approx(-K[1] @ z, rel=FEW_ROUNDINGS)
 
 
-def test_the_policy_of_a_value_is_that_of_its_symmetric_part():
-    """z'Pz is the same for P with the off-diagonal entries 0.4, 0.4 and 0.7, 0.1; so is K."""
-    symmetric, other = (
-        hfa.from_value(GAME, P) for P in ([[2.0, 0.4], [0.4, 1.0]], [[2.0, 0.7], [0.1, 1.0]])
-    )
-    np.testing.assert_allclose(other.K, symmetric.K)
-
-
 def test_the_files_basis_applies_unless_another_is_named():
     """The basis in a critic file, a name or a list of functions, applies to the file's weights W. A
     basis that the caller names replaces it; the quadratic one does not fit five weights.
@@ -137,9 +120,7 @@ CRITICS = {
     "value": {"P": [[2.0, 0.3], [0.3, 1.0]]},
     "weights": {"W": np.arange(5.0) + 1.0, "basis": "quadratic+linear"},
     "listed functions": {"W": [1.0, 2.0], "basis": "x1**2 + x2**2, x2**4"},
-    "value and gain": {"P": I2, "K": [[1.0, -2.0], [3.0, 0.5]]},
     "value and policy": {"P": I2, "policy_weights": np.arange(10.0).reshape(2, 5)},
-    "Q": {"H": np.diag([4.0, 3.0, 2.0, 5.0]) + 0.1},
     "Q with disturbances": {"H": np.diag([4.0, 3.0, 2.0, 5.0, -9.0, -8.0]) + 0.1},
 }
 
@@ -194,16 +175,12 @@ NAMED = replace(
     ("entries", "says"),
     [
         ({"state_units": ["m/s", "kg"]}, "state 2 is in kg in the file"),
-        ({"input_units": ["N", "mol"]}, "input 2 is in mol in the file"),
         ({"state_units": ["m/s"] * 3}, "state_units lists 3 units"),
         ({"states": ["alpha", "speed"]}, "the states are alpha, speed in the file"),
-        ({"state_labels": ["alpha", "speed"]}, "the states are alpha, speed in the file"),
-        ({"state_names": ["alpha", "speed"]}, "the states are alpha, speed in the file"),
         ({"time": "discrete"}, "a policy in discrete time"),
         # H, the matrix of Q(x, u, w), exists in discrete time only.
         ({"H": np.eye(6)}, "a policy in discrete time"),
         ({"inputs": ["Aileron", "Elevator"]}, "the inputs are Aileron, Elevator in the file"),
-        ({"states": ["alpha", "V"]}, "the states are alpha, V in the file"),
     ],
 )
 def test_a_gain_of_another_plant_is_refused(entries, says):
@@ -246,32 +223,6 @@ def test_a_gain_of_one_input_may_be_a_vector():
         assert found.K.tolist() == [[4.0, 3.0]]
     with pytest.raises(BadInputError, match="dimensions of K is 1; give 2"):
         critic_in("k.npz", GAME)
-
-
-@pytest.mark.parametrize(
-    "library", ["pandas", pytest.param("polars", marks=pytest.mark.slow), "xarray"]
-)
-def test_labels_of_frames_are_matched_by_name(library):
-    """A frame of K with its columns in the order (alpha, speed) gives K in the order of ONE.
-
-    Other labels are refused. Columns with the labels 0 and 1 are taken in their order.
-    """
-    package = pytest.importorskip(library)
-
-    def frame(columns):
-        if library == "pandas":
-            return package.DataFrame([[3.0, 4.0]], index=["push"], columns=columns)
-        if library == "polars":
-            return package.DataFrame([[3.0, 4.0]], schema=columns, orient="row")
-        return package.DataArray([[3.0, 4.0]], coords={"u": ["push"], "x": columns})
-
-    assert hfa.from_gain(ONE, frame(["alpha", "speed"])).K.tolist() == [[4.0, 3.0]]
-    with pytest.raises(
-        BadInputError, match="K has the labels alpha, V; label each of speed, alpha"
-    ):
-        hfa.from_gain(ONE, frame(["alpha", "V"]))
-    if library != "polars":
-        assert hfa.from_gain(ONE, frame([0, 1])).K.tolist() == [[3.0, 4.0]]
 
 
 class Tensor:

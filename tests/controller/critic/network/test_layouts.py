@@ -48,13 +48,6 @@ def test_a_zip_gives_the_actions_of_stable_baselines(name):
     assert ("ars" in name) == (critic.declared.notes == ())
 
 
-def test_a_value_beside_a_policy_is_not_limited_to_the_box_of_actions():
-    """Of a PPO zip with a policy and V, the policy is limited to its box, and V is not."""
-    both = read(ZIPS / "ppo.zip", network="V=value_net,policy=policy_net+action_net")
-    assert both.u(OBSERVED) == pytest.approx(np.array(STORED["actions"]["ppo"]), abs=1e-6)
-    assert np.array(both.value(100.0 * OBSERVED.T)).max() > 2.0  # the upper end of the box
-
-
 def test_only_the_activation_of_the_zip_may_be_given():
     """The activation "elu" that a PPO zip contains may be given, too; another one is refused."""
     own = read(ZIPS / "ppo.zip")

@@ -16,15 +16,6 @@ pytestmark = pytest.mark.usefixtures("folder")
 # Several outputs, scales, bases in words.
 
 
-def test_the_scale_of_inputs_is_applied(game):
-    """With an option scale, a layer w is the policy u = w (scale z). The layer -K / scale with the exact
-    gain K of the paper's game has this gain.
-    """
-    scale = np.array([1 / 7.0, *[10.0] * 5])
-    path = torch_file("scaled.pt", {"weight": -gain(game) / scale})
-    assert pytest.approx(gain(game), rel=1e-6) == from_network(game, path, scale=scale).K
-
-
 def test_a_scale_without_a_number_for_each_state_is_refused():
     """A scale of 2 numbers is refused for 6 states."""
     path = torch_file("scaled.pt", {"weight": np.ones((5, 6))})
@@ -80,22 +71,6 @@ def test_networks_with_unsuitable_output_numbers_are_refused(game):
     one = Game(-np.eye(3), np.ones((3, 1)), Q=np.ones(3), R=[1.0])
     path = torch_file("policy.pt", {"weight": -np.ones((1, 3))})
     assert np.array_equal(from_network(one, path).K, from_network(one, path, network="policy=").K)
-
-
-def test_one_layer_on_one_state_is_a_policy_unless_v_is_asked_for():
-    """A 1 x 1 layer is the gain of u = w x, or, with network="V=", the weight of V = w x².
-
-    The exact -K passes as a policy, the exact P as a value; -K fails as a value.
-    """
-    plant = Game([[-1.0]], [[1.0]], Q=[1.0], R=[1.0])
-    exact = solve(plant)
-    policy, value = (
-        torch_file(f"{name}.pt", {"weight": matrix})
-        for name, matrix in (("policy", -exact.K), ("value", exact.P))
-    )
-    for path, network in ((policy, ""), (policy, "policy="), (value, "V=")):
-        assert verify(plant, from_network(plant, path, network=network), flights=2).ok
-    assert not verify(plant, from_network(plant, policy, network="V=")).ok
 
 
 def test_the_policy_of_a_value_contains_the_cross_weights():
