@@ -15,7 +15,7 @@ import numpy as np
 from hfa_support.errors import BadInputError, is_finite, pair_of, refuse_unknown, shortened, shown
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table, numbered, shown_unit, shown_value
-from hfa_support.units import STANDARD_GRAVITY, conversion_factor, units_like
+from hfa_support.units import STANDARD_GRAVITY, conversion_factor, stated_factor, units_like
 
 #: Vectors of a model's equations in CasADi's order -> declarations of their components.
 VECTORS = {"x": "states", "u": "inputs", "p": "parameters", "w": "disturbances"}
@@ -170,8 +170,7 @@ def _check_signal(where: str, signal: Any) -> None:
 def factor_to(signal: Signal, text: str, unit: str) -> float:
     """Return the factor from a stated unit to the unit of a signal.
 
-    An angle of what a lever moves is a share of its `Signal.full`. Capitals do not matter where the
-    unit has no other meaning (KT), and "%" is a share.
+    An angle of what a lever moves is a share of its `Signal.full`.
 
     text: the value as stated, for the message
     unit: the stated unit
@@ -183,14 +182,8 @@ def factor_to(signal: Signal, text: str, unit: str) -> float:
     if signal.full and degrees is not None:  # a lever, which moves by `full` degrees at 1
         return degrees / signal.full
     declared = signal.unit
-    if unit == "%" and declared in ("1", "chord"):
-        return 0.01
-    # "lb" is a mass or a force, whichever the signal is.
-    pounds = (re.sub(r"\blbs?\b", pound, unit) for pound in ("lbm", "lbf"))
-    for spelling in (unit, unit.lower(), *pounds):
-        factor = conversion_factor(spelling, declared)
-        if factor is not None:
-            return factor
+    if (factor := stated_factor(unit, declared)) is not None:
+        return factor
     if declared == "1":
         is_limited = math.isfinite(signal.max - signal.min)
         ends = f" from {signal.min:g} to {signal.max:g}" if is_limited else ""

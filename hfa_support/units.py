@@ -153,6 +153,19 @@ def conversion_factor(stated: str, unit: str) -> float | None:
     return before.size / after.size
 
 
+def stated_factor(stated: str, unit: str) -> float | None:
+    """Return the factor of `conversion_factor` for a unit as people write it.
+
+    "%" is a share of 1 or of the chord, "lb" a mass or a force, whichever the unit is, and capitals
+    do not matter where the unit has no other meaning: KT.
+    """
+    if stated == "%" and unit in ("1", "chord"):
+        return 0.01
+    pounds = (re.sub(r"\blbs?\b", pound, stated) for pound in ("lbm", "lbf"))
+    factors = (conversion_factor(each, unit) for each in (stated, stated.lower(), *pounds))
+    return next((factor for factor in factors if factor is not None), None)
+
+
 def units_like(unit: str) -> list[str]:
     """Return the other units of the same quantity, one spelling of each.
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from hfa_support.arrays.text import rows_of_text
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shortened, shown
-from hfa_support.units import conversion_factor, si_unit
+from hfa_support.units import conversion_factor, si_unit, stated_factor
 
 #: Last column of a file of this program: its provenance, in the first row alone.
 _PROVENANCE = "about"
@@ -74,7 +74,7 @@ class Column(NamedTuple):
                 f"{self.heading}: {self.name} has no unit; write {self.name} [{degrees}] or "
                 f"{self.name} [{unit}]"
             )
-        factor = conversion_factor(self.unit, unit) if self.unit and unit else 1.0
+        factor = stated_factor(self.unit, unit) if self.unit and unit else 1.0
         if factor is None:
             known = " or ".join(dict.fromkeys((unit, si_unit(unit))))
             raise BadInputError(

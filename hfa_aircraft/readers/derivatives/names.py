@@ -11,7 +11,7 @@ from typing import Any
 from hfa_aircraft.rigid.aircraft import inertia_matrix, rotation
 from hfa_aircraft.rigid.atmosphere import air_at
 from hfa_support.errors import BadInputError, shortened, shown
-from hfa_support.units import conversion_factor, si_unit, split_unit
+from hfa_support.units import si_unit, split_unit, stated_factor
 
 
 @dataclass(frozen=True)
@@ -49,10 +49,8 @@ def number(name: str, entry: Entry, unit: str, factor_without_unit: float = 1.0)
         raise entry.error(
             f"{name} is {shown(entry.value)}; give a finite number, optionally with a unit"
         )
-    factor = conversion_factor(stated, unit) if stated else factor_without_unit
+    factor = stated_factor(stated, unit) if stated else factor_without_unit
     if factor is None:
-        if stated == "lb":
-            raise entry.error(f"{name} is in lb; write lbf (a weight or force) or lbm (a mass)")
         other = unit.replace("rad", "deg") if "rad" in unit else si_unit(unit)
         known = " or ".join(dict.fromkeys((unit, other)))
         raise entry.error(f"{name} is in {shortened(stated)}; give {name} in {known}")

@@ -30,6 +30,7 @@ def written(text, encoding="utf-8"):
 SAME = {
     "commas": "time,speed\n0,35.5\n0.5,36\n",
     "semicolons": "Time (ms);speed [km/h]\n0;127,8\n500;129,6\n",
+    "capitals": "TIME [MS],Speed [KM/H]\n0,127.8\n500,129.6\n",
     "tabs": "t\tspeed\n0\t35,5\n0,5\t36\n",
     "quoted decimals": 'time,speed\n0,"35,5"\n"0,5",36\n',
     "comments": "# by hand\n\ntime,speed\n0,35.5\n# later\n0.5,36\n",
