@@ -262,7 +262,8 @@ def _of_columns(
         entries = {**entries, "dt": np.unique(marks["dt"].numbers("s"))}  # one number
     seen = {*_MATRICES, *_NO_SIGNALS, *NAME_KEYS, "Ts", *(column.name for column in used)}
     unused = [name for name in named if name not in seen]
-    unused += [key for key in entries if Label.of(key).name not in {*seen, *named, "t"}]
+    seen |= {column.name for column in columns}
+    unused += [key for key in entries if Label.of(key).name not in seen]
     if unused:
         listed = shortened(", ".join(unused), 200)
         notes.append(f"not used, as no state or input of the plant: {listed}")

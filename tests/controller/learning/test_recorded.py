@@ -254,10 +254,12 @@ def test_a_record_about_its_trim_that_begins_at_rest():
         x.append(step.A @ x[-1] + step.B @ each)
     pitch, rate = np.transpose(x)
     columns = {"Time [ms]": 50.0 * np.arange(80), "pitch [deg]": np.degrees(pitch) + 5.0}
-    columns |= {"pitch_rate": rate, "elevator": u[:, 0] - 0.1}
+    columns |= {"pitch_rate": rate, "elevator": u[:, 0] - 0.1, "reward": u[:, 0], "weather": "dry"}
     run = learn(blind(plant), data=columns)
     assert_exact(plant, run)
-    assert "constant part" in " ".join(run.data.notes)
+    unused, constant = run.data.notes
+    assert unused.endswith("as no state or input of the plant: reward, weather")
+    assert "constant part" in constant
     with pytest.raises(BadInputError, match="the rate of pitch in the data is not pitch_rate"):
         learn(plant, data=columns | {"Time [ms]": 1e3 * np.arange(80)})
 
