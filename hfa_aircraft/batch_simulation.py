@@ -296,8 +296,6 @@ FAR_OF_EXPANSION = 100.0
 #: costs are printed with three digits; for flights about an expansion, V is the cost beyond.
 OF_VALUE = 1e-6
 OF_EXPANSION = 1e-2
-#: A loop in discrete time also converges to this multiple of the cost-to-go of the exact loop.
-OF_EXACT = 2.0
 
 
 class FlightOutcome(StrEnum):

@@ -301,7 +301,7 @@ class PlantNames(NamedTuple):
         Unknown states are named x1, x2, ..., unknown inputs u1, u2, ..., and unknown units are "".
 
         Raises BadInputError if the number of known names or units is not n for states or m for
-        inputs.
+        inputs, and for a name that two of them have.
         """
         completed: dict[str, Any] = {
             "states": numbered("x", n),
@@ -310,12 +310,16 @@ class PlantNames(NamedTuple):
             "input_units": ("",) * m,
         }
         for key, default in completed.items():
-            known = getattr(self, key)
-            if known and len(known) != len(default):
+            known = tuple(getattr(self, key))
+            if not any(known):
+                continue
+            if len(known) != len(default):
                 raise BadInputError(
                     f"{key} has {len(known)} entries; give {len(default)} for this plant"
                 )
-            completed[key] = tuple(known) or default
+            if "units" not in key and len({*known}) < len(known):
+                raise BadInputError(f"{key} has a name twice ({', '.join(known)}); rename one")
+            completed[key] = known
         return self._replace(**completed)
 
 

@@ -404,8 +404,7 @@ def stored_game(
         used = (*MODEL_KEYS, *NAME_KEYS, *(DISCRETE_KEYS if is_discrete(stored) else ()))
         notes += unused(stored, used, f"a model file contains {', '.join(MODEL_KEYS)}")
         notes += doubts_of_time(stored, A)
-        names = plant_names(stored, len(A), B.shape[1], notes)
-        names = names._replace(origin=str(path))
+        names = plant_names(stored)._replace(origin=str(path))
         if sizes is not None:
             named = names.completed(*B.shape)
             parts |= weights_of_sizes(sizes(named), named.states, named.inputs)

@@ -171,11 +171,12 @@ def _name_of(model: Model, typed: str) -> str:
 
     "C.G." is "cg". An unknown word is returned unchanged.
     """
+    from hfa_support.arrays.columns import plain_name
+
     name = model.about.name_of(typed)  # an alias is replaced
-    respelled = model.about.name_of(re.sub(r"\W+", "_", name.replace(".", "")).lower())
-    if name in _imposable(model):
-        return name
-    return respelled if respelled in {*_imposable(model), *_TEXTS} else name
+    respelled = model.about.name_of(plain_name(name))
+    is_known = name in _imposable(model) or respelled not in {*_imposable(model), *_TEXTS}
+    return name if is_known else respelled
 
 
 def _condition(

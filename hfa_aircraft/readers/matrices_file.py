@@ -349,33 +349,10 @@ def plant_matrices(stored: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     return A, B
 
 
-def plant_names(stored: Mapping[str, Any], n: int, m: int, notes: list[str]) -> PlantNames:
-    """Return the names and units of states and inputs in a plant file.
-
-    An entry with a wrong number of strings, or with repeated names, is ignored. A note on the
-    ignored entry is appended to `notes`.
-
-    stored: entries of the file
-    n: number of states
-    m: number of inputs
-    notes: list of notes for the user
-    """
-    names: dict[str, tuple[str, ...]] = {}
-    # states, inputs, and their units
-    for key, size in zip(NAME_KEYS, (n, m, n, m), strict=True):
-        texts = words(stored, key)
-        is_unit = key.endswith("units")
-        if len(texts) == size and (is_unit or len(set(texts)) == size):
-            names[key] = texts
-        elif key in stored and is_unit:
-            notes.append(
-                f"{key} must list a unit for each {key.removesuffix('_units')}; no units are used"
-            )
-        elif key in stored:
-            letter = "u" if key == "inputs" else "x"
-            notes.append(f"{key} must list a different name for each; {letter}1, ... are used")
-    states, inputs, state_units, input_units = (names.get(key, ()) for key in NAME_KEYS)
-    return PlantNames(states, inputs, state_units, input_units)
+def plant_names(stored: Mapping[str, Any]) -> PlantNames:
+    """Return the names and units of states and inputs in a file, () where it has none."""
+    found: dict[str, Any] = {key: words(stored, key) for key in NAME_KEYS}
+    return PlantNames(**found)
 
 
 #: Schema of a file with a linear model that this program wrote.
@@ -461,7 +438,7 @@ def linear_plant(path: str) -> Model:
                 f"the file has the plants of {len(rows)} rows; give a file with one plant, or to "
                 "hfa solve and verify --model FILE --row NAME"
             )
-        stored, notes = entries_of(contents, {"A", "B"})
+        stored, _ = entries_of(contents, {"A", "B"})
         if is_discrete(stored):
             raise BadInputError(
                 "the plant is in discrete time, which is not supported; give A "
@@ -474,7 +451,7 @@ def linear_plant(path: str) -> Model:
         else:
             A, B = plant_matrices(stored)
         n, m = B.shape
-        names = plant_names(stored, n, m, notes).completed(n, m)
+        names = plant_names(stored).completed(n, m)
         if words(stored, "schema") == (WRITTEN,):
             return written_plant(stored, path, names, words(stored, "outputs"), A, B)
     model = plant_model(path, names, A, B)

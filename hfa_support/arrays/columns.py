@@ -141,6 +141,11 @@ def is_number(cell: str) -> bool:
     return True
 
 
+def plain_name(typed: str) -> str:
+    """Return a name in small letters without points and blanks: "C.G." is cg."""
+    return re.sub(r"\W+", "_", typed.replace(".", "")).lower()
+
+
 #: Other names of the time.
 _TIMES = ("t", "timestamp", "seconds")
 
@@ -148,7 +153,7 @@ _TIMES = ("t", "timestamp", "seconds")
 def matched(columns: Iterable[Column], known: Mapping[str, str]) -> dict[str, Column]:
     """Return the columns in their order, by the names that are known, and the others by their own.
 
-    A name is matched by its letters, else in small letters without points and blanks: "C.G." is cg.
+    A name is matched by its letters, else by its `plain_name`.
 
     known: name -> unit, or "" for any
 
@@ -159,7 +164,7 @@ def matched(columns: Iterable[Column], known: Mapping[str, str]) -> dict[str, Co
     for column in columns:
         if not column.name:
             raise BadInputError(f"{column.heading} has a column without a name; name or remove it")
-        plain = re.sub(r"\W+", "_", column.name.replace(".", "")).lower()
+        plain = plain_name(column.name)
         plain = "time" if plain in _TIMES else plain
         name = plain if plain in known and column.name not in known else column.name
         signal, _, unit = column.name.rpartition("_")
