@@ -142,8 +142,7 @@ def matrices(path: Path) -> dict[str, Any]:
     if is_csv:
         columns = {column.name: column for column in _columns(path)}
         if columns.keys() >= {*_ENTRY}:
-            with file_faults(path):
-                return _matrices_of_entries(columns)
+            return _matrices_of_entries(columns)
     is_named = path.stem in (*PLANT, *CRITIC)
     arrays, tables = {}, {}
     for name, file in (_matrix_files(path) if is_csv or is_named else {UNKNOWN: path}).items():
@@ -234,23 +233,17 @@ def read_arrays(path: str | Path) -> dict[str, Any]:
         raise BadInputError(
             f"{path}: the suffix {Path(path).suffix!r} is unknown; use {', '.join(_READERS)}"
         )
-    try:
-        # NumPy warns of headers that other programs write differently.
-        with warnings.catch_warnings(action="ignore"):
+    # NumPy warns of headers that other programs write differently.
+    with warnings.catch_warnings(action="ignore"), file_faults(path):
+        try:
             return _READERS[suffix](Path(path))
-    except (FileNotFoundError, IsADirectoryError) as error:
-        raise BadInputError(f"{path}: no such file; check the path") from error
-    except OSError as error:
-        raise BadInputError(
-            f"{path} cannot be read ({error.strerror}); give a readable file"
-        ) from error
-    except BadInputError:
-        raise
-    except Exception as error:  # a damaged file makes the readers raise nearly anything
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise BadInputError(
-            f"{path} cannot be read as {suffix} ({shortened(reason, 200)}); correct the file"
-        ) from error
+        except (BadInputError, OSError):
+            raise
+        except Exception as error:  # a damaged file makes the readers raise nearly anything
+            reason = (str(error).splitlines() or [type(error).__name__])[0]
+            raise BadInputError(
+                f"{path} cannot be read as {suffix} ({shortened(reason, 200)}); correct the file"
+            ) from error
 
 
 def arrays_of_npz(content: bytes) -> dict[str, np.ndarray]:
