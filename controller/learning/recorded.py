@@ -16,6 +16,7 @@ from controller.learning.recording import Transitions
 from hfa_aircraft.readers.matrices_file import (
     NAME_KEYS,
     entries_found,
+    plant_names,
     sample_time,
     words,
 )
@@ -25,7 +26,6 @@ from hfa_support.arrays.tables import Read, read_source, sources
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shortened
 from hfa_support.matrices import LARGEST, shape_text
 from hfa_support.reporting.text import numbered
-from hfa_support.units import conversion_factor
 
 #: Matrix of the ends of transitions -> suffixes of their columns.
 _SUFFIXES_OF_ENDS = {"x_next": ("_next",), "x_rate": ("_dot", "_rate")}
@@ -108,14 +108,16 @@ class _Record(NamedTuple):
     """Samples of one file, mapping or table.
 
     names: of its states and inputs, with the units to which they are converted
-    blocks: "x", "u", "d", "x_next" and "x_rate" as far as recorded -> columns and these units
+    blocks: "x", "u", "d", "x_next" and "x_rate" as far as recorded -> columns
+    units: name of a column -> unit to which it is converted; "" if unknown
     marks: columns of times and ends of episodes
     entries: single numbers and words: "dt", "time"
     notes: sentences on what is not used or assumed
     """
 
     names: PlantNames
-    blocks: dict[str, list[tuple[Column, str]]]
+    blocks: dict[str, list[Column]]
+    units: Mapping[str, str]
     marks: dict[str, Column]
     entries: Mapping[str, Any]
     notes: list[str]
@@ -152,8 +154,7 @@ def _records_in(read: Read, name: str, names: PlantNames) -> Iterator[tuple[str,
 def _of_matrices(entries: Mapping[str, Any], where: str, plant: PlantNames) -> _Record:
     """Return the samples of x (N, n) or (E, T, n) and of what is beside it.
 
-    E episodes follow each other. A last row of x alone ends the last step. Signals without units
-    are taken in those of the plant, with a note.
+    E episodes follow each other. A last row of x alone ends the last step.
     """
     if "u" not in entries:
         raise BadInputError(f"there is no u{entries_found(entries)}; add it")
@@ -171,22 +172,7 @@ def _of_matrices(entries: Mapping[str, Any], where: str, plant: PlantNames) -> _
         if array.ndim >= len(shape) and array.dtype.kind in "iufb":
             width = math.prod(array.shape[len(shape) :])
             blocks[key] = array.reshape(*array.shape[: len(shape)], width)
-    notes: list[str] = []
-    given: dict[str, Any] = {key: words(entries, key) for key in NAME_KEYS}
-    for matrix, kind in (("x", "state"), ("u", "input")):
-        known, units = getattr(plant, f"{kind}s"), getattr(plant, f"{kind}_units")
-        of_data = given[f"{kind}s"]
-        if known and {*of_data} != {*known}:
-            given[f"{kind}s"] = known
-            if of_data:
-                notes.append(f"{', '.join(of_data)} of the data, taken as {', '.join(known)}")
-        if any(units) and not any(given[f"{kind}_units"]):
-            notes.append(f"{matrix} without units, taken in {', '.join(units)}")
-    n, m = (
-        len(given[key]) or blocks[matrix].shape[-1]
-        for matrix, key in (("x", "states"), ("u", "inputs"))
-    )
-    names = PlantNames(**given).completed(n, m)
+    names, notes = _names_of(entries, plant, blocks)
     of_states = [*zip(names.states, names.state_units, strict=True)]
     labels = {
         "x": of_states,
@@ -216,6 +202,24 @@ def _of_matrices(entries: Mapping[str, Any], where: str, plant: PlantNames) -> _
     return _of_columns(columns, plant if plant.states else names, entries, notes)
 
 
+def _names_of(
+    entries: Mapping[str, Any], plant: PlantNames, blocks: Mapping[str, np.ndarray]
+) -> tuple[PlantNames, list[str]]:
+    """Return the names and units of the columns of x and u, and notes.
+
+    Other names than those of the plant are its own, in its order, with a note.
+    """
+    names, notes = plant_names(entries), []
+    for key in NAME_KEYS[:2]:
+        of_data, known = getattr(names, key), getattr(plant, key)
+        if known and {*of_data} != {*known}:
+            names = names._replace(**{key: known})
+            if of_data:
+                notes.append(f"{', '.join(of_data)} of the data, taken as {', '.join(known)}")
+    n, m = len(names.states), len(names.inputs)
+    return names.completed(n or blocks["x"].shape[-1], m or blocks["u"].shape[-1]), notes
+
+
 def _of_columns(
     columns: Sequence[Column], names: PlantNames, entries: Mapping[str, Any], notes: list[str]
 ) -> _Record:
@@ -237,25 +241,28 @@ def _of_columns(
             "the columns so, with units as in alpha [deg], or give a plant that names them"
         )
     units = {name: units.get(name) or named[name].unit or "" for name in (*states, *inputs)}
-    blocks = {
-        "x": [(named[state], units[state]) for state in states],
-        "u": [(named[name], units[name]) for name in inputs],
-        "d": [(named[name], "") for name in disturbances],
-    }
+    of_signals = zip("xud", (states, inputs, disturbances), strict=True)
+    blocks = {key: [named[name] for name in of_kind] for key, of_kind in of_signals if of_kind}
+    names = PlantNames(
+        tuple(states),
+        tuple(inputs),
+        tuple(units[name] for name in states),
+        tuple(units[name] for name in inputs),
+    )
     for key, suffixes in _SUFFIXES_OF_ENDS.items():
         ends = [_end_of(named, state, states, suffixes) for state in states]
         if {"", *states}.issuperset(ends):
             continue
         of_time = "/s" if key == "x_rate" else ""
-        block = blocks[key] = []
         for state, end in zip(states, ends, strict=True):
             unit = f"{units[state]}{of_time}" if units[state] else ""
             if not end or (named[end].unit and not unit):
                 label = f"{end or state + suffixes[-1]} [{unit}]".removesuffix(" []")
                 raise BadInputError(f"there is no column {label}; add it, or remove the others")
-            block.append((named[end], unit))
+            units[end] = unit
+        blocks[key] = [named[end] for end in ends]
     marks = {name: column for name, column in named.items() if name in _NO_SIGNALS}
-    used = [column for block in blocks.values() for column, _ in block]
+    used = [*chain(*blocks.values())]
     if len({len(column.cells) for column in (*used, *marks.values())}) > 1:
         raise BadInputError("the columns differ in length; give columns of one length")
     if "dt" in marks:
@@ -264,21 +271,18 @@ def _of_columns(
     unused = [name for name in named if name not in seen]
     seen |= {column.name for column in columns}
     unused += [key for key in entries if Label.of(key).name not in seen]
-    if unused:
-        listed = shortened(", ".join(unused), 200)
-        notes.append(f"not used, as no state or input of the plant: {listed}")
-    return _Record(
-        PlantNames(
-            tuple(states),
-            tuple(inputs),
-            tuple(units[name] for name in states),
-            tuple(units[name] for name in inputs),
-        ),
-        {key: block for key, block in blocks.items() if block},
-        marks,
-        entries,
-        notes,
-    )
+    assumed = [
+        f"{each.name} in {units[each.name]}"
+        for each in used
+        if units.get(each.name) and not each.unit
+    ]
+    for what, listed in (
+        ("without a unit, taken in that of the plant", assumed),
+        ("not used, as no state or input of the plant", unused),
+    ):
+        if listed:
+            notes.append(f"{what}: {shortened(', '.join(listed), 200)}")
+    return _Record(names, blocks, units, marks, entries, notes)
 
 
 def _end_of(
@@ -315,7 +319,7 @@ def _signals_among(
 
 def _transitions(record: _Record, game: Game) -> Transitions:
     """Return the transitions of samples in the units of a game."""
-    blocks, notes, rows_of = record.blocks, record.notes, record.blocks["x"][0][0].rows
+    blocks, notes, rows_of = record.blocks, record.notes, record.blocks["x"][0].rows
     end, *others = [key for key in _SUFFIXES_OF_ENDS if key in blocks] or [""]
     if others:
         raise BadInputError("the data have x_next and x_rate; remove one of them")
@@ -338,29 +342,28 @@ def _transitions(record: _Record, game: Game) -> Transitions:
                 f"row {rows_of[row]} is an episode of one row, which has no next state; "
                 "remove it, or give x_next"
             )
-    begins = _numbers(of_begins, rows)
-    ends = _numbers(blocks[end or "x"], rows if end else rows + 1)
+    begins = _numbers(of_begins, record.units, rows)
+    ends = _numbers(blocks[end or "x"], record.units, rows if end else rows + 1)
     follows = np.zeros(len(rows), dtype=bool)
     if end != "x_rate":
         follows[1:] = (ends[:-1] == begins[1:, : len(game.A)]).all(axis=1)
-    factors = [conversion_factor(column.unit or unit, unit) or 1.0 for column, unit in of_begins]
-    stated = np.column_stack([column.numbers() for column, _ in of_begins])[rows]
+    factors = [column.factor(record.units.get(column.name, "")) for column in of_begins]
     return Transitions(
         begins=begins,
         ends=ends,
         follows=follows,
-        rounding=_last_digits(stated) * factors,
+        rounding=_last_digits(begins / factors) * factors,
         hold=None if end == "x_rate" else _time_of_hold(record, game, ~follows if end else starts),
         notes=tuple(notes),
         rows=[str(rows_of[row]) for row in rows.tolist()],
     )
 
 
-def _numbers(block: Sequence[tuple[Column, str]], rows: np.ndarray) -> np.ndarray:
-    """Return some rows of columns, each in its unit."""
+def _numbers(block: Sequence[Column], units: Mapping[str, str], rows: np.ndarray) -> np.ndarray:
+    """Return some rows of columns in their units."""
     chosen = []
-    for column, unit in block:
-        numbers = column.numbers(unit)
+    for column in block:
+        numbers = column.numbers(units.get(column.name, ""))
         is_wrong = np.zeros(len(numbers), dtype=bool)
         is_wrong[rows] = ~(np.abs(numbers[rows]) <= LARGEST)
         column.refuse(is_wrong, "has no number; remove the row, and begin another episode there")
@@ -370,7 +373,7 @@ def _numbers(block: Sequence[tuple[Column, str]], rows: np.ndarray) -> np.ndarra
 
 def _starts(record: _Record) -> np.ndarray:
     """Return whether a row is the first of an episode, (N,)."""
-    count = len(record.blocks["x"][0][0].cells)
+    count = len(record.blocks["x"][0].cells)
     starts = np.arange(count) == 0
     if "episode" in record.marks:
         labels = np.asarray(record.marks["episode"].cells)

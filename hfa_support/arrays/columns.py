@@ -65,8 +65,19 @@ class Column(NamedTuple):
 
         unit: the unit, or "" if it is unknown: the numbers are in that of the heading, if any
 
-        Raises BadInputError for a text, for a heading whose unit cannot be converted, and for an
-        angle without a unit, which could be in degrees or radians.
+        Raises BadInputError for a text, and as `factor`.
+        """
+        factor = self.factor(unit)
+        if isinstance(self.cells, np.ndarray):
+            with prefix_errors(self.where):
+                return factor * np.asarray(numbers_in(self.name, self.cells), dtype=float)
+        return factor * np.array([*map(self._number, self.cells, self.rows)], dtype=float)
+
+    def factor(self, unit: str) -> float:
+        """Return the factor from the cells to a unit, 1 to an unknown one, "".
+
+        Raises BadInputError for a heading whose unit cannot be converted, and for an angle without
+        a unit, which could be in degrees or radians.
         """
         if unit.startswith("rad") and self.unit == "":
             degrees = unit.replace("rad", "deg", 1)
@@ -80,10 +91,7 @@ class Column(NamedTuple):
             raise BadInputError(
                 f"{self.heading}: {self.name} is in {shortened(str(self.unit))}; give it in {known}"
             )
-        if isinstance(self.cells, np.ndarray):
-            with prefix_errors(self.where):
-                return factor * np.asarray(numbers_in(self.name, self.cells), dtype=float)
-        return factor * np.array([*map(self._number, self.cells, self.rows)], dtype=float)
+        return factor
 
     def refuse(self, is_wrong: np.ndarray, fault: str) -> None:
         """Raise BadInputError for the first cell that is wrong.

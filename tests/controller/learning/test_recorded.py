@@ -161,7 +161,9 @@ def test_notes_name_what_contradicts_a_linear_plant():
     x, u = trajectory(STEPS, 400)
     measured = {"x": x + 0.05 * RNG.normal(size=x.shape), "u": u}
     assert "noise of sensors" in " ".join(learn(STEPS, data=measured).data.notes)
-    assert "without units" in " ".join(learn(NAMED, data=data).data.notes)
+    assert "without a unit, taken in that of the plant: alpha in rad" in " ".join(
+        learn(NAMED, data=data).data.notes
+    )
 
 
 def spoiled(key, value, row=16):
@@ -257,7 +259,7 @@ def test_a_record_about_its_trim_that_begins_at_rest():
     columns |= {"pitch_rate": rate, "elevator": u[:, 0] - 0.1, "reward": u[:, 0], "weather": "dry"}
     run = learn(blind(plant), data=columns)
     assert_exact(plant, run)
-    unused, constant = run.data.notes
+    unused, constant = (note for note in run.data.notes if "without a unit" not in note)
     assert unused.endswith("as no state or input of the plant: reward, weather")
     assert "constant part" in constant
     with pytest.raises(BadInputError, match="the rate of pitch in the data is not pitch_rate"):
