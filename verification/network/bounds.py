@@ -167,7 +167,7 @@ class BoundedFunction:
             x, Z, r = (np.concatenate([steps[i][k] for i in sources]) for k in range(3))
             size, shape = np.abs(matrix), (len(matrix), *Z.shape[1:])
             own = size @ (np.abs(x) + np.abs(Z).sum(2) + r) + np.abs(constant)[:, None]
-            own = (len(x) + 8) * _ROUNDING * own
+            own = (sum(matrix.shape) + 8) * _ROUNDING * own  # of sums over both axes
             Z = (matrix @ Z.reshape(len(Z), -1)).reshape(shape)
             argument = matrix @ x + constant[:, None], Z, size @ r + own
             steps.append(_step(kind, *argument, own, n))

@@ -135,14 +135,16 @@ class _Prover:
         (n, N), (N,), and the scores of the states, (N, n).
         """
         n, S, SU, norm = len(s), self.setting.S, self.setting.SU, np.linalg.norm
-        y, h = s * claim.tube[:, None], width * claim.tube[:, None] * OUTWARD
         b, center = self.b[:, None], self.center[:, None]
+        y = s * claim.tube[:, None]
+        # Rounding of centers may leave gaps between boxes.
+        h = width * claim.tube[:, None] * OUTWARD + 2.0**-50 * (np.abs(y) + np.abs(center) / b)
         x, Z, r, scores = self.error.over(center + y * b, h * b)
         r = r + self.error_of_K @ (np.abs(center) + (np.abs(y) + h) * b)
         r = r + 2.0**-50 * (np.abs(x) + np.abs(self.at_rest))
         x = x - self.at_rest
         scores = scores + np.abs(Z[:, :, :n]).sum(0)
-        above = norm(x, axis=0) + norm(Z, axis=0).sum(1) + norm(r, axis=0)
+        above = norm(np.abs(x) + np.abs(Z).sum(2) + r, axis=0)
         value = norm(SU @ y, axis=0) + norm(SU, axis=0) @ h
         with np.errstate(all="ignore"):
             under = np.maximum(_least(S, y, h), 0.0)

@@ -326,7 +326,8 @@ def _peaks(F: arb_mat, widths: np.ndarray) -> np.ndarray:
         top = np.maximum(top, reached)
         if (reached < 0.9 * widths).all():
             break
-    if not ((reached < 0.9 * widths).all() and lost < 0.01):
-        raise NotProvedError("the exact loop has both fast and slow modes")
     top = top / (1.0 - lost)
-    return np.asarray(top + bend @ (np.abs(middle @ middle) @ top) * (1.0 + _STRICT))
+    if not (lost < 0.5 and (reached + lost * top < widths).all()):
+        raise NotProvedError("the exact loop has both fast and slow modes")
+    square = np.abs(middle @ middle) + _STRICT * np.abs(middle) @ np.abs(middle)
+    return np.asarray(top + bend @ (square @ top))
