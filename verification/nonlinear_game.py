@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 GRADES = ("exact", "near", "fail")
 #: Degree to which a critic is compared that is no polynomial.
 ORDER = 4
+#: Largest number of scalar operations of a network whose power series is computed.
+_MOST_OPERATIONS = 100_000
 #: An entry whose largest contribution to V in the set V2 <= 1 is below this fraction of that of its
 #: degree is compared with this fraction: it may consist of rounding.
 _SMALL = 1e-5
@@ -296,7 +298,8 @@ def _terms_of_weights(critic: Critic) -> dict[int, np.ndarray]:
 
 def _terms_of_function(function: ca.Function, degrees: range) -> dict[int, np.ndarray]:
     """Return the Taylor coefficients of a function at 0: degree -> those of M monomials, (k, M)."""
-    if not function.is_a("SXFunction"):
+    function = function.expand()
+    if function.n_instructions() > _MOST_OPERATIONS:
         raise BadInputError("the network is too wide for its power series")
     ring = PowerSeries(function.numel_in(0), degrees[-1])
     results = ring.values(function, ring.variables())

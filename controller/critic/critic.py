@@ -59,7 +59,6 @@ class Critic(Reported):
         for listed functions and for policy_weights, only in `network`
     is_discrete: whether the critic was made with a game in discrete time; None without a game
     is_nonsmooth: True if slopes beside z = 0 differ: K and P are means at two opposite states
-    on_vectors: the policy of a network with operations on vectors, or None if they are unknown
     declared: what the file of a network states of its policy, and notes on what is not used
 
     >>> import hfa
@@ -86,7 +85,6 @@ class Critic(Reported):
     has_weights: bool = False
     is_discrete: bool | None = None
     is_nonsmooth: bool = False
-    on_vectors: ca.Function | None = None
     declared: Declared = NOTHING
 
     @property
@@ -336,8 +334,6 @@ def from_functions(
     outputs: Mapping[str, ca.SX],
     origin: str,
     precision: str = "float64",
-    *,
-    is_small: bool = False,
 ) -> Critic:
     """Return the critic whose functions are given as expressions of the symbols z.
 
@@ -349,17 +345,9 @@ def from_functions(
     outputs: "V", "gradient" (∂V/∂z), "policy" -> expression, at least one of them
     origin: source of the critic
     precision: floating-point type of the numbers in the critic's file
-    is_small: whether CasADi evaluates them faster after an expansion to scalar operations
 
     Raises BadInputError if a value or a derivative at z = 0 is not finite.
     """
-    on_vectors = None
-    if "policy" in outputs:
-        on_vectors = ca.Function("policy", [z], [ca.densify(outputs["policy"])])
-    if is_small:
-        given = ca.Function("outputs", [z], [*outputs.values()]).expand()
-        z = ca.SX.sym("z", z.numel())
-        outputs = dict(zip(outputs, given.call([z]), strict=True))
     V = outputs.get("V")
     u = outputs.get("policy")
     gradient = outputs.get("gradient") if V is None else ca.gradient(V, z)
@@ -396,7 +384,6 @@ def from_functions(
         network=network,
         is_discrete=game.is_discrete,
         is_nonsmooth=is_nonsmooth,
-        on_vectors=on_vectors,
     )
     if u is not None:
         return critic

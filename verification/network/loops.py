@@ -77,8 +77,7 @@ def simulated(
     """
     game, K, weight = exact.game, exact.K, exact.suboptimality_weight
     F = game.A - game.B @ K + game.E @ exact.L
-    listed = None if critic.on_vectors is None else row_function(critic.on_vectors)
-    policy = listed or critic.u
+    policy = row_function(critic.policy) or critic.u
     u_at_rest = policy(equilibrium[None])
     size = float(b @ np.abs(exact.P) @ b)
 

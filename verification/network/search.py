@@ -131,8 +131,7 @@ def findings_of(
         checks.append(equilibrium_check(equilibrium, exact.P, b, limit))
         proof = Proof(why="no equilibrium near the trim is found")
         if equilibrium is not None:
-            policy = critic.on_vectors or critic.policy
-            proof = proof_of(exact, policy, equilibrium, b, NEAR / 100.0, seconds)
+            proof = proof_of(exact, critic.policy, equilibrium, b, NEAR / 100.0, seconds)
             if flights and not proof.excess <= NEAR / 100.0:
                 flown = fly(exact, critic, worst, b, flights, equilibrium, proof.violators)
             z_and_u = np.append(equilibrium, critic.u(equilibrium))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -14,81 +13,10 @@ import numpy as np
 from controller.critic.critic import Critic, from_functions, from_weights
 from controller.critic.features import basis_of, symbols_for
 from controller.critic.network.network_file import OUTPUTS, Asked, NetworkFile, network_in
+from controller.critic.network.onnx_graph import check_width
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shortened
-
-_ADVICE = (
-    "export the policy u(x) that was trained with this Q function and select it (for an actor "
-    "in the same file: --network policy=NAME)"
-)
-
-
-def policy_of(Q: ca.Function, states: int) -> ca.Function:
-    """Return the function x (n,) -> u (m,) with ∂Q/∂u = 0.
-
-    u is nan at x where ∂²Q/∂u² does not have the definite sign that it has at x = 0.
-
-    Q: function of (x, u), (n + m,), with one output
-    states: n
-
-    Raises BadInputError if Q has several outputs, if its degree in u may exceed 2, or if ∂²Q/∂u² is
-    not definite at x = 0.
-    """
-    if Q.numel_out(0) != 1:
-        raise BadInputError(
-            f"the network of (x, u) has {Q.numel_out(0)} outputs; give a Q function, which has one "
-            "output"
-        )
-    if _degree(Q.expand(), states) > 2.0:
-        raise BadInputError(f"Q(x, u) is not quadratic in u; {_ADVICE}")
-    x = ca.SX.sym("x", states)
-    u = ca.SX.sym("u", Q.numel_in(0) - states)
-    curvature, slope = ca.hessian(Q(ca.vertcat(x, u)), u)
-    curvature = ca.densify(curvature)  # ∂²Q/∂u², which does not depend on u
-    slope = ca.densify(ca.substitute(slope, u, ca.DM.zeros(u.shape)))  # ∂Q/∂u at u = 0
-    at_origin = np.array(ca.Function("curvature", [x], [curvature])(np.zeros(states)))
-    eigenvalues = np.linalg.eigvalsh(at_origin)
-    sign = np.sign(eigenvalues[0])
-    if sign == 0.0 or np.any(np.sign(eigenvalues) != sign):
-        raise BadInputError(
-            f"Q(x, u) has neither a minimum nor a maximum over u at x = 0; {_ADVICE}"
-        )
-    root = ca.chol(sign * curvature)  # upper triangular, nan if it is not definite
-    policy = -ca.solve(root, ca.solve(root.T, sign * slope))
-    return ca.Function("policy", [x], [policy])
-
-
-def _degree(Q: ca.Function, states: int) -> float:
-    """Return an upper bound on the degree of Q in u, or inf if Q may not be a polynomial."""
-    degrees = np.zeros(Q.sz_w())  # of the numbers in the registers
-    largest = 0.0
-    for index in range(Q.n_instructions()):
-        operation = Q.instruction_id(index)
-        read = Q.instruction_input(index)  # registers, or (argument, place) of OP_INPUT
-        written = Q.instruction_output(index)
-        if operation == ca.OP_OUTPUT:
-            largest = max(largest, degrees[read[0]])
-        elif operation == ca.OP_INPUT:
-            degrees[written[0]] = float(read[1] >= states)  # the argument is [x u]
-        elif operation == ca.OP_CONST:
-            degrees[written[0]] = 0.0
-        else:
-            degrees[written[0]] = _degree_of(operation, [degrees[i] for i in read])
-    return float(largest)
-
-
-def _degree_of(operation: int, degrees: list[float]) -> float:
-    """Return an upper bound on the degree of an operation's result, or inf if none is known."""
-    if operation in (ca.OP_ADD, ca.OP_SUB, ca.OP_NEG, ca.OP_TWICE):
-        return max(degrees)
-    if operation == ca.OP_MUL:
-        return sum(degrees)
-    if operation == ca.OP_SQ:
-        return 2.0 * degrees[0]
-    if operation == ca.OP_DIV and degrees[1] == 0.0:
-        return degrees[0]
-    return math.inf if any(degrees) else 0.0  # any function of constants is constant
 
 
 def from_network(
@@ -102,8 +30,7 @@ def from_network(
 ) -> Critic:
     """Return the critic that a network defines.
 
-    What the file of a policy states of its action (squash, clip, box) is a part of the policy. A
-    network whose input is (x, u) is a Q function. Its policy is computed by `policy_of`.
+    What the file of a policy states of its action (squash, clip, box) is a part of the policy.
 
     game: the game that the critic should solve
     source: a file of a network, a CasADi Function of the state, a torch module of linear layers, or
@@ -138,7 +65,7 @@ def from_network(
     sizes = (1, n, m, 1 + m)  # of V, its gradient, the policy, V and the policy
     stored = network_in(
         source,
-        Asked(n, network, activation, basis_size=count, inputs=m, sizes=sizes, of_states=True),
+        Asked(n, network, activation, basis_size=count, sizes=sizes, of_states=True),
     )
     name = where = type(source).__name__
     if isinstance(source, (str, Path)):
@@ -151,18 +78,9 @@ def from_network(
 
 
 def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str) -> Critic:
-    """Return the critic of a network whose inputs are the states, or states and inputs (a Q)."""
+    """Return the critic of a network whose inputs are the states."""
     n, m = game.B.shape
-
-    # A Q function is replaced by its policy.
-    of_q_functions = {
-        name: policy_of(function, n)
-        for name, function in stored.functions.items()
-        if function.numel_in(0) == n + m
-    }
-    if of_q_functions:
-        origin = f"{origin} = Q(x, u), u from dQ/du = 0"
-    functions = stored.functions | of_q_functions
+    functions = stored.functions
 
     # What each output is.
     sizes = {name: function.numel_out(0) for name, function in functions.items()}
@@ -173,22 +91,23 @@ def _of_states(game: Game, stored: NetworkFile, scales: np.ndarray, origin: str)
     z: Any = ca.MX.sym("z", n)
     outputs: dict[str, Any] = {}
     for name, function in functions.items():
+        check_width(function.numel_in(0), n)
         output: Any = ca.vec(ca.vertcat(*function.call([ca.DM(scales) * z], True, False)))
         if kinds[name] == "V+policy":
             outputs |= {"V": output[0], "policy": output[1:]}
         else:
             outputs[kinds[name]] = output
 
-    # Squash and box follow, if the file states them. The policy of a Q is the action already.
+    # Squash and box follow, if the file states them.
     declared = stored.declared
-    if str(declared.action) and "policy" in outputs and not of_q_functions:
+    if str(declared.action) and "policy" in outputs:
         outputs["policy"] = declared.action.of(outputs["policy"])
         origin = f"{origin}, {declared.action}"
 
     notes = declared.notes
     if declared.observations not in ((), game.names.states):
         notes += (f"observations {', '.join(declared.observations)}, taken as the states",)
-    critic = from_functions(game, z, outputs, origin, stored.precision, is_small=stored.is_small)
+    critic = from_functions(game, z, outputs, origin, stored.precision)
     return replace(critic, declared=declared._replace(notes=notes))
 
 

@@ -35,7 +35,7 @@ from controller.critic.network.layers import (
     roots,
     without_training,
 )
-from controller.critic.network.onnx_graph import FEW_WEIGHTS, check_width, graph_functions
+from controller.critic.network.onnx_graph import check_width, graph_functions
 from controller.critic.network.tensors import (
     ORDERED_FILES,
     checked_tensors,
@@ -141,7 +141,6 @@ class NetworkFile:
     declared: what the file states besides its numbers
     on_basis: single layer whose inputs are the functions of the basis, or None. With such a layer,
         `functions` is empty
-    is_small: whether CasADi evaluates the functions faster after `expand()` to scalar operations
     """
 
     functions: dict[str, ca.Function]
@@ -149,7 +148,6 @@ class NetworkFile:
     precision: str = "float64"
     declared: Declared = NOTHING
     on_basis: Layer | None = None
-    is_small: bool = False
 
 
 class Asked(NamedTuple):
@@ -163,7 +161,6 @@ class Asked(NamedTuple):
     activation: activation between the layers, one of `ACTIVATIONS`. An activation of the output
         follows after a comma. None for that of the file
     basis_size: size of the basis. A single layer with this number of inputs acts on the basis
-    inputs: number of inputs of the plant. They follow the states in a Q
     sizes: numbers of outputs that the caller can use, () for any
     of_states: whether the inputs are states, before which no normalizer acts
     """
@@ -172,7 +169,6 @@ class Asked(NamedTuple):
     network: str = ""
     activation: str | None = None
     basis_size: int = 0
-    inputs: int = 0
     sizes: tuple[int, ...] = ()
     of_states: bool = False
 
@@ -199,8 +195,7 @@ def network_in(source: Any, asked: Asked) -> NetworkFile:
     """
     if isinstance(source, ca.Function):
         kind = asked.network or (source.name() if source.name() in OUTPUTS else "")
-        is_small = source.is_a("SXFunction")
-        return NetworkFile({kind: source}, f"function {source.name()}", is_small=is_small)
+        return NetworkFile({kind: source}, f"function {source.name()}")
     parts = _requested_parts(asked.network)
     if not isinstance(source, (str, Path)):
         return _network_of(_in_memory(source), asked, parts)
@@ -224,13 +219,12 @@ def _of_graph(path: Path, asked: Asked, parts: Mapping[str, str]) -> NetworkFile
     """Return the requested outputs of an ONNX graph in a file."""
     if asked.activation is not None:
         raise BadInputError("an ONNX file already contains the activations; remove activation")
-    graph = graph_functions(path, asked.states, asked.inputs, parts)
+    graph = graph_functions(path, asked.states, parts)
     return NetworkFile(
         graph.functions,
         chain=graph.operators,
         precision=graph.precision,
         declared=Declared(notes=graph.notes),
-        is_small=graph.is_small,
     )
 
 
@@ -301,8 +295,7 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
         is_only_layer = bool(all_words) or sum(array.ndim == 2 for array in tensors.values()) == 1
         if len(layers) == 1 and is_only_layer and inputs == asked.basis_size:
             return  # the weights of a basis, with an input for each function
-        # A policy acts on the states, and not on the inputs too, as a Q does.
-        check_width(inputs, asked.states, 0 if kind == "policy" else asked.inputs)
+        check_width(inputs, asked.states)
         # Nothing else acts on layers that the user names, or on all observations that a zip states.
         if not is_named and inputs != declared.inputs:
             of_network = {layer.name for layer in layers}
@@ -332,10 +325,7 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
         layers = _with_activations(layers, contents, asked.activation)
         functions[kind] = _composed(layers)
         chains.append(_description(kind, layers))
-    numbers = sum(layer.weight.size for layers in networks.values() for layer in layers)
-    return NetworkFile(
-        functions, "; ".join(chains), precision, declared, is_small=numbers < FEW_WEIGHTS
-    )
+    return NetworkFile(functions, "; ".join(chains), precision, declared)
 
 
 def _of_mean(layers: list[Layer]) -> tuple[list[Layer], str]:

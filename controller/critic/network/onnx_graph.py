@@ -27,8 +27,6 @@ from controller.critic.network.tensors import (
 from hfa_support.errors import BadInputError, missing_package, shortened
 from hfa_support.files import regular_file
 
-#: Networks with fewer weights are expanded to scalar operations, which CasADi evaluates faster.
-FEW_WEIGHTS = 20_000
 #: Oldest supported ONNX operator set.
 OLDEST_OPSET = 9
 #: Type numbers of ONNX: float, float16, double and bfloat16.
@@ -193,29 +191,23 @@ _ELEMENTWISE = ("Add", "Sub", "Mul", "Div", "Pow", "Greater", "Where", "Min", "M
 class GraphFunctions(NamedTuple):
     """Functions of an ONNX graph.
 
-    functions: requested kind, or name of the output -> function of x (states,), or of (x, u)
-        (states + inputs,) for a Q
-    is_small: whether there are fewer than `FEW_WEIGHTS` numbers
+    functions: requested kind, or name of the output -> function of x (states,)
     precision: lowest precision of the weights, such as "float32"
     operators: operators that depend on x with the sizes of their results, in one line
     notes: sentences on what the file contains and the functions do not use
     """
 
     functions: dict[str, ca.Function]
-    is_small: bool
     precision: str
     operators: str
     notes: tuple[str, ...]
 
 
-def graph_functions(
-    path: Path, states: int, inputs: int, outputs: Mapping[str, str]
-) -> GraphFunctions:
+def graph_functions(path: Path, states: int, outputs: Mapping[str, str]) -> GraphFunctions:
     """Return the ONNX graph in a file as functions of one state.
 
     path: path of the file
     states: number of states of the plant
-    inputs: number of inputs of the plant
     outputs: kind -> name of an output, "" for the usual name of that kind; the kind "" takes all
         outputs by their names
 
@@ -228,48 +220,43 @@ def graph_functions(
     content = regular_file(path).read_bytes()
     model = parsed(lambda: onnx.load_from_string(content))
     _refuse_model(onnx, model)
-    traced = _traced(onnx, model, states, inputs)
-    widths = [row.numel() for row in traced.inputs]
-    x = ca.MX.sym("x", sum(widths))  # a column; the values of the graph are rows
-    parts = ca.horzsplit(x.T, np.cumsum([0, *widths]).tolist())
+    traced = _traced(onnx, model, states)
+    x = ca.MX.sym("x", states)  # a column; the values of the graph are rows
     functions = {}
     chosen = _outputs_of(model.graph, outputs)
     for kind, name in chosen.items():
         row = traced.rows.get(name)
         if row is None:  # a constant output
             row = ca.MX(ca.DM(np.atleast_2d(traced.arrays[name])))
-        (value,) = ca.substitute([ca.densify(row.T)], traced.inputs, parts)
+        value = ca.substitute(ca.densify(row.T), traced.input, x.T)
         functions[kind] = ca.Function("network", [x], [value])
     others = [item.name for item in model.graph.output if item.name not in chosen.values()]
     metadata = [f"metadata {entry.key}" for entry in model.metadata_props]
     unused = shortened(", ".join(others + metadata), 200)
     notes = (f"not used: {unused}",) if unused else ()
-    is_small = traced.size < FEW_WEIGHTS
-    return GraphFunctions(functions, is_small, traced.precision, traced.operators, notes)
+    return GraphFunctions(functions, traced.precision, traced.operators, notes)
 
 
 class _Traced(NamedTuple):
     """Values of a graph, by name."""
 
     arrays: dict[str, np.ndarray]  # at the state 0
-    rows: dict[str, ca.MX]  # those that depend on the inputs, (1, k)
-    inputs: list[ca.MX]  # symbols, (1, k) each
+    rows: dict[str, ca.MX]  # those that depend on the input, (1, k)
+    input: ca.MX  # symbols, (1, k)
     precision: str  # the lowest of the weights
-    operators: str  # that depend on the inputs, with the sizes of their results
-    size: int  # number of entries of all weights and results
+    operators: str  # that depend on the input, with the sizes of their results
 
 
-def _traced(onnx: Any, model: Any, states: int, inputs: int) -> _Traced:
+def _traced(onnx: Any, model: Any, states: int) -> _Traced:
     """Return the values of a graph for a plant, operator by operator."""
     graph = model.graph
     weights = {tensor.name: _array(onnx, tensor) for tensor in graph.initializer}
     arrays, precision = checked_tensors(weights)
     size = sum(array.size for array in arrays.values())
-    shapes = _inputs_of(graph, set(arrays), states, inputs)
-    arrays |= {name: np.zeros(shape) for name, shape in shapes.items()}
-    rows = {name: ca.MX.sym("x", 1, shape[-1]) for name, shape in shapes.items()}
-    symbols = list(rows.values())
-    operators = [" and ".join(str(row.numel()) for row in symbols)]
+    given, shape = _input_of(graph, set(arrays), states)
+    arrays[given] = np.zeros(shape)
+    x = ca.MX.sym("x", 1, states)
+    rows, operators = {given: x}, [str(states)]
     for node in graph.node:
         step = _Operator(onnx, model.opset_import, node)
 
@@ -299,7 +286,7 @@ def _traced(onnx: Any, model: Any, states: int, inputs: int) -> _Traced:
                 f"the graph has more than {LARGEST_NETWORK} entries, the maximum; give a smaller "
                 "network"
             )
-    return _Traced(arrays, rows, symbols, precision, " -> ".join(operators), size)
+    return _Traced(arrays, rows, x, precision, " -> ".join(operators))
 
 
 def _array(onnx: Any, tensor: Any) -> np.ndarray:
@@ -359,7 +346,7 @@ class _Operator:
         return list(checked.values()), precision
 
     def on_rows(self, arguments: list[Any]) -> ca.MX:
-        """Return the result for rows, which depend on the inputs, and for constant arrays."""
+        """Return the result for rows, which depend on the input, and for constant arrays."""
         if self.name not in _WITH_INTEGERS:
             arguments = [
                 ca.DM(np.atleast_2d(value).astype(float))
@@ -444,62 +431,34 @@ def _refuse_model(onnx: Any, model: Any) -> None:
             )
 
 
-def _inputs_of(
-    graph: Any, constants: set[str], state_count: int, input_count: int
-) -> dict[str, tuple[int, ...]]:
-    """Return the shape of each input of a graph for one row: z, [z u], or z and u of a Q."""
+def _input_of(graph: Any, constants: set[str], states: int) -> tuple[str, tuple[int, ...]]:
+    """Return the name of the input of a graph, and its shape for one row."""
     shapes = {
         item.name: [axis.dim_value for axis in item.type.tensor_type.shape.dim]  # 0 if it is open
         for item in graph.input
         if item.name not in constants
     }
-    if len(shapes) not in (1, 2) or not graph.output:
+    if len(shapes) != 1 or not graph.output:
         raise BadInputError(
             f"the graph has {len(shapes)} inputs and {len(graph.output)} outputs; give a graph "
-            "with at least one output and the state as input (for a Q function, also the plant "
-            "input)"
+            "with at least one output and the state as its input"
         )
-    one_row_shapes: dict[str, tuple[int, ...]] = {}
-    # The first input has the states. Only a Q has a second one.
-    for (name, shape), width in zip(shapes.items(), (state_count, input_count), strict=False):
-        if len(shape) not in (1, 2) or (len(shape) == 2 and shape[0] > 1):
-            raise BadInputError(
-                f"input {shortened(name)!r} of the graph has the shape {shape}; export the network "
-                "for one row per input"
-            )
-        columns = shape[-1] or width  # an open dimension has the width of the plant
-        if len(shapes) == 1:
-            check_width(columns, state_count, input_count)
-        elif columns != width:
-            raise BadInputError(
-                f"input {shortened(name)!r} of the graph has {columns} entries instead of "
-                f"{width}; give a Q function with two inputs: the state ({state_count} entries), "
-                f"then the plant input ({input_count} entries)"
-            )
-        one_row_shapes[name] = (columns,) if len(shape) == 1 else (1, columns)
-    return one_row_shapes
-
-
-def check_width(width: int, states: int, inputs: int) -> None:
-    """Raise BadInputError unless a network has one input for each state.
-
-    A Q must have one input for each state and input of the plant.
-
-    width: number of inputs of the network
-    states, inputs: number of states and of inputs of the plant. inputs = 0 excludes a Q
-    """
-    if width == states:
-        return
-    if inputs == 0:
+    ((name, shape),) = shapes.items()
+    if len(shape) not in (1, 2) or (len(shape) == 2 and shape[0] > 1):
         raise BadInputError(
-            f"the policy has {width} inputs, but {states} observations are given; list those of "
-            "its training in a deployment file (docs/policy.md)"
+            f"input {shortened(name)!r} of the graph has the shape {shape}; export the network "
+            "for one row per input"
         )
-    if width != states + inputs:
+    check_width(shape[-1] or states, states)  # an open dimension has the width of the plant
+    return name, (states,) if len(shape) == 1 else (1, states)
+
+
+def check_width(width: int, states: int) -> None:
+    """Raise BadInputError unless a network has one input for each state or observation."""
+    if width != states:
         raise BadInputError(
-            f"the network has {width} inputs; give {states} (the states of the plant) or, for a "
-            f"Q function, {states + inputs} (states and inputs of the plant), or state other "
-            "observations in a deployment file (docs/policy.md)"
+            f"the network has {width} inputs, but {states} are given: the states of the plant, or "
+            "the observations of a deployment file (docs/policy.md)"
         )
 
 

@@ -83,8 +83,7 @@ def read_actor(wanted: Wanted) -> Actor:
         raise BadInputError(
             f"policy.file is {shown(source)}; give the path of the file that contains the policy"
         )
-    (on_vectors,) = stored.functions.values()  # only the policy was asked for
-    function = on_vectors.expand() if stored.is_small else on_vectors
+    (function,) = stored.functions.values()  # only the policy was asked for
     _refuse_sizes(function, origin, wanted)
     declared = stored.declared
     with prefix_errors(origin):
@@ -96,7 +95,7 @@ def read_actor(wanted: Wanted) -> Actor:
         declared=declared._replace(
             action=action, normalizer=normalizer, notes=(*notes, *declared.notes)
         ),
-        rows=row_function(on_vectors),
+        rows=row_function(function),
         of_gain=of_gain,
         notes=notes,
     )
