@@ -285,7 +285,7 @@ def _is_of(kind: type, name: str, module: str) -> bool:
     annotated = vars(sys.modules[module]).get(name)
     if isinstance(annotated, UnionType):
         return any(_is_of(kind, each.__name__, module) for each in get_args(annotated))
-    if isinstance(annotated, str):
+    if annotated is Any or isinstance(annotated, str):
         return True  # an alias for checkers of types alone
     return any(base.__name__ == name.rpartition(".")[2] for base in kind.__mro__)
 
