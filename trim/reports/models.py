@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_aircraft.signals import StatesAndInputs
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.files import folder_written_whole
 from hfa_support.progress import Progress
@@ -97,7 +96,7 @@ _VECTORS = OFFSETS | {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Conditions(StatesAndInputs, Result, Reported):
+class Conditions(Result, Reported):
     """Trims and linear models of N conditions, which may hold and free different variables.
 
     conditions["cruise"] and conditions[0] are operating points, and
@@ -132,16 +131,6 @@ class Conditions(StatesAndInputs, Result, Reported):
     def names(self) -> tuple[str, ...]:
         """Name of each condition."""
         return tuple(asked.name for asked in self.asked)
-
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of the states of the linear models, in order."""
-        return self.signals.states
-
-    @property
-    def input_names(self) -> tuple[str, ...]:
-        """Names of the inputs of the linear models, in order."""
-        return self.signals.inputs
 
     @cached_property
     def status(self) -> tuple[str, ...]:
@@ -204,9 +193,6 @@ class Conditions(StatesAndInputs, Result, Reported):
         if point is None:
             raise NoSolutionError(f"{self.names[index]}: {self.reasons[index]}")
         return point
-
-    def _ipython_key_completions_(self) -> tuple[str, ...]:
-        return self.names
 
     # Files.
 
@@ -385,9 +371,10 @@ class Conditions(StatesAndInputs, Result, Reported):
                 self.to_xarray().assign_attrs(attributes).to_zarr(folder, consolidated=False)
             return
         if suffix == ".npz":
-            arrays = {name: array for name, (_, array) in self.arrays.items()}
-            words = [name for name, array in arrays.items() if array.dtype == object]
-            arrays |= {name: arrays[name].astype(str) for name in words}
+            arrays = {
+                name: array.astype(str) if array.dtype == object else array
+                for name, (_, array) in self.arrays.items()
+            }
             head = {"schema": self.schema, "names": [*self.names]} | self._named_signals()
             save_data(path, storable(head) | arrays | origin, records=Table((), ()))
             return
@@ -428,12 +415,9 @@ def stacked(
 
 def _levels(linear: LinearModel, airplane: Airplane) -> dict[str, int | None]:
     """Return mode -> the worst level of its qualities, or None if the standard has no limit."""
-    trimmed = Trimmed(linear.point)
-    if trimmed.coherent is linear.point and linear.states == linear.model.linear:
-        trimmed.modes = linear.modes  # of the same A, so that they are not computed again
     return {
         mode.name: max((row.level for row in qualities if row.level is not None), default=None)
-        for mode, qualities in graded_modes(trimmed, airplane)
+        for mode, qualities in graded_modes(Trimmed(linear.point), airplane)
     }
 
 
