@@ -1,8 +1,4 @@
-"""Check that no element of an aircraft's files is overlooked.
-
-Each element was either read, is ignored by JSBSim too, or has no effect on the forces in flight.
-Any other element is refused.
-"""
+"""Notes on what is omitted, and refusals of elements and properties that would be overlooked."""
 
 from __future__ import annotations
 
@@ -111,11 +107,10 @@ def _notes_on_constants(equations: Equations) -> list[Note]:
 
 
 def _refuse_unsupported(element: Element) -> None:
-    """Raise BadInputError if an element within one that was read affects the forces, unread."""
+    """Raise BadInputError if an element within one is not read, and affects the forces."""
     for child in element.children:
-        if child.taken:
-            _refuse_unsupported(child)
-        elif child.name in _UNSUPPORTED.get(element.name, ()):
+        _refuse_unsupported(child)
+        if child.name in _UNSUPPORTED.get(element.name, ()):
             fault = f"<{child.name}> in <{element.name}> affects the forces"
             raise child.error(f"{fault} and is not supported; remove this element")
 

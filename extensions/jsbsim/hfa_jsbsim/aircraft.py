@@ -57,7 +57,6 @@ from hfa_jsbsim.surfaces import (
     reach_throttle,
     use_surface_positions,
 )
-from hfa_jsbsim.time_of_flight import without_time
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import BadInputError, shortened
 
@@ -450,14 +449,8 @@ class Equations:
         name = "-".join(element.attributes["name"].split(" "))
         if number is not None and name in OF_ENGINES:
             name = f"propulsion/engine[#]/{name}"
-
-        def compute() -> Any:
-            """Return the value, and mark the element as read."""
-            element.take()
-            if element.name == "function":
-                return function_value(element, self.properties, number)
-            return table_value(element, self.properties, number)
-
+        value_of = function_value if element.name == "function" else table_value
+        compute = partial(value_of, element, self.properties, number)
         if "#" not in name or number is not None:
             full_name = name.replace("#", str(number))
             first = self._functions.setdefault(full_name, element)
@@ -641,13 +634,17 @@ class Equations:
         for integral in self._idle:
             self._substitute(integral, ca.SX(0.0))
         self._freeze()
-        self._remove_time()
         faults = []
         for unknown in properties.unknowns:
             if not contains(self._values, unknown.symbol):
                 continue
             if properties.hide(self._values, unknown):
                 self._freeze()
+            elif unknown.symbol is self._time:
+                self.fault_of_time = self._fault(unknown)
+                self._substitute(self._time, ca.SX(math.inf))
+                statement = "forces are those late in a flight, at an infinite sim-time-sec"
+                self.notes.append(Note(statement))
             else:
                 faults.append(self._fault(unknown))
         if faults:
@@ -660,15 +657,6 @@ class Equations:
         rates = ", ".join(moved[:_MOST_RATES]) + ", ..." * (len(moved) > _MOST_RATES)
         path = self.properties.path_of(unknown)
         return f"{unknown.error} (it changes {rates}{path and ' by '}{path})"
-
-    def _remove_time(self) -> None:
-        """Remove the time, with a note."""
-        if not contains(self._values, self._time):
-            return
-        self.fault_of_time = self._fault(self.properties.unknowns[0])
-        self._replacements.append((self._time, ca.SX(0.0)))
-        self._set_values(without_time(self._values, self._time))
-        self.notes.append(Note("no trim is where a force depends on simulation/sim-time-sec"))
 
     def resolved(self, value: Any) -> ca.SX:
         """Return a value with the replacements of the time derivatives and outputs."""

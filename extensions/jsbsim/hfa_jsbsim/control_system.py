@@ -9,6 +9,7 @@ import math
 import operator
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -135,7 +136,7 @@ def _add_component(component: Element, properties: Properties, order: int, execu
     """
     name = component.attributes.get("name", "")
     names = [name if "/" in name else f"fcs/{lower_dashes(name)}"]
-    outputs = [child for child in component.children if child.name == "output"]
+    outputs = list(component.all("output"))
     for output in outputs:
         if output.text.startswith("-"):
             raise output.error(
@@ -144,16 +145,8 @@ def _add_component(component: Element, properties: Properties, order: int, execu
             )
     names += [output.text for output in outputs]
     if component.name == "distributor":
-        set_here = (child for case in component.children for child in case.children)
-        names += [child.text for child in set_here if child.name == "property"]
-
-    def compute() -> Any:
-        """Return the output, and mark the component as read."""
-        component.take()
-        for child in component.all("output"):
-            child.take()
-        return _output(component, properties)
-
+        names += [child.text for case in component.children for child in case.all("property")]
+    compute = partial(_output, component, properties)
     writer = Writer(compute, component.where, order, component, is_of_file=True)
     for output_name in dict.fromkeys(names):
         own = _if_executed(writer, output_name, execute, properties) if execute else writer
@@ -363,7 +356,6 @@ def _washout(component: Element, properties: Properties) -> Any:
     rate = filter_rate(component, properties)
     if not properties.has_filter_states:
         properties.leave_out(component, "its output is 0, as for a constant input")
-        component.find("input")  # counts as read
         return 0.0
     value = input_of(component, properties)
     state = properties.add_state(component, value)

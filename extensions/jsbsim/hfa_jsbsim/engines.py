@@ -188,7 +188,7 @@ def _content(mount: Element, opened: Any, kinds: Sequence[str]) -> Element:
             if child.name in kinds or child.name.endswith("_engine")  # also an unsupported one
         )
         part = next(inside, mount)
-    if part.take().name not in kinds:
+    if part.name not in kinds:
         raise part.error(
             f"<{shortened(part.name)}> is not supported; use {', '.join(KINDS)} with "
             "propeller, direct or nozzle"

@@ -149,7 +149,7 @@ def function_value(element: Element, properties: Properties, number: int | None 
 
     Raises BadInputError for a function that is not supported.
     """
-    arguments = [child.take() for child in element.children if child.name != "description"]
+    arguments = [child for child in element.children if child.name != "description"]
     if len(arguments) != 1:
         raise element.error(
             f"the number of elements in <{element.name}> is {len(arguments)}; give one element"
@@ -176,7 +176,7 @@ def _value(element: Element, properties: Properties, number: int | None) -> Any:
         return properties.unknown(element.error(fault))
     operation, fewest, most = _OPERATIONS[name]  # numbers of arguments
     values = [
-        _value(child.take(), properties, number)
+        _value(child, properties, number)
         for child in element.children
         if child.name != "description"
     ]

@@ -68,7 +68,7 @@ class Parts:
             # Of sections of one name, JSBSim reads only the first, but every <system>.
             is_first = self.section(child.name) is None
             if child.name in LOADED and (is_first or child.name == "system"):
-                self.sections.append(folders.merged(child.take()))  # marked as read
+                self.sections.append(folders.merged(child))
         gas = self.section("buoyant_forces")
         if gas is not None:
             raise gas.error("<buoyant_forces> is not supported; remove the gas cells")

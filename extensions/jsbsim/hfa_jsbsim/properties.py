@@ -403,8 +403,7 @@ class Properties:
                 # The effect of an engine, which is no expression, is forgotten in any case.
                 if not isinstance(writer.value, ca.SX) or loops & symbols_of(writer.value):
                     writer.value = writer.present = None
-                    if writer.component is not None:  # it counts as read when it is read again
-                        writer.component.taken = False
+                    if writer.component is not None:  # noted when it is read again
                         for is_always in (False, True):
                             self.left_out.pop(_key(writer.component, is_always), None)
 

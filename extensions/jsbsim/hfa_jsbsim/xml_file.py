@@ -24,7 +24,6 @@ class Element:
     lines: (line number, text) of each line of text that is not empty.
     file, line: position of the start tag.
     parent: enclosing element, or None for the root.
-    taken: whether the element was read (`accounting.py`).
     """
 
     name: str
@@ -34,7 +33,6 @@ class Element:
     parent: Element | None = None
     children: list[Element] = field(default_factory=list)
     lines: list[tuple[int, str]] = field(default_factory=list)
-    taken: bool = False
 
     @property
     def where(self) -> str:
@@ -62,17 +60,12 @@ class Element:
         return BadInputError(f"{self.file}:{line}: {fault}")
 
     def find(self, name: str) -> Element | None:
-        """Return the first child of this name, marked as read, or None."""
+        """Return the first child of this name, or None."""
         return next(self.all(name), None)
 
     def all(self, name: str) -> Iterator[Element]:
-        """Yield the children of this name, marked as read."""
-        return (child.take() for child in self.children if child.name == name)
-
-    def take(self) -> Element:
-        """Mark the element as read and return it."""
-        self.taken = True
-        return self
+        """Yield the children of this name."""
+        return (child for child in self.children if child.name == name)
 
     def need(self, name: str) -> Element:
         """Return the first child of this name. Raises BadInputError without such a child."""
@@ -261,7 +254,7 @@ class Folders:
     def opened(self, element: Element) -> Element:
         """Return the root of the file that an element names, or the element if it names no file."""
         name = element.attributes.get("file", "")
-        return self.read(self._found(element, name)).take() if name else element
+        return self.read(self._found(element, name)) if name else element
 
     def merged(self, element: Element) -> Element:
         """Return an element extended by the content of the file that it names (`FGModel::Upload`).
@@ -276,7 +269,6 @@ class Folders:
         if document.name != element.name:
             fault = f"the file contains <{document.name}> instead of <{element.name}>"
             raise document.error(f"{fault}; correct the name in {element.where}")
-        document.take()
         both = [*document.children, *element.children]
         attributes = {**document.attributes, **element.attributes}
         return Element(element.name, attributes, document.file, document.line, element.parent, both)
