@@ -30,7 +30,7 @@ from trim.linear.linear_model import LinearModel
 from verification.box import Box, usual_box
 from verification.critic_errors import LIMIT, critic_errors, is_gain_right
 from verification.linear_checks import LinearLoop, value_check
-from verification.verdict import Section, Verdict, explained
+from verification.verdict import Section, Verdict
 
 if TYPE_CHECKING:
     from verification.nonlinear_game import NonlinearComparison
@@ -168,7 +168,7 @@ def verify(
     return Verdict(
         critic=judged,
         exact=exact,
-        checks=explained(checks, reason) if reason else tuple(checks),
+        checks=tuple(checks),
         limit=limit,
         reason=reason,
         cost_above_optimum_percent=above,

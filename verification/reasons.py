@@ -425,14 +425,10 @@ def _wrong_units(
 
 
 def _assigned(distances: np.ndarray) -> np.ndarray:
-    """Return a permutation (n,) with small distances[i, order[i]], the smallest assigned first."""
-    unassigned = distances.copy()
-    order = np.zeros(len(distances), dtype=int)
-    for _ in order:
-        row, column = np.unravel_index(np.argmin(unassigned), distances.shape)
-        order[row] = column
-        unassigned[row], unassigned[:, column] = np.inf, np.inf
-    return order
+    """Return the permutation (n,) with the least sum of distances[i, order[i]]."""
+    from scipy.optimize import linear_sum_assignment
+
+    return np.asarray(linear_sum_assignment(np.nan_to_num(distances))[1])
 
 
 def _order_text(noun: str, order: np.ndarray) -> str:

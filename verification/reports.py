@@ -254,7 +254,7 @@ def _network_facts(verdict: Verdict, limit_cost: float | None) -> list[str]:
     facts = [*cost, *equilibrium] if verdict.rests_within(NEAR) else [*equilibrium, *cost]
     faults_of_K = [check.reason for check in verdict.checks if check.name in _OF_K and not check.ok]
     if faults_of_K:
-        return [*facts, faults_of_K[0].partition(":")[0]]
+        return [*facts, faults_of_K[0]]
     return [*facts, f"K exact within {verdict.limit:g}"]
 
 
@@ -273,7 +273,7 @@ def _exactness(verdict: Verdict, failed: Sequence[Check]) -> str:
     if wrong is not None:
         if verdict.critic.network and verdict.reason:
             return f"not exact: {verdict.reason}"
-        return f"not exact ({wrong.reason.partition(':')[0]})"
+        return f"not exact ({wrong.reason})"
     if verdict.searched:
         return f"no error above {verdict.limit:g} found at {verdict.searched} states"
     return f"exact within {verdict.limit:g}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -302,24 +302,6 @@ class Verdict(Checked, Result, Reported):
         from hfa_support.reporting.figure import pyplot_figure
 
         return np.array(verification.verdict_figure(self, pyplot_figure).axes)
-
-
-def explained(checks: Sequence[Check], diagnosis: str) -> tuple[Check, ...]:
-    """Return the checks, with the recognized mistake in the reason of the first failed check.
-
-    The checks are unchanged if this reason already contains the mistake.
-
-    diagnosis: the recognized mistake
-    """
-    with_reason = list(checks)
-    for index, check in enumerate(checks):
-        if not check.ok:
-            if diagnosis.startswith(check.reason):
-                with_reason[index] = replace(check, reason=diagnosis)
-            elif diagnosis not in check.reason:
-                with_reason[index] = replace(check, reason=f"{check.reason}: {diagnosis}")
-            break
-    return tuple(with_reason)
 
 
 def values_text(names: Sequence[str], units: Sequence[str], values: Iterable[float]) -> str:

@@ -8,23 +8,30 @@ from dataclasses import replace
 import numpy as np
 
 from controller.game.zero_sum import Game
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.matrices import of_step
 
 
-def held(game: Game, dt: float, delay: float = 0.0) -> Game:
-    """Return the game in discrete time of inputs that are held for dt, and act after a delay.
+def held(game: Game, rate: float | None, delay: float = 0.0) -> Game:
+    """Return the game in discrete time of inputs that are held, and act after a delay; the same
+    game without a rate.
 
       x⁺ = Φ x + Γ u_(k-n) + E d,  J = Σ ∫ (z'Qz + 2z'Nu + u'Ru) dt - δ² dt d'd
 
     The states are z and the n commands under way, the oldest first. The disturbance is held too;
     what it adds to the cost within its own step is left out.
 
-    dt: sample time, s
+    rate: samples a second
     delay: time from a sample to the effect of its command, s
 
     Raises BadInputError if the delay is not a whole number of samples, or as `Game.sampled` does.
     """
+    if rate is None:
+        if delay:
+            raise BadInputError(f"a delay of {delay:g} s requires a rate, the samples a second")
+        return game
+    refuse_unless_positive("rate", rate, " 1/s")
+    dt = 1.0 / rate
     step = game.sampled(dt)
     n, m = game.B.shape
     count = round(delay / dt)

@@ -281,20 +281,7 @@ def game(
         names=names,
         half_widths=widths_within_limits(linear),
     )
-    return flown(continuous, rate, delay)
-
-
-def flown(continuous: Game, rate: float | None, delay: float) -> Game:
-    """Return the game of `rate` samples a second with a delay, or the same one without a rate.
-
-    Raises BadInputError for a delay without a rate.
-    """
-    if rate is not None:
-        refuse_unless_positive("rate", rate, " 1/s")
-        return held(continuous, 1.0 / rate, delay)
-    if delay:
-        raise BadInputError(f"a delay of {delay:g} s requires a rate, the samples a second; add it")
-    return continuous
+    return held(continuous, rate, delay)
 
 
 def _weights(matrix: str, given: Any, names: tuple[str, ...]) -> Any:
@@ -351,25 +338,18 @@ class StoredGame(NamedTuple):
 
     game: the game
     notes: texts on unused entries, on defaults that were used, and on ignored names
-    provenance: entry -> text on the origin of the plant, as stored in the file
     declared: names of the entries A, B, E, Q, R, delta and N that the file contains
     """
 
     game: Game
     notes: tuple[str, ...]
-    provenance: dict[str, str]
     declared: tuple[str, ...] = ()
-
-
-def no_defaults(parts: Mapping[str, Any], names: PlantNames) -> Defaults:
-    """Return no default values, for plants other than the paper's aircraft."""
-    return Defaults()
 
 
 def stored_game(
     path: str | Path,
     *,
-    defaults: Callable[[Mapping[str, Any], PlantNames], Defaults] = no_defaults,
+    defaults: Callable[[Mapping[str, Any], PlantNames], Defaults],
     sizes: Callable[[PlantNames], Mapping[str, float]] | None = None,
     row: str | None = None,
     **changes: Any,
@@ -411,12 +391,7 @@ def stored_game(
         parts |= _time(stored)
         game = _completed(parts | {"names": names}, defaults(parts, names), notes)
         noted = tuple(f"{path}: {note}" for note in notes)
-        return StoredGame(
-            game,
-            noted,
-            _provenance(stored),
-            declared=tuple(key for key in MODEL_KEYS if key in stored),
-        )
+        return StoredGame(game, noted, tuple(key for key in MODEL_KEYS if key in stored))
 
 
 def _time(stored: Mapping[str, Any]) -> dict[str, Any]:
@@ -465,22 +440,3 @@ def _completed(parts: dict[str, Any], defaults: Defaults, notes: list[str]) -> G
         notes.append(f"not given: {', '.join(missing)}; used: {taken}")
     complete = values | parts
     return Game(**complete | {"delta": one_number("delta", complete["delta"])})
-
-
-def _provenance(stored: dict[str, Any]) -> dict[str, str]:
-    """Return name -> text for the entries of a plant file that describe the origin of the plant.
-
-    They are in a table `provenance` (TOML, JSON) or have keys `provenance.NAME` (flat files).
-    Entries that are not one text are left out.
-    """
-    table = stored.get("provenance", {})
-    entries = dict(table) if isinstance(table, dict) else {}
-    for key in stored:
-        if key.startswith("provenance."):
-            entries[key.removeprefix("provenance.")] = stored[key]
-    origin = {}
-    for name in entries:
-        texts = words(entries, name)
-        if len(texts) == 1 and texts[0]:
-            origin[name] = texts[0]
-    return origin

@@ -256,14 +256,9 @@ class Game(ByValue, Reported):
         return self.B @ self.R_inverse_B_transposed
 
     @cached_property
-    def S_disturbance(self) -> np.ndarray:
-        """E E', (n, n), the term of the disturbance in S without the factor δ⁻²."""
-        return self.E @ self.E.T
-
-    @cached_property
     def S(self) -> np.ndarray:
         """S = B R⁻¹ B' - δ⁻² E E', (n, n): the quadratic term of the Riccati equation for N = 0."""
-        return self.S_control - self.S_disturbance / self.delta**2
+        return self.S_control - self.E @ self.E.T / self.delta**2
 
     def gain(self, P: np.ndarray) -> np.ndarray:
         """Return K (m, n) of the policy u = -K z of the value z'P z (`policies`)."""

@@ -63,7 +63,7 @@ class Iteration(Samples):
     def S(self, problem: Problem) -> np.ndarray:
         """S_s = B R⁻¹B' - s E E'/δ², (n, n)."""
         game = self.game
-        return game.S_control - problem.share * game.S_disturbance / game.delta**2
+        return game.S_control - problem.share * (game.E @ game.E.T) / game.delta**2
 
     def evaluated(self, P: np.ndarray, problem: Problem) -> np.ndarray:
         """Return the matrix P⁺ (n, n) of the value of the policies of P, by least squares.

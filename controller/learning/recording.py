@@ -104,7 +104,7 @@ def natural_spread(game: Game) -> np.ndarray:
 
     A, units = balanced(game.A)
     shift = max(spectral_abscissa(A), 0.0) + 0.1 * (spectral_radius(A) or 1.0)
-    noise = (game.S_control + game.S_disturbance / game.delta**2) / np.outer(units, units)
+    noise = (game.S_control + (game.E @ game.E.T) / game.delta**2) / np.outer(units, units)
     covariance = solve_continuous_lyapunov(A - shift * np.eye(len(units)), -noise)
     variances = np.diag(covariance)
     return units * np.sqrt(np.where(variances > 0.0, variances, 1.0))

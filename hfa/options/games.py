@@ -13,8 +13,8 @@ import numpy as np
 
 from controller.critic.critic_file import critic_suffixes
 from controller.critic.reading import CriticFile, Reading
+from controller.game.held_game import held
 from controller.game.linear_game import (
-    flown,
     game as game_of,
     names_of_linear,
     sizes_text,
@@ -279,7 +279,7 @@ def _flown(request: GameOptions, named: NamedGame) -> NamedGame:
     """Return the game of --rate and --delay."""
     if request.rate is None and not request.delay:
         return named
-    return replace(named, game=flown(named.game, request.rate, request.delay), linear=None)
+    return replace(named, game=held(named.game, request.rate, request.delay), linear=None)
 
 
 def game_at(
@@ -406,7 +406,6 @@ def _game_of_file(
     named = NamedGame(
         stored.game,
         warnings=stored.notes,
-        plant_provenance=stored.provenance,
         weights_from=weight_sources(weights, of_critic, stored.declared),
         source={"model": str(plant)},
     )
@@ -419,7 +418,6 @@ class NamedGame(Result):
 
     game: the game
     warnings: notes to print with results
-    plant_provenance: provenance of a plant read from a file
     linear: linear model of the aircraft, or None for a plant from a file
     weights_from: name of a weight -> its source (`weight_sources`)
     source: entries of the provenance on the plant
@@ -427,7 +425,6 @@ class NamedGame(Result):
 
     game: Game
     warnings: tuple[str, ...] = ()
-    plant_provenance: Mapping[str, str] = field(default_factory=dict)
     linear: LinearModel | None = None
     weights_from: Mapping[str, str] = field(default_factory=dict)
     source: Mapping[str, Any] = field(default_factory=dict)
@@ -470,7 +467,6 @@ class NamedGame(Result):
             dt=game.dt or None,
             discount=game.discount if game.is_discrete else None,
             N=game.N if game.N.any() else None,
-            plant_provenance=dict(self.plant_provenance) or None,
         )
 
 

@@ -249,7 +249,8 @@ def policy_of_options(
     commands: steps that a gain table follows
     """
     from controller.critic.critic_file import critic_file
-    from controller.game.linear_game import flown, names_of_linear
+    from controller.game.held_game import held
+    from controller.game.linear_game import names_of_linear
     from controller.riccati.gare import solve
     from hfa_flight.policies.given import policy_of_file
     from hfa_flight.policies.policy import GainPolicy
@@ -257,7 +258,7 @@ def policy_of_options(
     path, weights = request.flown, given_weights(request, linear.model)
     if not isinstance(path, Path):
         rate = getattr(request, "rate", None)  # of a command that samples
-        return GainPolicy(EXACT, solve(flown(noted_game(weights, linear), rate, 0.0)).K)
+        return GainPolicy(EXACT, solve(held(noted_game(weights, linear), rate)).K)
     game = None
     if request.kind in (GAIN, NETWORK):  # whose policy may depend on the cost
         file = critic_file(path)

@@ -14,6 +14,7 @@ from stored_games import stored as stored_game
 
 from controller import load_game
 from controller.game.linear_game import stored_game as read_game
+from controller.hfa_game import paper_defaults
 from hfa import BadInputError, Game, read_critic, solve
 
 A2 = [[0.0, 1.0], [-2.0, -3.0]]
@@ -159,5 +160,5 @@ def test_a_sampled_plant_without_a_sample_time_is_asked_about():
         ([[0.99, 0.1], [-0.2, 0.95]], {"time": "continuous"}, False),
         ([[0.99, 0.1], [-0.2, -0.95]], {}, False),
     ):
-        notes = read_game(small("plant.json", A=A, **more)).notes
+        notes = read_game(small("plant.json", A=A, **more), defaults=paper_defaults).notes
         assert any("did you mean time" in note for note in notes) is is_asked
