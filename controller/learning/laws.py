@@ -16,7 +16,7 @@ from controller.learning.policy_iteration import policy_iteration
 from controller.learning.published import published_law
 from controller.learning.q_learning import learn_steps
 from controller.learning.recorded import transitions_in
-from controller.learning.recording import Samples, excitation, root_mean_square, simulated
+from controller.learning.recording import Samples, excitation_of, root_mean_square, simulated
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.progress import Progress
 
@@ -106,7 +106,7 @@ def _learned(
     n = len(game.A)
     states = begins[:, :n]
     psi = basis("paper" if law == "published" and n == 6 else "quadratic", n)  # "paper": 6 states
-    of_samples = excitation(psi.psi(states / root_mean_square(states)))
+    of_samples = excitation_of(psi.psi(states / root_mean_square(states)))
     # In the input u + F z, the game has the same value, and no cross weights.
     samples = Samples(game.without_cross_weights, psi, states)
     weights, diagnostics = LAWS[law](samples, progress)

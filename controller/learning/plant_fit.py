@@ -20,7 +20,7 @@ from controller.game.zero_sum import Game, rates_of_step
 from controller.learning.recording import (
     RANK_TOLERANCE,
     Transitions,
-    excitation,
+    excitation_of,
     plant_of,
     root_mean_square,
 )
@@ -112,7 +112,7 @@ class PlantFit:
                 "that its effect cannot be told from theirs; add independent excitation to it "
                 "while recording"
             )
-        found = excitation(scaled)
+        found = excitation_of(scaled)
         if found.rank < found.size:
             raise BadInputError(
                 f"the rank of states, inputs and disturbances is {found.rank} of {found.size}: "

@@ -17,7 +17,7 @@ from controller.critic.training_run import SETTLED, Excitation, TrainingRun
 from controller.game.basis import basis, q_extremum, q_function
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, is_definite
 from controller.learning.recording import (
-    excitation,
+    excitation_of,
     plant_of,
     root_mean_square,
 )
@@ -55,7 +55,7 @@ def learn_steps(
             " over u; give R > 0, or solve the game with hfa.solve"
         )
     learner = QLearner(game, begins)
-    of_samples = excitation(learner.features)
+    of_samples = excitation_of(learner.features)
     P = np.zeros_like(game.A)
     for pause in range(PAUSES):
         if progress is not None:

@@ -115,7 +115,7 @@ def root_mean_square(columns: np.ndarray) -> np.ndarray:
     return np.asarray(np.sqrt(np.mean(columns**2, axis=0)))
 
 
-def excitation(samples: np.ndarray) -> Excitation:
+def excitation_of(samples: np.ndarray) -> Excitation:
     """Return the rank and the condition of recorded samples.
 
     samples: ψ(z_j), (N_h, M), whose rows are divided by their lengths, unless these are 0
