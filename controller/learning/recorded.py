@@ -145,7 +145,9 @@ def _records_in(read: Read, name: str, names: PlantNames) -> Iterator[tuple[str,
             yield from _records_in(read_source(group, of_group), of_group, names)
         return
     entries = {_ALIASES.get(key, key): values for key, values in read.entries.items()}
-    if "x" in entries:
+    signals = {*names.states, *names.inputs}
+    is_named = signals and signals <= {column.name for column in read.columns}
+    if "x" in entries and not is_named:  # no state x of the plant
         yield name, _of_matrices(entries, name, names)
     else:
         yield name, _of_columns(read.columns, names, entries, [])

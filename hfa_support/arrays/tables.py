@@ -65,16 +65,14 @@ def read_source(source: Any, name: str = "") -> Read:
     if hasattr(content, "columns"):  # of pandas or polars
         if getattr(getattr(content, "index", None), "name", None):
             content = content.reset_index()
-        return Read(_columns_of_arrays(name, {n: content[n].to_numpy() for n in content.columns}))
+        content = {name: content[name] for name in content.columns}
     if not isinstance(content, Mapping):
         raise BadInputError(
             f"{name} is of type {type(source).__name__}; give a file, a data frame or a dictionary"
         )
     entries = _with_history({str(key): values for key, values in content.items()})
-    states, inputs, *units = (np.ravel(entries.get(key, ())).astype(str) for key in _NAMES)
-    labels = zip((*states, *inputs), itertools.chain(*units), strict=False)
-    unit_of = {str(signal): str(unit) for signal, unit in labels}
-    return Read(_columns_of_arrays(name, entries, unit_of, "" if is_file else None), entries)
+    no_unit = None if isinstance(source, Mapping) else ""
+    return Read(_columns_of_arrays(name, entries, no_unit), entries)
 
 
 def _with_history(entries: dict[str, Any]) -> dict[str, Any]:
@@ -90,24 +88,21 @@ def _with_history(entries: dict[str, Any]) -> dict[str, Any]:
     return columns
 
 
-def _columns_of_arrays(
-    where: str,
-    entries: Mapping[str, Any],
-    units: Mapping[str, str] = {},
-    no_unit: str | None = "",
-) -> list[Column]:
+def _columns_of_arrays(where: str, entries: Mapping[str, Any], no_unit: str | None) -> list[Column]:
     """Return the columns among arrays: those of more than a number.
 
-    units: name -> unit of headings without one
-    no_unit: unit of the others
+    no_unit: unit of signals without one in their heading or in the entries `_NAMES`
     """
+    states, inputs, *units = (np.ravel(entries.get(key, ())).astype(str) for key in _NAMES)
+    labels = zip((*states, *inputs), itertools.chain(*units), strict=False)
+    unit_of = {str(signal): str(unit) for signal, unit in labels}
     columns = []
     for text, values in entries.items():
         label, cells = Label.of(str(text)), np.asarray(getattr(values, "values", values))
         if cells.dtype.kind in "mM":  # dates, or durations
             label, cells = Label(label.name, "s"), (cells - cells[:1]) / np.timedelta64(1, "s")
         if cells.ndim and max(cells.shape) == cells.size and text not in _NAMES:
-            unit = label.unit or units.get(label.name) or no_unit
+            unit = label.unit or unit_of.get(label.name) or no_unit
             rows = range(1, cells.size + 1)
             columns.append(Column(where, label.name, unit, np.ravel(cells), rows))
     return columns

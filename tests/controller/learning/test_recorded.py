@@ -266,6 +266,19 @@ def test_a_record_about_its_trim_that_begins_at_rest():
         learn(plant, data=columns | {"Time [ms]": 1e3 * np.arange(80)})
 
 
+def test_a_state_may_be_called_x():
+    """A dictionary with a column for each of the states x and v is no matrix x of all states."""
+    game = hfa.Game([[0, 1], [-0.5, 1]], [[0], [1]], Q=np.eye(2), R=np.eye(1), dt=0.1)
+    game = replace(game, names=PlantNames(("x", "v"), ("u",)))
+    data = recorded(game)
+    columns = {
+        f"{name}{end}": data[key][:, place]
+        for place, name in enumerate("xv")
+        for key, end in (("x", ""), ("x_next", "_next"))
+    }
+    assert_exact(game, learn(blind(game), data=columns | {"u": data["u"][:, 0]}))
+
+
 def test_samples_that_are_slower_than_a_mode():
     """Samples of a mode of 20 rad/s every 0.2 s have the step of one of 11.4 rad/s. They are refused
     beside the plant, and without it the first line says what is assumed. Faster samples are right.
