@@ -14,6 +14,7 @@ from controller.game.linear_game import weights_of_sizes
 from controller.game.zero_sum import Game
 from controller.learning.recording import Transitions
 from hfa_aircraft.readers.matrices_file import (
+    NAME_ALIASES,
     NAME_KEYS,
     entries_found,
     plant_names,
@@ -269,7 +270,8 @@ def _of_columns(
         raise BadInputError("the columns differ in length; give columns of one length")
     if "dt" in marks:
         entries = {**entries, "dt": np.unique(marks["dt"].numbers("s"))}  # one number
-    seen = {*_MATRICES, *_NO_SIGNALS, *NAME_KEYS, "Ts", *(column.name for column in used)}
+    seen = {*_MATRICES, *_NO_SIGNALS, *NAME_KEYS, *NAME_ALIASES, "Ts"}
+    seen |= {column.name for column in used}
     unused = [name for name in named if name not in seen]
     seen |= {column.name for column in columns}
     unused += [key for key in entries if Label.of(key).name not in seen]

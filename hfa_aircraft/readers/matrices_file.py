@@ -18,6 +18,7 @@ from hfa_aircraft.control_systems import (
 )
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import PlantNames, Signal
+from hfa_support.arrays.columns import Column
 from hfa_support.arrays.read import read_arrays
 from hfa_support.errors import (
     BadInputError,
@@ -29,7 +30,6 @@ from hfa_support.errors import (
     shown,
 )
 from hfa_support.matrices import LARGEST, checked_matrix, shape_text
-from hfa_support.units import conversion_factor
 
 #: Entries with names and units.
 NAME_KEYS = ("states", "inputs", "state_units", "input_units")
@@ -136,22 +136,14 @@ def _scales_of(signal: str, stored: Mapping[str, Any], of_plant: tuple[str, ...]
     of_plant: units of the plant, "" for an unknown one
     """
     key = f"{signal}_units"
-    scales = np.ones(len(of_plant))
-    units = words(stored, key)
-    if not units:
-        return scales
+    units = words(stored, key) or ("",) * len(of_plant)
     if len(units) != len(of_plant):
         raise BadInputError(f"{key} lists {len(units)} units; give one for each {signal}")
-    for i, (unit, unit_of_plant) in enumerate(zip(units, of_plant, strict=True)):
-        factor = conversion_factor(unit_of_plant, unit)
-        if factor is not None:
-            scales[i] = factor
-        elif unit and unit_of_plant:
-            raise BadInputError(
-                f"{signal} {i + 1} is in {shortened(unit)} in the file but in {unit_of_plant} in "
-                f"the plant; convert the matrices, or remove {key} from the file"
-            )
-    return scales
+    columns = [
+        Column(key, f"{signal} {i}", unit or None, (), ()) for i, unit in enumerate(units, 1)
+    ]
+    factors = [column.factor(unit) for column, unit in zip(columns, of_plant, strict=True)]
+    return 1.0 / np.array(factors)
 
 
 def entries_of(contents: dict[str, Any], needed: set[str]) -> tuple[dict[str, Any], list[str]]:
