@@ -424,12 +424,14 @@ def _step_of(time: Column, starts: np.ndarray) -> tuple[float, float]:
     starts: whether a time is the first of an episode, (N,)
     """
     times = time.numbers("s")
+    is_last = np.append(starts[1:], True)  # of an episode: its time may be missing
+    time.refuse(np.isnan(times) & ~is_last, "has no number; give one, or remove the row")
     steps = np.where(starts[1:], np.nan, np.diff(times))
     mean = float(np.nanmean(steps))
     # A step between two times, each rounded to half a unit of its last digit, has an error of
     # this digit. Times such as 0, 1, 2 s, with a last digit of the size of the step, are exact
     # up to a few floating-point spacings.
-    (rounding,) = _last_digits(times[:, None])
+    (rounding,) = _last_digits(times[np.isfinite(times), None])
     if 2.0 * rounding > mean:
         rounding = 8.0 * float(np.spacing(np.nanmax(np.abs(times))))
     far = np.abs(steps - np.nanmedian(steps))

@@ -182,6 +182,8 @@ REFUSED = {
     "have 1 transitions; record at least 6": recorded(STEPS, 1),
     "row 1 is an episode of one row": {"x": np.ones((1, 3)), "u": np.ones((1, 2))},
     "not equally spaced: 0 s at row 4": TIMES | {"time": 0.1 * np.r_[:3, 2:60]},
+    "not equally spaced: -3 s at row 31": TIMES | {"time": 0.1 * np.r_[1:31, 0:31]},
+    "row 5: time has no number": TIMES | {"time": 0.1 * np.where(np.arange(61) == 4, np.nan, 1)},
     "not equally spaced: 0.2 s at row 31": TIMES | {"time": 0.1 * np.r_[:30, 31:62]},
     "data is 0.2 s, but that of the game is 0.1": recorded(STEPS) | {"dt": 0.2},
     "sample time of the data is not known": (RATES, recorded(STEPS)),
