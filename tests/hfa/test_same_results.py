@@ -35,19 +35,12 @@ RESULTS = {
     "linearize --dihedral 10": lambda: trimmed().linearize(),
     "sweep --dihedral 0:20:10": swept,
     "solve --dihedral 10": lambda: hfa.solve(game_at(10.0)),
-    "solve --dihedral 15 --dynamics newton": lambda: hfa.solve(game_at(15.0, "newton")),
     "learn --dihedral 10 --seed 3": lambda: hfa.learn(game_at(10.0), seed=3),
     "verify --dihedral 10 --weights K.npz": verified,
 }
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        pytest.param(words, marks=[pytest.mark.slow] * words.startswith("solve --dihedral 15"))
-        for words in RESULTS
-    ],
-)
+@pytest.mark.parametrize("words", RESULTS)
 def test_command_file_and_python_have_the_same_numbers(words):
     """Every entry of the result in Python, of the function `RESULTS[words]`, is that which the command
     prints and writes, bit by bit.

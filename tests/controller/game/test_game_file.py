@@ -33,7 +33,6 @@ pytestmark = pytest.mark.usefixtures("folder")
         ("plant.npz", "K.json"),
         ("plant.json", "K.npz"),
         ("plant.MAT", "K.npz"),
-        pytest.param("plant.npz", "K.mat", marks=pytest.mark.slow),  # .mat is read by a process
     ],
 )
 def test_games_and_solutions_survive_their_files(path, of_solution):

@@ -32,7 +32,7 @@ def test_rounding_does_not_stabilize_a_loop(slow):
         hfa.margins(hfa.LinearModel.of(A, np.eye(2)), K)
 
 
-@pytest.mark.parametrize("factor", [pytest.param(0.3, marks=pytest.mark.slow), 1.0, 3.0])
+@pytest.mark.parametrize("factor", [1.0, 3.0])
 @pytest.mark.parametrize("name", sorted(game_models()))
 def test_gain_and_phase_margins_equal_python_control(name, factor):
     """Gain, phase and delay margins and crossovers of each named loop, with the other loops closed,
@@ -74,8 +74,7 @@ def test_gain_and_phase_margins_equal_python_control(name, factor):
 FREQUENCIES = np.concatenate([[0.0], np.geomspace(1e-3, 1e3, 2000)])
 
 
-@pytest.mark.parametrize("inputs", [2, pytest.param(5, marks=pytest.mark.slow)])
-def test_the_disk_margin_agrees_with_python_control(inputs):
+def test_the_disk_margin_agrees_with_python_control():
     """The margin is that of SLICOT's μ on a grid of frequencies within 1 %.
 
     The grid may miss the smallest margin, so that ours may be smaller, but not 0.1 % larger.
@@ -83,9 +82,9 @@ def test_the_disk_margin_agrees_with_python_control(inputs):
     pytest.importorskip("slycot", reason="the package slycot is not installed")
     for seed in range(2):
         rng = np.random.default_rng(seed)
-        A, B = rng.standard_normal((4, 4)), rng.standard_normal((4, inputs))
-        game = Game(A, B, E=np.eye(4), Q=np.eye(4), R=np.eye(inputs), delta=1e3)
-        K = 2.0 * rng.uniform(0.5, 1.0, (inputs, 1)) * solve(game).K
+        A, B = rng.standard_normal((4, 4)), rng.standard_normal((4, 2))
+        game = Game(A, B, E=np.eye(4), Q=np.eye(4), R=np.eye(2), delta=1e3)
+        K = 2.0 * rng.uniform(0.5, 1.0, (2, 1)) * solve(game).K
         loop = control.ss(A, B, K, 0.0)
         grid = np.concatenate([[1e-6], np.geomspace(1e-2, 1e2, 400)])
         theirs = control.disk_margins(loop, grid)[0]

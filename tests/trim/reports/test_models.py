@@ -174,7 +174,7 @@ def test_frequency_responses_require_a_single_condition(words):
     assert_refused(command("linearize", *words, "--bode"), 2, "--bode", "--row NAME")
 
 
-@pytest.mark.parametrize("suffix", [".npz", ".json", pytest.param(".mat", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("suffix", [".npz", ".json"])
 def test_the_game_on_a_row_of_stored_models_is_that_at_its_condition(folder, suffix):
     """`solve --model FILE --row NAME` takes the plant of one row; without --row, the rows are named."""
     Path("rows.csv").write_text("name,dihedral\nfive,5\nten,10\n")

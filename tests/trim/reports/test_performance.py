@@ -14,7 +14,6 @@ from hfa import Signal
 #: Unit of speed -> its value of a knot.
 KNOTS = {"m/s": 1852.0 / 3600.0, "ft/s": 1852.0 / 3600.0 / 0.3048}
 UAV = f"{ROOT}/examples/uav.toml"
-BOEING = pytest.param("jsbsim:737", marks=pytest.mark.slow)
 
 
 @functools.cache
@@ -27,13 +26,13 @@ def trimmed(name):
     return point, point.report().data
 
 
-@pytest.mark.parametrize("name", [UAV, f"{ROOT}/examples/uav.dml", "hfa", BOEING])
+@pytest.mark.parametrize("name", [UAV, f"{ROOT}/examples/uav.dml", "hfa"])
 def test_lift_drag_and_thrust_balance_the_weight(name):
     """In level flight L + T sin α = W and D = T cos α.
 
     L/D, the lift coefficient L / (q S) and the power required T V cos α follow.
     """
-    pytest.importorskip("hfa_jsbsim")
+    pytest.importorskip("hfa_daveml")
     point, data = trimmed(name)
     figures = values(data)
     thrust = figures.get("thrust force", figures.get("thrust"))
