@@ -75,18 +75,6 @@ def test_an_airspeed_without_a_trim_has_the_reason_of_the_trim(verb, airspeed):
     assert command("trim", *typed[:2], "--hold", "thrust=60", *kept).code == 0
 
 
-@pytest.mark.slow
-def test_a_held_rate_of_climb_frees_the_path_and_stays_held():
-    """With the advice for --hold altitude_dot=2, the flight climbs by speed sin(gamma) = 2 m/s."""
-    words = ("trim", "--aircraft", UAV, "--hold", "altitude_dot=2")
-    advice = re.search(r"with (--free \S+) \(", command(*words).err)
-    assert advice is not None
-    states = answer(*words, *advice[1].split())["operating_point"]["states"]
-    assert states["speed"] * np.sin(states["pitch"] - states["alpha"]) == pytest.approx(
-        2.0, rel=1e-6
-    )
-
-
 def test_first_lines_state_freed_rates_and_fuel_is_not_negative(folder):
     """The glider has a position, a fuel that burns at the rate of the thrust, and a drag of
     1 + 0.01 fuel. The first lines of a trim with both rates freed state them: 50 m/s, and -1.5 kg/s,

@@ -9,21 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import SCRIPT, hfa, hfa_process
+from cli import SCRIPT, hfa_process
 from project import FOLDERS, ROOT
 
 from hfa.main import BAD_INPUT, DONE, FAILED
 from hfa_support.origin import PACKAGES, code
-
-
-@pytest.mark.slow
-def test_output_of_a_process_ignores_settings(tmp_path):
-    """The output of a child process does not depend on the hash seed or on color settings."""
-    words = ("sweep", "--dihedral", "14:16:1")
-    inside = hfa(*words)
-    assert inside.code == DONE
-    environment = {"PYTHONHASHSEED": "2", "FORCE_COLOR": "1", "TERM": "xterm-256color"}
-    assert hfa_process(*words, folder=tmp_path, **environment) == inside
 
 
 @pytest.mark.slow

@@ -209,23 +209,6 @@ def test_kcas_and_mach_give_the_altitude_of_their_crossover(tmp_path):
     assert_refused(command("trim", *at_60_kcas, "mach=0.02"), 2, "do not give one altitude")
 
 
-@pytest.mark.slow
-def test_a_sweep_of_named_conditions_counts_stalls_as_their_trims_do(trim, tmp_path):
-    """Of three named conditions, two below the stall speed, `hfa sweep` and `hfa trim` find the same
-    results and numbers; the conditions of the latter are the CSV file of the sweep.
-    """
-    (tmp_path / "slow.csv").write_text("name,KCAS [kt],altitude\na,35,100\nb,36,100\nc,60,100\n")
-    swept = trim(tmp_path / "slow.csv", "-o", str(tmp_path / "swept.csv"), verb="sweep")
-    assert swept.out.startswith("Sweep, Aerosonde: trimmed at 1 of 3 points, STALLED at 2\n")
-    trims = trim(tmp_path / "swept.csv", "-o", str(tmp_path / "trims.csv"))
-    assert trims.out.startswith("1 of 3 conditions are trimmed, 2 stalled\n")
-    found, of_trims = (rows_of(tmp_path / name) for name in ("swept.csv", "trims.csv"))
-    for name, cells in found.items():
-        assert cells["results"] == of_trims[name]["results"]
-        for heading in ("alpha [deg]", "elevator [deg]", "speed [m/s]"):
-            assert float(cells[heading]) == pytest.approx(float(of_trims[name][heading]), rel=1e-9)
-
-
 def test_the_file_of_one_sheet_is_its_condition(trim, uav, tmp_path):
     """The CSV file of one trim states what was typed, with angles in degrees, and has the same trim
     as a file of conditions. The file of this trim in Python states the same.

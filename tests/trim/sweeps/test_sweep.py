@@ -4,7 +4,6 @@ import csv
 
 import numpy as np
 import pytest
-import xarray
 from cli import assert_refused, hfa
 from project import ROOT
 
@@ -152,31 +151,6 @@ def store(tmp_path_factory):
     done = hfa("sweep", *WORDS_OF_STORE, "-o", str(path))
     assert (done.code, "nonsmooth point" in done.err) == (0, False)
     return path
-
-
-@pytest.mark.slow
-def test_a_store_has_names_and_units_and_the_numbers_of_the_sweep(published_aircraft, store):
-    """A Zarr store has A and the limits reached of the sweep in memory, with names, units and axes by
-    which xarray selects them.
-
-    The store is of dihedral 5 and 10 deg and speed 64 and 68 ft/s, with the aileron at its limit.
-    """
-    dataset = xarray.open_zarr(store, consolidated=False).load()
-    assert dataset.dihedral.attrs["units"] == "rad"
-    assert dataset.status.attrs["flag_meanings"].split() == ["trimmed", "beyond_limits", "no_trim"]
-    fast = dataset.where(dataset.speed == 68.0, drop=True)
-    np.testing.assert_allclose(fast.dihedral, np.radians([5.0, 10.0]))
-    np.testing.assert_allclose(fast.states.sel(state="speed"), 68.0)
-    grid = {"dihedral": np.radians([5.0, 10.0]), "speed": [64.0, 68.0]}
-    condition = release(LEVEL_FLIGHT, free=("alpha",), hold={"aileron_center": np.radians(20.0)})
-    expected = sweep(published_aircraft, grid, condition=condition)
-    np.testing.assert_array_equal(dataset.at_limit, expected.at_limit)
-    reached = abs(dataset.at_limit).sum("point")
-    assert reached.sel(limited="aileron_center") == reached.sum() == 4  # points
-    np.testing.assert_allclose(dataset.A, expected.A, rtol=1e-12)
-    roots = [np.sort_complex(each) for each in (dataset.eigenvalues.values, expected.eigenvalues)]
-    np.testing.assert_allclose(*roots, rtol=1e-9)
-    assert dataset.attrs["condition"]["free"] == ["alpha"]
 
 
 @pytest.mark.parametrize("more", ["", "--limit throttle=0:40", "--hold altitude=1e4", "--units si"])
