@@ -275,19 +275,22 @@ def _takes(function: Any, count: int) -> bool:
 def _is_of(kind: type, name: str, module: str) -> bool:
     """Return whether a type is of the kind that a name in an annotation states.
 
-    Classes are known by their names, so that they need not be imported.
+    Classes are known by their names, so that they need not be imported. Of other objects of this
+    name only a union is examined: a protocol, or a list of words, is the function's to check.
 
-    module: name of the module with the annotation, which defines or imports an alias
+    module: name of the module with the annotation
     """
     if name in _KINDS:
         _, is_of_kind = _KINDS[name]
         return is_of_kind(kind)
-    annotated = vars(sys.modules[module]).get(name)
+    if any(base.__name__ == name.rpartition(".")[2] for base in kind.__mro__):
+        return True
+    own = (each for title, each in [*sys.modules.items()] if title.startswith(OWN))
+    modules = [vars(each) for each in (sys.modules[module], *own)]
+    annotated = next((each[name] for each in modules if name in each), type)
     if isinstance(annotated, UnionType):
         return any(_is_of(kind, each.__name__, module) for each in get_args(annotated))
-    if annotated is Any or isinstance(annotated, str):
-        return True  # an alias for checkers of types alone
-    return any(base.__name__ == name.rpartition(".")[2] for base in kind.__mro__)
+    return not isinstance(annotated, type) or getattr(annotated, "_is_protocol", False)
 
 
 def _has(kind: type, *attributes: str) -> bool:
