@@ -95,7 +95,7 @@ def test_a_gain_table_is_refused_beyond_its_ends_and_a_single_gain_is_not(tmp_pa
         ({"K": np.ones((2, 1, 3)), "level": [1.0, 2.0]}, "K has shape (2, 1, 3)"),
         (
             {"K": np.ones((2, 1, 2)), "level": [1.0, 2.0], "input_units": ["mol"]},
-            "input 1 is in mol in the file",
+            "input 1 is in mol",
         ),
     ],
 )
