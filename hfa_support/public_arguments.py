@@ -43,7 +43,7 @@ _KINDS: dict[str, tuple[str, Callable[[type], bool]]] = {
         ),
     ),
     **dict.fromkeys(
-        ("Sequence", "Iterable", "tuple"),
+        ("Sequence", "Collection", "Iterable", "tuple"),
         ("a list", lambda kind: not issubclass(kind, _TEXTS) and _has(kind, "__iter__")),
     ),
 }
@@ -290,6 +290,9 @@ def _is_of(kind: type, name: str, module: str) -> bool:
     annotated = next((each[name] for each in modules if name in each), type)
     if isinstance(annotated, UnionType):
         return any(_is_of(kind, each.__name__, module) for each in get_args(annotated))
+    meant = getattr(annotated, "__name__", name)
+    if annotated is not type and meant != name:  # another name of a class
+        return _is_of(kind, meant, module)
     return not isinstance(annotated, type) or getattr(annotated, "_is_protocol", False)
 
 
