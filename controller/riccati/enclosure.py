@@ -48,6 +48,7 @@ from controller.riccati.refusal import (
     refuse_modes,
     stabilizing,
     why_no_value,
+    why_not_the_value,
 )
 from hfa_support.cached import cached_property
 from hfa_support.errors import NoSolutionError
@@ -290,7 +291,8 @@ def _outcomes(
             equation = equation_of(game, near or first_units(game, delta), delta)
             yield why_no_value(equation, None, frequency, in_bits=False)
         else:
-            yield _outcome(candidate, digits=digits, in_bits=False)
+            with suppress(NotProvedError):
+                yield why_not_the_value(stabilizing(candidate))
             with precision(2 * BITS), suppress(FailedError):
                 equation = equation_of(game, equation.units, delta)
                 *_, candidate = corrections(equation, candidate.X)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from controller.game.basis import q_function
 from controller.game.linear_game import game
 from controller.game.zero_sum import Game
 from controller.riccati.balls import BITS, ball_matrix, midpoints, precision
-from controller.riccati.closed_loops import POLE_BITS, ClosedLoops, poles_of, rounded_loop
+from controller.riccati.closed_loops import ClosedLoops, rounded_loop
 from controller.riccati.enclosure import (
     Certificate,
     Enclosure,
@@ -79,11 +79,6 @@ class Solution(Result, Reported):
         return self.enclosure.rounded("L")
 
     @property
-    def L(self) -> Matrix:
-        """Gain L of the worst disturbance d = L z, (k, n), as `disturbance_gain`."""
-        return self.disturbance_gain
-
-    @property
     def delta(self) -> float:
         """Disturbance weight δ of the game."""
         return self.game.delta
@@ -140,9 +135,6 @@ class Solution(Result, Reported):
     def worst_case_eigenvalues(self) -> Roots:
         """Eigenvalues of A - B K + E L, the loop under the worst disturbance, (n,), 1/s."""
         return self.closed_loops.worst_poles()
-
-    def __iter__(self) -> NoReturn:
-        raise BadInputError("no tuple; write solution.K, solution.P, solution.poles()")
 
     def poles(self) -> np.ndarray:
         """Return the eigenvalues of A - B K, (n,) complex, 1/s."""
@@ -345,19 +337,10 @@ def margins(linear: LinearModel | Game, K: ArrayLike) -> dict[str, LoopMargin]:
         plant, inputs = Game(linear.A, linear.B, Q=np.eye(n), R=np.eye(m)), linear.inputs
     K = plant.checked_gain(K)
     if not stabilizes(plant, K):
-        raise NoSolutionError(f"{_unstable(plant, K)} and no margins; give a stabilizing gain")
+        raise NoSolutionError("A - B K is not stable: no margins; give a stabilizing gain")
     with precision(BITS):
         closed = midpoints(loop_with(plant, ball_matrix(K)))
     loop = rounded_loop(closed, plant.B, K, plant)
     if loop is None:
         raise NoSolutionError("a mode is undamped up to rounding: no margins; change K")
     return {name: single_margin(loop, i) for i, name in enumerate(inputs)}
-
-
-def _unstable(plant: Game, K: np.ndarray) -> str:
-    """Return a clause on the pole that is not stable."""
-    with precision(POLE_BITS):
-        poles = poles_of(loop_with(plant, ball_matrix(K)))
-    if plant.is_discrete:
-        return f"the loop has the spectral radius {np.abs(poles).max():.4g}"
-    return f"the loop has a pole at {poles.real.max():+.4g} 1/s"

@@ -157,7 +157,7 @@ def why_no_value(
     frequency: at which the gain from the disturbance may be too large, rad/s or rad/step
     in_bits: whether eigenvalues are computed in many bits, for what doubles do not see
     """
-    if found is not None and (reason := _why_not_the_value(found)):
+    if found is not None and (reason := why_not_the_value(found)):
         return reason
     if frequency is not None and (reason := too_large_at(equation, frequency)):
         return reason
@@ -259,7 +259,7 @@ def _has_other_signs(equation: Equation, frequency: float) -> bool:
     return False
 
 
-def _why_not_the_value(found: Stabilizing) -> str:
+def why_not_the_value(found: Stabilizing) -> str:
     """Return why the stabilizing solution is proved not to be the value, or "": an input or the
     disturbance gains cost in one step, or A - B K is unstable.
     """

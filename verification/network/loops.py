@@ -76,7 +76,7 @@ def simulated(
     when V* exceeds `FAR_OF_VALUE` times that of the box |z_i| <= b_i.
     """
     game, K, weight = exact.game, exact.K, exact.suboptimality_weight
-    F = game.A - game.B @ K + game.E @ exact.L
+    F = game.A - game.B @ K + game.E @ exact.disturbance_gain
     policy = row_function(critic.policy) or critic.u
     u_at_rest = policy(equilibrium[None])
     size = float(b @ np.abs(exact.P) @ b)

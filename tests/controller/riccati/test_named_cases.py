@@ -45,7 +45,7 @@ def test_a_small_gain_of_the_disturbance_keeps_its_digits(delta, discount):
     solution = solve(game)
     P, loop = solution.P[0, 0], 0.5 - solution.K[0, 0]
     expected = discount * P * loop / (delta**2 - discount * P)
-    assert solution.L[0, 0] == pytest.approx(expected, rel=1e-14)
+    assert solution.disturbance_gain[0, 0] == pytest.approx(expected, rel=1e-14)
     last = next(line for line in solution.certificate.proved if line.startswith("L is enclosed"))
     assert float(last.split()[-1]) < 1e-16
 

@@ -51,7 +51,11 @@ def test_the_cost_of_each_flight_is_below_the_proved_bound(name):
     assert proof.excess < 0.05
     rows = row_function(function)
     reference = np.linalg.eigvalsh(exact.P)[-1]
-    gains = [0.0 * exact.L, exact.L] if math.isfinite(game.delta) else [0.0 * exact.L]
+    gains = (
+        [0.0 * exact.disturbance_gain, exact.disturbance_gain]
+        if math.isfinite(game.delta)
+        else [0.0 * exact.disturbance_gain]
+    )
     for L in gains:
         for start in ([1.0, 1.0], [1.0, -1.0], [0.5, 0.2]):
             z0 = np.array(start)
