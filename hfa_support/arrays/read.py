@@ -99,10 +99,11 @@ def _names_and_units(tables: Mapping[str, _Table]) -> dict[str, list[str]]:
     Raises ValueError if a matrix has the states in another order.
     """
     A, B, P, K = (tables.get(matrix, _Table(np.empty(0), [], [])) for matrix in "ABPK")
-    states = A.rows or A.columns or P.rows or P.columns or K.columns
-    inputs = B.columns or K.rows
+    states = (A.rows, A.columns, P.rows, P.columns, K.columns)
     stored = {}
-    for kind, labels in (("state", states), ("input", inputs)):
+    for kind, sides in (("state", states), ("input", (B.columns, K.rows))):
+        # The first labels with units, or else the first ones.
+        labels = max(sides, key=lambda side: (len(side) > 0, all(label.unit for label in side)))
         if labels:
             stored[f"{kind}s"] = [label.name for label in labels]
         if labels and all(label.unit for label in labels):

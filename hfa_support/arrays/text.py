@@ -61,9 +61,10 @@ def _with_decimal_points(
         return rows
     point = "" if separator == "," and with_comma == in_thousands else "."
     if point and (in_thousands or any(map(_DECIMAL_POINT.fullmatch, cells))):
+        doubtful = min(in_thousands or with_comma)
         raise BadInputError(
-            f"{where} contains decimal commas and points, or {min(with_comma)}, whose comma may "
-            "separate thousands; give decimal points alone"
+            f"{where} contains decimal commas and points, or {doubtful}, whose comma may separate "
+            "thousands; give decimal points alone"
         )
     return [
         (number, [cell.replace(",", point) if cell in with_comma else cell for cell in row])

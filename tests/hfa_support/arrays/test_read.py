@@ -114,7 +114,7 @@ B = np.array([[0.5], [1.0]])
 #: names of columns (HEADED).
 BARE = "0,1\n-2,-3\n", ".5\n1e0\n"
 NAMED = (
-    ",speed [ft/s],alpha [rad]\nspeed [ft/s],0,1\nalpha [rad],-2,-3\n",
+    ",speed [ft/s],alpha [rad]\nspeed,0,1\nalpha,-2,-3\n",
     ",push\nspeed,0.5\nalpha,1\n",
 )
 HEADED = "speed,alpha\n0,1\n-2,-3\n", '"push"\n0.5\n1\n'
