@@ -1,11 +1,9 @@
 """Kalman filters for noise and turbulence, and policies of their estimates."""
 
 import copy
-import json
 import pickle
 import re
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -22,7 +20,6 @@ import hfa
 import hfa_flight
 from hfa import BadInputError, Turbulence
 from hfa_flight import MonteCarlo, Scenario, Uncertainty, flight_envelope, run_monte_carlo
-from hfa_flight.air.gusts import OneMinusCosine
 from hfa_flight.policies.kalman import least_rms
 from hfa_flight.policies.policy import SampledPolicy
 from hfa_flight.samples.fly import flights_in_air
@@ -181,20 +178,6 @@ def test_a_loop_whose_sensor_misses_samples_has_no_margins(linear):
     assert left[1] > left[0]
 
 
-@pytest.mark.slow
-def test_only_a_filter_of_the_biases_stays_inside_in_severe_turbulence(point, linear):
-    """In 20 s of severe turbulence with biases of all sensors, the aircraft stays inside behind a filter
-    with states of the biases, and leaves behind one without.
-    """
-    air = Uncertainty(noise=IN_THE_AIR, turbulence=Turbulence("severe", 40000.0))
-    drawn = Scenario(20.0, uncertainty=air).drawn(1, 0, point)
-    noise = {name: sensor.noise for name, sensor in IN_THE_AIR.items()}
-    for sensors, stays in ((IN_THE_AIR, True), (noise, False)):
-        policy = hfa.filter(linear, sensors, "severe:40000").policy(mild_gain(linear))
-        flight = hfa.fly(point.model, point, policy, scenario=drawn, predict=False)
-        assert (flight.departure is None) == stays
-
-
 def test_modes_that_no_sensor_observes_are_named():
     """A decaying mode that no sensor observes is noted. One that does not decay is refused with the
     sensor to add, with which the filter is stable.
@@ -279,17 +262,6 @@ def test_a_filter_of_faulty_samples_equals_a_kalman_filter_in_numpy(point, kalma
     assert policy.unused == own.left_out > 50
 
 
-def test_a_gust_stronger_than_the_turbulence_is_not_taken_for_a_faulty_sensor(point, kalman, gain):
-    """In an updraft of 26 ft/s, 5.6 standard deviations of the turbulence, no measured value is left out
-    as impossible, and the flight stays inside the envelope.
-    """
-    gust = OneMinusCosine(100.0, 26.0, point["speed"])
-    policy, scenario = kalman.policy(gain).in_scenario(Scenario(1.5, gust=gust))
-    flight = hfa.fly(point.model, point, policy, scenario=scenario, predict=False)
-    assert flight.departure is None
-    assert policy.unused == 0
-
-
 def test_commands_fade_in_only_where_the_initial_states_are_unknown(point, kalman, gain):
     """A flight begins at known states: at .05 rad of pitch its first command is far from the trim.
     After a reset, the first command at this value is that of the trim, and a later one is not.
@@ -303,25 +275,6 @@ def test_commands_fade_in_only_where_the_initial_states_are_unknown(point, kalma
     first, *_, last = (policy(0.0, {"pitch": point["pitch"] + 0.05 + 1e-9 * n}) for n in range(9))
     np.testing.assert_array_equal(first, point.u)
     assert 0.01 < np.abs(last - point.u).max() < 0.1
-
-
-def test_an_estimate_returns_after_minutes_without_a_sample():
-    """After 300 s without a measurement, the estimate of an unstable pendulum is that it hangs. With
-    measurements that show otherwise, it begins at these.
-    """
-    model = hfa.load_model(f"{ROOT}/examples/pendulum.py:PENDULUM")
-    linear = hfa.trim(model).linearize()
-    assert linear.eigenvalues.real.max() > 1.0
-    policy = hfa.filter(linear, {"angle": 0.002, "rate": 0.01}, dt=0.1).policy(np.zeros((1, 2)))
-    policy(0.0, [0.01, 0.0])
-    for _ in range(3000):
-        policy(0.0, [np.nan, np.nan])
-    assert policy.estimate["angle"] == pytest.approx(np.pi, abs=1e-6)
-    for sample in range(10):
-        policy(0.0, [1e-9 * sample, 0.1 + 1e-9 * sample])  # a value that repeats is frozen
-    # 3000 samples without a value, and 9 impossible ones before the tenth, at which it begins anew
-    assert policy.unused == 3009
-    assert policy.estimate["angle"] == pytest.approx(0.01, abs=0.002)
 
 
 @pytest.fixture
@@ -348,24 +301,11 @@ def test_copies_and_pickles_of_a_filtered_policy_have_memories_of_their_own(
     np.testing.assert_allclose(policy(0.0, measured), point.u, atol=1e-12)
 
 
-def test_commands_behind_a_filter_are_within_the_limits_of_the_inputs(
-    point, kalman, gain, measured
-):
-    """A million times the exact gain moves each input to a limit, if it has one."""
-    policy = kalman.policy(1e6 * gain)
-    policy.begin(point.x)
-    U = policy(0.0, measured + innovations_of(kalman))
-    for value, signal in zip(U, point.model.inputs.values(), strict=True):
-        assert signal.min <= value <= signal.max
-
-
-@pytest.mark.parametrize(("delay", "samples"), [(0.03, 4), (0.025, 3)])
-def test_a_filter_predicts_over_a_known_delay(point, linear, gain, measured, delay, samples):
+def test_a_filter_predicts_over_a_known_delay(point, linear, gain, measured):
     """The first command is that of the state predicted over the delay. The estimate follows the
     linear model, in which this command acts after the delay.
-
-    samples: number of samples, after which the command has acted for 0.01 s * samples - delay
     """
+    delay, samples = 0.025, 3  # the command has acted for 0.01 s * samples - delay at the end
     kalman = hfa.filter(linear, NOISE)
     late, _ = kalman.policy(gain).in_scenario(Scenario(1.0, tick=0.005, delay=delay))
     late.begin(point.x)
@@ -386,15 +326,14 @@ def test_a_filter_predicts_over_a_known_delay(point, linear, gain, measured, del
     )
 
 
-@pytest.mark.parametrize("law", [hfa.predictive, hfa.state_dependent])
-def test_a_law_that_plans_is_filtered_with_the_nonlinear_model(law):
+def test_a_law_that_plans_is_filtered_with_the_nonlinear_model():
     """No sample of a pendulum that falls from 2.5 rad is left out. The linear model would call every
     later one impossible.
     """
     model = hfa.load_model(f"{ROOT}/examples/pendulum.py:PENDULUM")
     point = hfa.trim(model)
     noise = {"angle": 0.002, "rate": 0.01}
-    planned = law(model, point, np.eye(2), np.eye(1))
+    planned = hfa.state_dependent(model, point, np.eye(2), np.eye(1))
     policy = hfa.filter(point.linearize(), noise, dt=planned.dt).policy(planned)
     scenario = Scenario(0.5, initial=np.array([2.5, 0.0]), uncertainty=Uncertainty(noise=noise))
     policy, scenario = policy.in_scenario(scenario)
@@ -455,12 +394,8 @@ def test_a_law_that_plans_is_told_what_the_wind_adds_in_a_sample(point, kalman, 
     ("given", "said"),
     [
         ({"noise": {}}, "requires the noise of its sensors"),
-        ({"noise": {"speeed": 1.0}}, "unknown sensor of 'speeed'"),
-        ({"noise": {"speed": -1.0}}, "the sensor of speed: the noise is -1"),
         ({"noise": {"load_factor": 0.01}}, "load_factor depends on the inputs; add --servo"),
         ({"noise": {"speed": 0.0}}, "noise of speed"),
-        ({"noise": NOISE, "dt": -1.0}, "dt"),
-        ({"noise": NOISE, "turbulence": "calm:3"}, "LEVEL"),
         ({"noise": NOISE, "drift": {"speed": -1.0}}, "drift of speed"),
     ],
 )
@@ -489,28 +424,13 @@ def test_a_gain_of_other_sizes_is_refused(kalman, gain):
         kalman.policy(gain[:, 1:])
 
 
-@pytest.mark.parametrize("delay", ["0", ".013"])
-def test_a_delay_changes_neither_noise_nor_filter(folder, delay):
-    """The scenario has the delay that is typed. With any delay, the noise is that of samples of 10 ms,
-    and the filter has this sample time.
-    """
-    words = f"fly --dihedral 10 --policy exact --filter --duration .05 --delay {delay} -o f.json"
-    assert run(*words.split(), *TYPED).code == 0
-    data = json.loads(Path("f.json").read_text())
-    drawn = Uncertainty(noise=NOISE).samples(0, 0, 5, tuple(NOISE), 0.01)  # .05 s have 5 samples
-    np.testing.assert_allclose(data["scenario"]["drawn_noise"], drawn.std(axis=0))
-    assert data["policy"]["filter"]["dt"] == 0.01
-    assert data["scenario"].get("delay", 0.0) == float(delay)
-
-
-@pytest.mark.parametrize("angle", [5.0, 15.0])
-def test_a_loop_behind_a_filter_is_stable_up_to_its_margins_and_not_beyond(angle):
+def test_a_loop_behind_a_filter_is_stable_up_to_its_margins_and_not_beyond():
     """With a factor on one input, or commands that are later than the filter knows, the loop is stable
     at 99 % of each margin and unstable at 101 %.
 
     `radius` moves each unit vector of the loop's state by a sample: these are the columns of its map.
     """
-    kalman, K = hfa.filter(model_at(angle), NOISE, AIR), exact_gain(angle)
+    kalman, K = hfa.filter(model_at(15.0), NOISE, AIR), exact_gain(15.0)
     found = kalman.policy(K).margins
     gain = K @ kalman.sight  # of the estimate: 6 states of the aircraft and 3 of the air
     kept = np.eye(9) - kalman.L @ kalman.C
