@@ -537,23 +537,3 @@ def test_a_data_file_executes_no_fmu():
     Path("changed.toml").write_text('aircraft = "pendulum.fmu"\n[parameters]\nlength = 3.0\n')
     fmu()
     assert_refused(run("trim", "--aircraft", "changed.toml"), 2, "executes none")
-
-
-def test_a_file_that_is_no_archive_is_refused():
-    """A file named .fmu that is no zip archive is refused."""
-    Path("text.fmu").write_text("no archive")
-    assert_refused(run("trim", "--aircraft", "text.fmu"), 2, "not a readable zip file")
-
-
-@pytest.mark.slow
-def test_costs_of_a_gain_are_compared_without_best_flights():
-    """`assess` compares the costs of flights with K with those of the exact gain, by the Q and R of the file
-    of K.
-    """
-    weights = ("--Q", "1,1", "--R", "1")
-    run("solve", "--aircraft", fmu(), *weights, "-o", "K.npz", "-q")
-    words = ("--sample-time", "0.05", "--samples", "2")
-    assert (
-        "cost of K.npz: Q diag(1, 1), R diag(1)"
-        in run("assess", "K.npz", "--aircraft", fmu(), *words).out
-    )
