@@ -30,14 +30,7 @@ class Section(NamedTuple):
     """Part of the report on a critic, with its data.
 
     part: text or table of the report
-    data: entries that the part adds to the data of the verdict:
-      - graded: cost above the optimum, L2 gain; with a limit of the cost, also the limit and the
-        verdict on the cost
-      - disk_margin, disk_margin_exact: of K, and of another exact gain
-      - discount, dt: discount factor of a step; sampling time of a sampled plant, s
-      - box: box of states in which V and the policies are compared
-      - network: of a critic that is not quadratic, its outputs, V(0), the largest errors found in
-        the box, and the results of its simulations
+    data: entries that the part adds to the data of the verdict
     """
 
     part: Part
@@ -195,11 +188,6 @@ class Verdict(Checked, Result, Reported):
         - "fail": all other cases, and a critic that fails on the nonlinear game.
         """
         return self._grade()
-
-    @property
-    def linear_grade(self) -> str:
-        """The grade without the nonlinear game."""
-        return self._linear_grade()
 
     def _grade(self, limit_cost: float | None = None) -> str:
         """Return the grade, on the nonlinear game too if the critic was judged there.

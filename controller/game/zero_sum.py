@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfa_aircraft.signals import UNNAMED, PlantNames, StatesAndInputs
+from hfa_aircraft.signals import UNNAMED, PlantNames
 from hfa_support.arguments import ArrayLike
 from hfa_support.cached import cached_property
 from hfa_support.errors import (
@@ -112,10 +112,6 @@ class Game(ByValue, Reported):
                 f"names is {shown(self.names)}; name the signals by hfa.game(hfa.LinearModel.of(A, "
                 "B, states=[...], inputs=[...]), Q=Q, R=R)"
             )
-        if isinstance(self.A, StatesAndInputs):
-            raise BadInputError(
-                "Game takes arrays A and B; of a linear model write hfa.game(linear, Q=Q, R=R)"
-            )
         if self.Q is None or self.R is None:
             raise BadInputError("Q or R is missing; write Game(A, B, Q=..., R=...)")
         # The dataclass is frozen: vars(self) sets its fields.
@@ -144,10 +140,6 @@ class Game(ByValue, Reported):
 
         matrix: "Q" or "R"
         """
-        if isinstance(given, (int, float, np.number)):
-            raise BadInputError(
-                f"{matrix} is the number {shown(given)}; give a matrix, or its diagonal"
-            )
         if not isinstance(given, Mapping):
             weights = numbers_in(matrix, given)
             return np.diag(weights) if weights.ndim == 1 else weights
