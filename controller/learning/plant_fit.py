@@ -24,7 +24,7 @@ from controller.learning.recording import (
     plant_of,
     root_mean_square,
 )
-from hfa_support.errors import BadInputError, shortened
+from hfa_support.errors import BadInputError
 from hfa_support.reporting.text import numbered
 from hfa_support.units import conversion_factor
 
@@ -33,6 +33,8 @@ _OUTSIDE = 0.05
 #: Probability that a constant is fitted to data without one, and that independent noise is taken
 #: for a correlated one.
 _CHANCE = 1e-4
+#: Largest number of wrong rows that are named.
+_MOST_ROWS = 20
 #: Misfit that rounding can cause: no constant is fitted to it.
 _ROUNDING = 1e-12
 
@@ -212,10 +214,11 @@ class PlantFit:
         without = _misfit(errors[inside], ends[inside])
         if len(inside) == len(ends) or without > 0.5 * self.misfit:
             return ""
-        rows = map(str, np.delete(self.transitions.rows, inside))
+        rows = [*map(str, np.delete(self.transitions.rows, inside))]
+        more = f" and {len(rows) - _MOST_ROWS} more" if len(rows) > _MOST_ROWS else ""
         return (
-            f"{len(ends) - len(inside)} of {len(ends)} rows do not fit the others "
-            f"({shortened(', '.join(rows), 80)}): without them, the misfit is "
+            f"{len(rows)} of {len(ends)} rows do not fit the others "
+            f"({', '.join(rows[:_MOST_ROWS])}{more}): without them, the misfit is "
             f"{100.0 * without:.2g} %; mark the ends of episodes, or remove wrong rows"
         )
 
