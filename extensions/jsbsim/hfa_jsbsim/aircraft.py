@@ -57,6 +57,7 @@ from hfa_jsbsim.surfaces import (
     reach_throttle,
     use_surface_positions,
 )
+from hfa_jsbsim.time_of_flight import without_time
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import BadInputError, shortened
 
@@ -642,8 +643,9 @@ class Equations:
                 self._freeze()
             elif unknown.symbol is self._time:
                 self.fault_of_time = self._fault(unknown)
-                self._substitute(self._time, ca.SX(math.inf))
-                statement = "forces are those late in a flight, at an infinite sim-time-sec"
+                self._replacements.append((self._time, ca.SX(0.0)))
+                self._set_values(without_time(self._values, self._time))
+                statement = "no trim is where a force depends on simulation/sim-time-sec"
                 self.notes.append(Note(statement))
             else:
                 faults.append(self._fault(unknown))

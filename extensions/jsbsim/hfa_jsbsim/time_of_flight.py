@@ -1,0 +1,56 @@
+"""Forces that depend on the time since the start of a flight."""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+
+_COMPARISONS = (ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE)
+
+
+def without_time(values: ca.SX, time: ca.SX) -> list[ca.SX]:
+    """Return values late in a flight, nan at the states at which they depend on the time.
+
+    A comparison of the time with a number is that of an infinite time. A product does not depend on
+    the time where its other factor is 0, and a switch where it is open.
+
+    values: expressions, a column
+    time: symbol of the time
+    """
+    others = [each for each in ca.symvar(values) if not ca.is_equal(each, time)]
+    function = ca.Function("values", [time, ca.vertcat(*others)], [ca.densify(values)])
+    # register -> value, and how much depends on the time: a sum that is 0 only for nothing
+    known: dict[int, tuple[ca.SX, ca.SX]] = {}
+    rows: list[ca.SX] = []
+    for place in range(function.n_instructions()):
+        op, read = function.instruction_id(place), function.instruction_input(place)
+        if op == ca.OP_OUTPUT:
+            value, varies = known[read[0]]
+            rows.append(ca.if_else(varies != 0.0, math.nan, value))
+            continue
+        if op == ca.OP_INPUT:
+            result = (others[read[1]], ca.SX(0.0)) if read[0] else (time, ca.SX(1.0))
+        elif op == ca.OP_CONST:
+            result = ca.SX(function.instruction_constant(place)), ca.SX(0.0)
+        elif len(read) == 1:
+            value, varies = known[read[0]]
+            result = ca.SX.unary(op, value), varies
+        else:
+            (one, of_one), (other, of_other) = known[read[0]], known[read[1]]
+            if op in _COMPARISONS:
+                late = [math.inf if ca.is_equal(each, time) else each for each in (one, other)]
+                if all(ca.SX(each).is_constant() for each in late):
+                    (one, other), of_one, of_other = map(ca.SX, late), ca.SX(0.0), ca.SX(0.0)
+            varies = of_one
+            if of_one.is_zero() and of_other.is_zero():
+                pass
+            elif op == ca.OP_IF_ELSE_ZERO:
+                varies = of_one + (one != 0.0) * of_other
+            elif op == ca.OP_MUL:
+                varies = of_one * (other != 0.0) + of_other * (one != 0.0) + of_one * of_other
+            else:
+                varies = of_one + of_other
+            result = ca.SX.binary(op, one, other), varies
+        known[function.instruction_output(place)[0]] = result
+    return list(ca.vertsplit(ca.substitute(ca.vertcat(*rows), time, 0.0)))
