@@ -624,13 +624,19 @@ class Flight(StatesAndInputs, Result, Reported):
             rows.append((name, shown_unit(unit), lowest, highest, f"{100 * shares[name]:.3g} %"))
         return Table(("input", "unit", "lowest", "highest", "time at control limits"), rows)
 
+    @property
+    def _ticks(self) -> np.ndarray:
+        """Rows of the ticks, and the last one: a flight may leave between two ticks."""
+        last = len(self.time) - 1
+        return np.append(np.arange(0, last, self.loop.scenario.steps_per_tick), last)
+
     def history(self) -> dict[str, Any]:
-        """Return the time history, absolute, with one row for each tick: name -> array.
+        """Return the time history, absolute, with a row for each tick and the end: name -> array.
 
         times (N,), states (N, n), inputs (N, m), angles_of_attack (N,), errors (N, k), and winds,
         disturbance that the scenario sets -> (N,).
         """
-        every = slice(None, None, self.loop.scenario.steps_per_tick)
+        every = self._ticks
         columns = {
             "times": self.deviations.times[every],
             "errors": self.deviations.errors[every],
@@ -643,7 +649,7 @@ class Flight(StatesAndInputs, Result, Reported):
         return columns
 
     def _record_table(self) -> Table:
-        """Return the absolute time history as a table of numbers, one row for each tick."""
+        """Return the absolute time history as a table, a row for each tick and the end."""
         point, flown = self.point, self.deviations
         model = point.model
         units = {"time": "s"} | {name: model.unit(name) for name in (*model.states, *model.inputs)}
@@ -654,5 +660,5 @@ class Flight(StatesAndInputs, Result, Reported):
         if has_angle_of_attack(model):
             units[ANGLE_OF_ATTACK] = model.unit(ALPHA)
             columns.append(self.angles_of_attack)
-        rows: Any = np.column_stack(columns)[:: self.loop.scenario.steps_per_tick]
+        rows: Any = np.column_stack(columns)[self._ticks]
         return Table(tuple(f"{name} [{unit}]" for name, unit in units.items()), rows)
