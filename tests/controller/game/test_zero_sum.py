@@ -25,7 +25,7 @@ from hfa import BadInputError, Game
         ),
         ({"A": np.zeros((0, 0))}, "a game needs at least one state and one input"),
         ({"B": [[1.0]]}, "B is 1 x 1; give 2 x 1, to match A and B"),
-        ({"R": 1.0}, "R is the number 1.0; give a matrix, or its diagonal"),
+        ({"R": 1.0}, "the number of dimensions of R is 0"),
         ({"Q": [[1.0, 0.1], [0.0, 1.0]]}, "Q is not symmetric"),
         ({"B": np.eye(2), "R": [[0.1, 0.3], [0.3, 0.9]]}, "R is not positive definite"),
         ({"B": np.eye(2), "R": [[1e20, 1e10], [1e10, 1.0]]}, "R is not positive definite"),
