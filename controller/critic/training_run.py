@@ -150,21 +150,21 @@ class TrainingRun(Result, Reported):
         """ "settled", or a sentence with the reason why the run has not settled.
 
         A run has settled if the data have full rank and `residual_norm` is at most `SETTLED`;
-        its critic may still be wrong. What follows is, of recorded samples in continuous time, that
-        no mode is faster than π/hold, which they cannot show, and of data that are not linear, or
-        noisy, the misfit of their linear fit.
+        its critic may still be wrong. For recorded data that are not linear, or noisy, the misfit
+        of their linear fit follows, and for samples in continuous time that no mode is assumed to
+        be faster than π/hold, which they cannot show.
         """
-        if self.excitation.rank < self.excitation.size:
-            return f"the data have rank {self.excitation.rank} of {self.excitation.size}"
-        if not self.residual_norm <= SETTLED:  # true for a nan too
-            last = self.residual_norm
-            return f"the residual does not settle: {last:.3g} at the end, above {SETTLED:g}"
         said = "settled"
-        if self.data is not None and self.data.hold is not None:
-            said += f", if no mode is faster than {math.pi / self.data.hold:.3g} rad/s"
-        if self.data is not None and self.data.misfit > SETTLED:
+        if self.excitation.rank < self.excitation.size:
+            said = f"the data have rank {self.excitation.rank} of {self.excitation.size}"
+        elif not self.residual_norm <= SETTLED:  # true for a nan too
+            last = self.residual_norm
+            said = f"the residual does not settle: {last:.3g} at the end, above {SETTLED:g}"
+        elif self.data is not None and self.data.misfit > SETTLED:
             percent = f"{100.0 * self.data.misfit:.2g} %"
             said += f", but the data deviate from a linear plant by {percent}"
+        if self.data is not None and self.data.hold is not None:
+            said += f"; assumed: no mode faster than {math.pi / self.data.hold:.3g} rad/s"
         return said
 
     def _entries(self) -> dict[str, Any]:

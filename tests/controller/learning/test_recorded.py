@@ -291,5 +291,5 @@ def test_samples_that_are_slower_than_a_mode():
         learn(plant, data=slow)
     run = learn(blind(plant), data=slow)
     assert relative_error(run.K, solve(plant).K) > 0.1
-    assert run.outcome == "settled, if no mode is faster than 15.7 rad/s"
+    assert run.outcome == "settled; assumed: no mode faster than 15.7 rad/s"
     assert_exact(plant, learn(plant, data=recorded(plant.sampled(0.1)) | {"dt": 0.1}))
