@@ -65,7 +65,8 @@ def proof_of(
     seconds: of the processor
     """
     began = time.process_time()
-    proof = Proof(why=f"{seconds:g} s are over")
+    over = f"the limit of {seconds:g} s is over"
+    proof = Proof(why=over)
     try:
         prover = _Prover(exact, policy, equilibrium, b)
         setting, most = prover.setting, largest_share(prover.setting)
@@ -75,7 +76,7 @@ def proof_of(
         excess = wanted if needed < wanted < _ABOVE * needed else _ABOVE * needed
         claim = claim_of(setting, max(excess, _SMALLEST_EXCESS), most)
         while (left := seconds - (time.process_time() - began)) > 0.0:
-            proof = prover.searched(claim, 0.5 * left, proof)
+            proof = prover.searched(claim, 0.5 * left, replace(proof, why=over))
             larger = claim_of(setting, _NEXT * claim.excess, most)
             if proof.is_found or larger.excess <= claim.excess:
                 break
@@ -115,6 +116,7 @@ class _Prover:
         distances = 2.0 ** -np.random.default_rng(0).uniform(0.0, 8.0, _SAMPLES)
         self.drawn = starts_in(np.ones(n), _SAMPLES).T * distances
 
+    @np.errstate(all="ignore")
     def worst(self, claim: Claim, s: np.ndarray) -> tuple[float, list[np.ndarray]]:
         """Return the largest |e| / allowed |e| at states of the tube, relative to it (n, N), and up
         to `_KEPT` deviations (n,) at which it exceeds 1, the worst first.
@@ -128,6 +130,7 @@ class _Prover:
         first = [k for k in np.argsort(-ratios)[:_KEPT] if ratios[k] > 1.0]
         return float(ratios.max(initial=0.0)), list(y.T[first] * self.b)
 
+    @np.errstate(all="ignore")
     def bounded(
         self, claim: Claim, s: np.ndarray, width: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -146,9 +149,8 @@ class _Prover:
         scores = scores + np.abs(Z[:, :, :n]).sum(0)
         above = norm(np.abs(x) + np.abs(Z).sum(2) + r, axis=0)
         value = norm(SU @ y, axis=0) + norm(SU, axis=0) @ h
-        with np.errstate(all="ignore"):
-            under = np.maximum(_least(S, y, h), 0.0)
-            ratio = above * OUTWARD / under / claim.allowed((value * OUTWARD) ** 2)
+        under = np.maximum(_least(S, y, h), 0.0)
+        ratio = above * OUTWARD / under / claim.allowed((value * OUTWARD) ** 2)
         return np.where(np.isnan(ratio), np.inf, ratio), scores
 
     def central(self, claim: Claim) -> float:

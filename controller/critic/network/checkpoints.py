@@ -1,7 +1,6 @@
 """Checkpoints of other libraries, told by the names of their tensors: a table of layouts.
 
-The normalizers and boxes are those of the libraries' code: rsl_rl, rl_games, skrl, tianshou, RLlib
-and CleanRL. RLlib and tianshou map their actions to the box outside the checkpoint.
+The boxes are those of the libraries' code: Stable-Baselines3 and CleanRL.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from controller.critic.network.declared import ActionBox, Declared, Normalizer, notes_on_statistics
+from controller.critic.network.declared import ActionBox, Declared, Normalizer
 from controller.critic.network.layers import activation_named, has_word, is_deviation, is_of_critic
 from controller.critic.network.tensors import Inert, flattened, torch_content, unpickled
 from hfa_support.errors import (
@@ -32,23 +31,6 @@ from hfa_support.files import Number, regular_file, unpacked
 Tensors = Mapping[str, np.ndarray]
 
 
-class Running(NamedTuple):
-    """Running statistics of observations, with which a library normalizes.
-
-    mean, spread: ends of the names of their tensors
-    is_variance: whether the spread is a variance, or else a standard deviation
-    added_to_deviation, added_to_variance: number that the library adds before it divides
-    clip: largest absolute normalized value
-    """
-
-    mean: str
-    spread: str
-    is_variance: bool = True
-    added_to_deviation: float = 0.0
-    added_to_variance: float = 0.0
-    clip: float = np.inf
-
-
 class Layout(NamedTuple):
     """Layout of the policies of a library.
 
@@ -57,52 +39,21 @@ class Layout(NamedTuple):
         `root` precedes the names of the layers
     words: words that select the layers of the policy, those that the file has, joined by +. {} is
         the root
-    excluded, required: regular expressions of names that the file must not have, and must have
+    required: regular expression of a name that the file must have
     squash: as in `ActionBox`
     has_box: whether the root has action_scale and action_bias
-    has_mean: whether the outputs are the mean, followed by as many standard deviations
-    running: statistics of the normalizer, or None
     activation: between the layers, or None
-    note: sentence on what the file may lack, or ""
     """
 
     algorithm: str
     own_name: str
     words: str
-    excluded: str = ""
     required: str = ""
     squash: str = ""
     has_box: bool = False
-    has_mean: bool = False
-    running: Running | None = None
     activation: str | None = None
-    note: str = ""
 
 
-_RSL_RL = Layout(
-    "PPO of rsl_rl",
-    r"(?P<root>model_state_dict\.actor)\.\d+\.weight",
-    "{}",
-    running=Running(
-        r"(model_state_dict\.actor_obs_normalizer|obs_norm_state_dict|"
-        r"actor_state_dict\.obs_normalizer)\._mean",
-        "_std",
-        is_variance=False,
-        added_to_deviation=1e-2,
-    ),
-)
-_TIANSHOU = Layout(
-    "tianshou",
-    r"(?P<root>(.*\.)?)mu\.model\.\d+\.weight",
-    "{}preprocess+{}mu",
-    required=r"preprocess\.",
-)
-_RLLIB = Layout(
-    "RLlib",
-    r"(?P<root>(.*\.)?)pi\.net\.mlp\.\d+\.weight",
-    "{}encoder.actor_encoder+{}encoder.encoder+{}pi_encoder+{}pi",
-    required=r"encoder\.",
-)
 _CLEANRL = Layout(
     "TD3 or DDPG of CleanRL",
     r"(?P<root>(.*\.)?)fc_mu\.weight",
@@ -120,7 +71,6 @@ _SB3 = Layout(
 )
 #: All layouts. The first that fits is that of a file.
 LAYOUTS = (
-    _RSL_RL,
     _SB3,
     _SB3._replace(
         algorithm="TD3 or DDPG of Stable-Baselines3",
@@ -135,47 +85,6 @@ LAYOUTS = (
         required=r"mlp_extractor\.",
         squash="",
     ),
-    _RSL_RL._replace(own_name=r"(?P<root>actor_state_dict\.mlp)\.\d+\.weight"),
-    Layout(
-        "PPO of rl_games",
-        r"(?P<root>.*a2c_network\.)mu\.weight",
-        "{}actor_mlp+{}mu",
-        required=r"\.actor_mlp\.",
-        running=Running(
-            r".*running_mean_std\.running_mean", "running_var", added_to_variance=1e-5, clip=5.0
-        ),
-    ),
-    Layout(
-        "skrl",
-        r"(?P<root>policy)\..*",
-        "{}",
-        required=r"_preprocessor\.running_mean|policy\.(log_std_parameter|net_container\.)",
-        running=Running(
-            r"(state|observation)_preprocessor\.running_mean",
-            "running_variance",
-            added_to_deviation=1e-8,
-            clip=5.0,
-        ),
-    ),
-    _TIANSHOU._replace(algorithm="SAC of tianshou", required=r"critic2_old\.", squash="tanh"),
-    _TIANSHOU,
-    Layout(
-        "TD3 or DDPG of tianshou",
-        r"(?P<root>(.*\.)?actor\.)last\.model\.\d+\.weight",
-        "{}preprocess+{}last",
-        required=r"actor_old\.",
-        squash="tanh",
-    ),
-    Layout(
-        "tianshou",
-        r"(?P<root>)last\.model\.\d+\.weight",
-        "preprocess+last",
-        required=r"preprocess\.",
-        note="read without the tanh of an actor of TD3 or DDPG (activation relu,tanh adds it)",
-    ),
-    _RLLIB._replace(algorithm="SAC of RLlib", required="qf_encoder", squash="tanh", has_mean=True),
-    _RLLIB._replace(excluded=r"(.*\.)?pi\.log_std", has_mean=True),
-    _RLLIB,
     _CLEANRL,
     _CLEANRL._replace(
         algorithm="SAC of CleanRL",
@@ -186,8 +95,8 @@ LAYOUTS = (
 
 
 def checkpoint_of(tensors: Tensors) -> tuple[dict[str, np.ndarray], Declared] | None:
-    """Return the tensors of a checkpoint without those of its normalizer and action box, and what
-    the checkpoint states of its policy.
+    """Return the tensors of a checkpoint without those of its action box, and what the checkpoint
+    states of its policy.
 
     The result is None if the names of the tensors fit no layout of `LAYOUTS`.
     """
@@ -195,17 +104,13 @@ def checkpoint_of(tensors: Tensors) -> tuple[dict[str, np.ndarray], Declared] | 
         root = _root(layout, tensors)  # precedes the names of the policy's layers, such as "actor."
         if root is None:
             continue
-        normalizer, notes, names_of_statistics = _normalizer(layout.running, tensors)
-        used = (*names_of_statistics, *(_names_of_box(root) if layout.has_box else ()))
+        used = _names_of_box(root) if layout.has_box else ()
         others = {name: array for name, array in tensors.items() if name not in used}
         return others, Declared(
             algorithm=layout.algorithm,
             network=words_in(layout.words.replace("{}", root), tensors),
             activation=layout.activation,
             action=_action_of(layout, root, tensors),
-            normalizer=normalizer,
-            has_mean=layout.has_mean,
-            notes=(*notes, *filter(None, [layout.note])),
         )
     return None
 
@@ -220,9 +125,8 @@ def words_in(words: str, tensors: Tensors) -> str:
 def _root(layout: Layout, tensors: Tensors) -> str | None:
     """Return what precedes the names of a layout's layers in a file, or None for another layout."""
     own = [found for name in tensors if (found := re.fullmatch(layout.own_name, name))]
-    has_excluded = layout.excluded and any(re.fullmatch(layout.excluded, name) for name in tensors)
     has_required = any(re.search(layout.required, name) for name in tensors)
-    if not own or has_excluded or not has_required:
+    if not own or not has_required:
         return None
     root = own[0]["root"]
     if layout.has_box and not {*_names_of_box(root)} <= tensors.keys():
@@ -240,28 +144,6 @@ def _root(layout: Layout, tensors: Tensors) -> str | None:
     # Another layer below the root may act on the policy: the layout does not fit. If the root is ""
     # and there is no box, the layer may be of any other network in the file, and is not counted.
     return None if has_other_layers and (root or layout.has_box) else root
-
-
-def _normalizer(
-    running: Running | None, tensors: Tensors
-) -> tuple[Normalizer | None, tuple[str, ...], tuple[str, ...]]:
-    """Return the normalizer of a checkpoint, notes on it, and the names of its tensors."""
-    if running is None:
-        return None, (), ()
-    for name in tensors:
-        name_of_spread = f"{name.rpartition('.')[0]}.{running.spread}"  # of the same module
-        if re.fullmatch(running.mean, name) and name_of_spread in tensors:
-            mean, spread = (np.ravel(tensors[key]).astype(float) for key in (name, name_of_spread))
-            deviation = np.sqrt(spread) if running.is_variance else spread
-            normalizer = Normalizer(
-                mean,
-                variance=(deviation + running.added_to_deviation) ** 2,
-                epsilon=running.added_to_variance,
-                clip=running.clip,
-                origin="of the checkpoint",
-            )
-            return normalizer, notes_on_statistics(mean, spread), (name, name_of_spread)
-    return None, (), ()
 
 
 def _names_of_box(root: str) -> tuple[str, str]:

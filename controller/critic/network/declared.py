@@ -21,7 +21,6 @@ SUFFIXES = (
     ".pth",
     ".cleanrl_model",
     ".safetensors",
-    ".msgpack",
     ".zip",
 )
 
@@ -130,7 +129,6 @@ class Declared(NamedTuple):
     notes: sentences on what the file contains and the policy does not use
     other_game: sentence on entries of the file that differ from those of the game, or ""
     assumed: sentence on weights of the game that nothing gives, or ""
-    has_mean: whether the outputs of the policy are the mean, followed by as many deviations
     """
 
     algorithm: str = ""
@@ -145,7 +143,6 @@ class Declared(NamedTuple):
     notes: tuple[str, ...] = ()
     other_game: str = ""
     assumed: str = ""
-    has_mean: bool = False
 
 
 def notes_on_statistics(mean: np.ndarray, spread: np.ndarray) -> tuple[str, ...]:

@@ -256,22 +256,9 @@ def _contents(stored: Any, *, is_ordered: bool) -> _Contents:
     if is_module(stored):
         tensors, activations = module_contents(stored)
         return _Contents(tensors, is_ordered, activations=activations)
-    found = flattened(stored)
-    flat = without_training(_as_layers(found))
-    is_of_flax = any(name.endswith("kernel") for name in found)  # with its layers sorted by name
+    flat = without_training(flattened(stored))
     tensors, declared = checkpoint_of(flat) or (flat, NOTHING)
-    return _Contents(tensors, is_ordered and not is_of_flax, declared)
-
-
-def _as_layers(tensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return tensors with the names and shapes of torch: those of flax are `Dense_0/kernel`."""
-    as_torch = {}
-    for flax_name, array in tensors.items():
-        name = flax_name.replace("/", ".")
-        if name.endswith(".kernel"):  # (n, k) in flax, (k, n) in torch
-            name, array = f"{name.removesuffix('kernel')}weight", array.T
-        as_torch[name] = array
-    return as_torch
+    return _Contents(tensors, is_ordered, declared)
 
 
 def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> NetworkFile:
@@ -310,9 +297,6 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
         kind: layers_of(tensors, kind, part, contents.is_ordered, partial(check, kind), asked.sizes)
         for kind, part in parts.items()
     }
-    if declared.has_mean and "policy" in networks:
-        networks["policy"], note = _of_mean(networks["policy"])
-        declared = declared._replace(notes=(*declared.notes, note))
     declared = _with_note_on_unread(declared, tensors, networks)
 
     on_basis = _layer_on_basis(networks, asked)
@@ -326,17 +310,6 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
         functions[kind] = _composed(layers)
         chains.append(_description(kind, layers))
     return NetworkFile(functions, "; ".join(chains), precision, declared)
-
-
-def _of_mean(layers: list[Layer]) -> tuple[list[Layer], str]:
-    """Return a policy's layers to the mean, the first half of the outputs, and a note on the rest.
-
-    The other half are the standard deviations of the random action.
-    """
-    *before, last = layers
-    half = last.outputs // 2
-    mean = last._replace(weight=last.weight[:half], bias=last.bias[:half])
-    return [*before, mean], f"not used: outputs {half + 1} to {last.outputs}, the deviations"
 
 
 def _with_note_on_unread(
@@ -353,11 +326,6 @@ def _with_note_on_unread(
 
 def refuse_normalizer(declared: Declared) -> None:
     """Raise BadInputError if the policy of a file acts on normalized observations."""
-    if declared.normalizer is not None:
-        raise BadInputError(
-            f"the file normalizes {declared.normalizer.mean.size} observations of its training, "
-            f"which are not the deviations of the states; {_DEPLOYMENT} file"
-        )
     if declared.is_normalized:
         raise BadInputError(
             "the policy was trained behind a VecNormalize, which the zip file does not contain; "

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from hfa_support.arrays.read import arrays_of_npz
-from hfa_support.errors import BadInputError, missing_package, numbers_in, shortened
+from hfa_support.errors import BadInputError, numbers_in, shortened
 from hfa_support.files import unpacked
 
 #: Packages whose objects are read as attributes (`Inert`). Their code is never imported.
@@ -135,13 +135,6 @@ def _tensor(storage: Any, offset: Any, size: Any, stride: Any, *_: Any) -> np.nd
     return array_type(size, storage.dtype, storage, offset * storage.itemsize, strides)
 
 
-def _jax_array(make: Callable[..., Any], arguments: Any, state: Any, *_: Any) -> Any:
-    """Return an array of jax, which is pickled as one of NumPy."""
-    array = make(*arguments)
-    array.__setstate__(state)
-    return array
-
-
 #: What a pickle may call -> what is called instead.
 _STAND_INS: dict[tuple[str, str], Callable[..., Any]] = {
     ("collections", "OrderedDict"): OrderedDict,
@@ -150,7 +143,6 @@ _STAND_INS: dict[tuple[str, str], Callable[..., Any]] = {
     ("torch._utils", "_rebuild_tensor_v2"): _tensor,
     ("torch._utils", "_rebuild_parameter"): lambda tensor, *_: tensor,
     ("torch.storage", "_load_from_bytes"): lambda content: torch_stream(content),
-    ("jax._src.array", "_reconstruct_array"): _jax_array,
     ("numpy", "ndarray"): lambda *_: _Array(0),
     ("numpy", "dtype"): _Kind,
 }
@@ -296,39 +288,18 @@ def stored_in(content: bytes, suffix: str) -> Any:
     """Return what a file of tensors contains: nested mappings and lists of arrays and other values.
 
     content: bytes of the file
-    suffix: ".npz", ".msgpack", ".safetensors" or ".json"; of any other, a file is one of torch
+    suffix: ".npz", ".safetensors" or ".json"; of any other, a file is one of torch
 
     Raises BadInputError for a type of numbers that is not supported, for a TorchScript program, and
     for a damaged or too large file.
     """
     if suffix == ".npz":
         return arrays_of_npz(content)
-    if suffix == ".msgpack":
-        return _flax(content)
     if suffix == ".safetensors":
         return _safetensors(content)
     if suffix == ".json":
         return {name: numbers_in(name, rows) for name, rows in json.loads(content).items()}
     return torch_content(content)
-
-
-def _flax(content: bytes) -> Any:
-    """Return what `flax.serialization` wrote: an array is an extension (shape, type, bytes)."""
-    try:
-        import msgpack
-    except ImportError as error:
-        raise missing_package("files of flax require", "msgpack") from error
-
-    def array(code: int, data: bytes) -> Any:
-        """Return an array, or None for other extensions of flax."""
-        if code != 1:  # the code of an array
-            return None
-        shape, kind, numbers = msgpack.unpackb(data)
-        if kind == "bfloat16":
-            return BFloat16.of(np.frombuffer(numbers, "<u2")).reshape(shape)
-        return np.frombuffer(numbers, kind).reshape(shape)
-
-    return msgpack.unpackb(content, ext_hook=array, strict_map_key=False)
 
 
 def torch_content(content: bytes) -> Any:

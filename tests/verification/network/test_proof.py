@@ -187,7 +187,7 @@ def test_twenty_states_end_by_the_limit_of_seconds():
     critic = from_network(game, ca.Function("policy", [z], [u]), network="policy")
     verdict = verify(game, critic, limit_seconds=0.1, flights=4)
     assert verdict.to_dict()["proved"] is False
-    assert "not proved: 0.1 s are over" in str(verdict)
+    assert "not proved: the limit of 0.1 s is over" in str(verdict)
     with pytest.raises(BadInputError, match="limit_seconds is -1"):
         judged(FLOW, Z[0], limit_seconds=-1.0)
 

@@ -12,7 +12,6 @@ import zipfile
 import casadi as ca
 import numpy as np
 import pytest
-from network_files import torch_file
 from policy_cases import FOLDER, GTM, ZIPS, gtm_deployment, model_of, stored_deployment
 from tolerances import FEW_ROUNDINGS
 
@@ -344,30 +343,6 @@ def test_a_deployment_of_a_zip_has_the_actions_of_its_critic(name):
         action = {"elevator": {"box": box}, "throttle": {}}
         with pytest.raises(BadInputError, match=said):
             _ = gtm_deployment({"file": file, **policy}, action=action, **tables).actor
-
-
-def test_the_normalizer_in_a_checkpoint_is_applied(tmp_path):
-    """The normalizer in a file of rsl_rl is applied, (o - mean) / (deviation + .01). A second one in
-    the deployment is refused.
-    """
-    weight = np.random.default_rng(1).normal(size=(2, 4))
-    mean, deviation = np.array([[1.0, 2.0, -1.0, 0.5]]), np.array([[2.0, 0.5, 0.1, 3.0]])
-    path = torch_file(
-        tmp_path / "model_9.pt",
-        {
-            "model_state_dict.actor.0.weight": weight,
-            "model_state_dict.std": np.ones(2),
-            "obs_norm_state_dict._mean": mean,
-            "obs_norm_state_dict._std": deviation,
-            "obs_norm_state_dict.count": np.array([7]),
-        },
-    )
-    o = np.array([3.0, -1.0, 0.4, 2.0])
-    act = Deployed(gtm_deployment({"file": path}), model_of(GTM)).act
-    expected = weight @ ((o - mean[0]) / (deviation[0] + 0.01))
-    np.testing.assert_allclose(np.array(act(o)).ravel(), expected, rtol=1e-12)
-    with pytest.raises(BadInputError, match="the policy's file contains a normalizer"):
-        _ = gtm_deployment({"file": path, "normalizer": NORMALIZED}).actor
 
 
 def test_a_normalizer_of_dictionary_observations_acts_as_that_of_stable_baselines3():

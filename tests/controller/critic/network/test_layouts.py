@@ -18,7 +18,6 @@ import pytest
 from network_files import safetensors_file, torch_file
 
 import hfa
-from controller.critic.network.network_file import Asked, network_in
 from hfa import BadInputError
 
 ZIPS = Path(__file__).parent / "zips"
@@ -165,99 +164,8 @@ def layers(root, *names, **how):
     return chain(*(f"{root}{name}" for name in names), **how)
 
 
-def mlp(root, place="mlp"):
-    """Return the two layers before the last one of RLlib."""
-    return layers(root, f"net.{place}.0", f"net.{place}.2", widths=(3, 5, 4))
-
-
-def plain(u):
-    return u
-
-
-def mean_of(u):
-    return u[:, :2]
-
-
-#: Library -> tensors of a checkpoint, layers of its policy, and the function of their output: the
-#: squash, or the first half of the entries, which are the means.
+#: Library -> tensors of a checkpoint, layers of its policy, and the squash of their output.
 LIBRARIES = {
-    "rsl_rl": (
-        layers("model_state_dict.", *ACTOR)
-        | layers("model_state_dict.", *VALUE, widths=CRITIC)
-        | {"model_state_dict.std": np.ones(2)},
-        [f"model_state_dict.{name}" for name in ACTOR],
-        plain,
-    ),
-    "rl_games": (
-        layers("model.a2c_network.", "actor_mlp.0", "actor_mlp.2", "mu")
-        | layers("model.a2c_network.", "value", widths=(4, 1))
-        | {"model.a2c_network.sigma": np.zeros(2)}
-        | {
-            "model.value_mean_std.running_mean": np.ones(1),
-            "model.value_mean_std.count": np.ones(()),
-        },
-        [f"model.a2c_network.{name}" for name in ("actor_mlp.0", "actor_mlp.2", "mu")],
-        plain,
-    ),
-    "skrl": (
-        layers("policy.net_container.", "0", "2", "4")
-        | {"policy.log_std_parameter": np.zeros(2)}
-        | layers("value.net_container.", "0", "2", "4", widths=CRITIC)
-        | {"value_preprocessor.running_mean": np.zeros(1)},
-        [f"policy.net_container.{place}" for place in (0, 2, 4)],
-        plain,
-    ),
-    "tianshou": (
-        {"policy.actor.sigma_param": np.zeros((2, 1))}
-        | layers(
-            "policy.actor.", "preprocess.model.model.0", "preprocess.model.model.2", "mu.model.0"
-        )
-        | layers("critic.", "preprocess.model.model.0", "last.model.0", widths=(3, 5, 1)),
-        [
-            f"policy.actor.{name}"
-            for name in ("preprocess.model.model.0", "preprocess.model.model.2", "mu.model.0")
-        ],
-        plain,
-    ),
-    "SAC of tianshou": (
-        layers("policy.actor.", "preprocess.model.model.0", "mu.model.0", widths=(3, 5, 2))
-        | layers("policy.actor.", "sigma.model.0", widths=(5, 2))
-        | layers("critic.", "preprocess.model.model.0", "last.model.0", widths=(5, 5, 1))
-        | layers("critic2_old.module.", "last.model.0", widths=(5, 1)),
-        ["policy.actor.preprocess.model.model.0", "policy.actor.mu.model.0"],
-        np.tanh,
-    ),
-    "TD3 of tianshou": (
-        layers("policy.actor.", "preprocess.model.model.0", "last.model.0", widths=(3, 5, 2))
-        | layers("actor_old.module.", "last.model.0", widths=(5, 2))
-        | layers("critic.", "preprocess.model.model.0", "last.model.0", widths=(5, 5, 1)),
-        ["policy.actor.preprocess.model.model.0", "policy.actor.last.model.0"],
-        np.tanh,
-    ),
-    "RLlib": (
-        mlp("encoder.actor_encoder.")
-        | mlp("encoder.critic_encoder.")
-        | {"pi.log_std_clip_param_const": np.ones(1)}
-        | layers("pi.", "net.mlp.0", widths=(4, 4))
-        | layers("vf.", "net.mlp.0", widths=(4, 1)),
-        ["encoder.actor_encoder.net.mlp.0", "encoder.actor_encoder.net.mlp.2", "pi.net.mlp.0"],
-        mean_of,
-    ),
-    "RLlib, shared": (
-        mlp("encoder.encoder.")
-        | layers("pi.", "net.mlp.0", widths=(4, 2))
-        | {"pi.log_std": np.zeros(2)}
-        | layers("vf.", "net.mlp.0", widths=(4, 1)),
-        ["encoder.encoder.net.mlp.0", "encoder.encoder.net.mlp.2", "pi.net.mlp.0"],
-        plain,
-    ),
-    "SAC of RLlib": (
-        mlp("pi_encoder.")
-        | layers("qf_encoder.", "base_encoders.actions.net.mlp.0", widths=(2, 6))
-        | layers("pi.", "net.mlp.0", widths=(4, 4)),
-        ["pi_encoder.net.mlp.0", "pi_encoder.net.mlp.2", "pi.net.mlp.0"],
-        lambda u: np.tanh(mean_of(u)),
-    ),
     "SAC of Stable-Baselines3": (
         layers("actor.", "latent_pi.0", "latent_pi.2", "mu")
         | layers("actor.", "log_std", widths=(4, 2))
@@ -295,78 +203,23 @@ def test_a_checkpoint_of_a_discrete_policy_is_refused():
     assert "one of several discrete actions (logits)" in refusal(path, activation="tanh")
 
 
-#: Library -> names of the mean and the spread of its normalizer, and the divisor of a spread.
-NORMALIZERS = {
-    "rsl_rl": ("obs_norm_state_dict._mean", "obs_norm_state_dict._std", lambda s: s + 1e-2),
-    "rl_games": (
-        "model.running_mean_std.running_mean",
-        "model.running_mean_std.running_var",
-        lambda s: np.sqrt(s + 1e-5),
-    ),
-    "skrl": (
-        "observation_preprocessor.running_mean",
-        "observation_preprocessor.running_variance",
-        lambda s: np.sqrt(s) + 1e-8,
-    ),
-}
-
-
-@pytest.mark.parametrize("library", NORMALIZERS)
-def test_the_normalizer_in_a_checkpoint_is_that_of_its_library(library):
-    """Mean and divisor of a normalizer of observations are read by each library's formula.
-
-    The file is refused as a critic, which is a function of states and not of normalized observations.
-    A note tells a normalizer before any data, with mean 0 and spread 1.
+@pytest.mark.parametrize(
+    ("root", "mean"),
+    [
+        ("model_state_dict.", "obs_norm_state_dict._mean"),
+        ("model.a2c_network.", "model.running_mean_std.running_mean"),
+        ("policy.", "observation_preprocessor.running_mean"),
+    ],
+)
+def test_a_checkpoint_with_a_normalizer_of_its_own_is_refused(root, mean):
+    """Statistics of observations in files of rsl_rl, rl_games and skrl are no layers. Read with the
+    layers that the user names, they are noted as unused.
     """
-    tensors, *_ = LIBRARIES[library]
-    mean, spread, divisor = NORMALIZERS[library]
-    for numbers in (np.array([4.0, 0.25, 9.0]), np.ones(3)):
-        of_normalizer = {mean: numbers - 1.0, spread: numbers}
-        path = torch_file("a.pt", tensors | of_normalizer)
-        found = network_in(
-            path, Asked(states=3, network="policy=", activation="tanh", sizes=(2,))
-        ).declared
-        assert found.normalizer.mean == pytest.approx(numbers - 1.0)
-        assert found.normalizer.deviation == pytest.approx(divisor(numbers), rel=1e-12)
-        assert ("saw no data" in " ".join(found.notes)) == (numbers[0] == 1.0)
-        assert "normalizes 3 observations of its training" in refusal(path, activation="tanh")
-
-
-@pytest.mark.parametrize("suffix", ["npz", "pkl", "msgpack"])
-def test_layers_of_flax_are_read(suffix):
-    """Kernels in files of flax are transposed weights. Layers are in the order of their numbers,
-    0, 2, 10, and not in that of their names.
-    """
-    names = ("Dense_0", "Dense_2", "Dense_10")
-    tensors = chain(*names)
-    nested = {
-        name: {"bias": tensors[f"{name}.bias"], "kernel": tensors[f"{name}.weight"].T}
-        for name in sorted(names)
-    }
-    path = f"flax.{suffix}"
-    if suffix == "npz":
-        kernels = {
-            f"params/{name}/{part}": each
-            for name, of_layer in nested.items()
-            for part, each in of_layer.items()
-        }
-        np.savez(path, **kernels)
-    elif suffix == "pkl":
-        Path(path).write_bytes(pickle.dumps({"params": nested}))
-    else:
-        msgpack = pytest.importorskip("msgpack")
-        packed = {
-            layer: {
-                part: msgpack.ExtType(
-                    1, msgpack.packb((each.shape, "float64", each.tobytes()), use_bin_type=True)
-                )
-                for part, each in of_layer.items()
-            }
-            for layer, of_layer in nested.items()
-        }
-        Path(path).write_bytes(msgpack.packb({"params": packed}))
-    critic = read(path, activation="relu")
-    assert critic.u(OBSERVED) == pytest.approx(output_of(tensors, names, relu), rel=1e-9)
+    tensors = layers(root, *ACTOR) | {mean: np.ones(3)}
+    path = torch_file("a.pt", tensors)
+    assert f"tensor '{mean}' (3,) is not a weight" in refusal(path, activation="tanh")
+    named = read(path, activation="tanh", network=f"policy={root}actor")
+    assert named.declared.notes == (f"not used: {mean}",)
 
 
 @pytest.mark.parametrize("kind", ["float16", "bfloat16"])

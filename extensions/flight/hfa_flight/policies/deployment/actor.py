@@ -187,16 +187,14 @@ def _action(declared: ActionBox, wanted: Wanted) -> ActionBox:
 
 
 def _normalizer(declared: Declared, wanted: Wanted) -> tuple[Normalizer | None, tuple[str, ...]]:
-    """Return the normalizer of the file or the deployment, and notes on contradictions.
+    """Return the normalizer of the deployment, and notes on contradictions.
 
-    Raises BadInputError if both have one, or if its size is not that of the observations.
+    Raises BadInputError if its size is not that of the observations.
     """
     entry = wanted.policy.get("normalizer")
-    if declared.normalizer is not None and entry is not None:
-        raise BadInputError("the policy's file contains a normalizer; remove policy.normalizer")
     if entry is None:
         missing = "the policy was trained behind a VecNormalize; give its file as policy.normalizer"
-        return declared.normalizer, (missing,) if declared.is_normalized else ()
+        return None, (missing,) if declared.is_normalized else ()
     count = 0  # observations from which the normalizer was made, 0 if unknown
     normalizer: Normalizer | None
     if isinstance(entry, Mapping):
