@@ -1,7 +1,6 @@
 """Errors in deployment files, and files that are read without executing their code."""
 
 import base64
-import dataclasses
 import io
 import json
 import math
@@ -258,23 +257,6 @@ def test_zips_that_state_a_wrong_size_are_refused(folder, size, said):
     zipped[entry + 24 : entry + 28] = size.to_bytes(4, "little")
     (folder / "ppo_gtm.zip").write_bytes(zipped)
     assert said in message_of(folder, DEPLOYMENT)
-
-
-def test_the_usual_deployment_moves_inputs_by_half_their_range():
-    """An action a in [-1, 1] moves an input from its trim by half its range, of the elevator .35 + .5
-    rad, or by its nominal value without limits. All linear states are observed in nominal values.
-    """
-    model = dataclasses.replace(
-        model_of(GTM), inputs={**model_of(GTM).inputs, "throttle": hfa.Signal("%", nominal=7.0)}
-    )
-    deployment = Deployment.usual(model, 0.05)
-    assert deployment.dt == 0.05
-    entries = deployment.observation
-    assert {name: each["scale"] for name, each in entries.items()} == {
-        name: model.states[name].nominal for name in model.linear
-    }
-    assert deployment.action["elevator"]["map"] == f"trim + {(0.35 + 0.5) / 2!r} * a"
-    assert deployment.action["throttle"] == {"box": [-1.0, 1.0], "map": "trim + 7.0 * a"}
 
 
 NORMALIZED = {"mean": [0.0] * 4, "variance": [1.0] * 4}

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from c_files import called, compiled, needs_gcc
-from cli import assert_refused, hfa as command
+from cli import hfa as command
 from innovations import innovations_of
 from known_models import exact_gain, model_at
 from nominal import nominal_game
@@ -70,16 +70,6 @@ def test_exported_rates_equal_the_model(folder):
         dx = np.empty(7)
         called(place, "hfa_rates", x, u, np.array(w), dx)
         np.testing.assert_allclose(dx, [float(rates[name]) for name in STATES], rtol=1e-12)
-
-
-def test_an_export_over_an_older_one_is_whole_or_refused(folder):
-    """If one of the files cannot be written, those of the older export are unchanged."""
-    exported("-o", "c")
-    (folder / "c" / "loop_100hz.c").unlink()
-    (folder / "c" / "loop_100hz.c").mkdir()
-    before = (folder / "c" / "hfa_aircraft.c").read_bytes()
-    assert_refused(command("export", "--dihedral", "15", "-o", "c"), 2, "loop_100hz.c is a folder")
-    assert (folder / "c" / "hfa_aircraft.c").read_bytes() == before
 
 
 @pytest.fixture

@@ -5,7 +5,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
-from carts import best_of_cart, cart
+from carts import cart
 
 import hfa
 
@@ -89,24 +89,6 @@ def test_an_input_not_selected_is_constant():
     assert np.ptp(one.inputs[:, 1]) == 0.0
     assert np.ptp(both.inputs[:, 1]) > 0.1
     assert both.cost < 0.9 * one.cost
-
-
-@pytest.mark.parametrize(
-    ("start", "more", "says"),
-    [
-        ({"position": 30.0}, {}, "position begins at 30 m"),
-        ({"position": 0.0}, {}, "equals the final trim"),
-        ({"position": 5.0}, {"inputs": ["power"]}, "there is no input 'power'"),
-        ({"position": 5.0}, {"limits": {"mass": (0.0, 1.0)}}, "the envelope has no state 'mass'"),
-    ],
-)
-def test_unusable_arguments_are_refused(start, more, says):
-    """Unknown inputs and states, and initial conditions beyond the limits or at the trim, are
-    refused in one line.
-    """
-    with pytest.raises(hfa.BadInputError, match=says) as caught:
-        best_of_cart(start, **more)
-    assert "\n" not in str(caught.value)
 
 
 def test_a_candidate_through_a_nonsmooth_point_is_confirmed():

@@ -71,13 +71,11 @@ def test_the_saturated_lqr_is_the_last_resort(monkeypatch):
     assert f"at most {best.cost:.6g}" in best.title().partition("\n")[0]
 
 
-@pytest.mark.parametrize("ipopt_fails", [True, False])
-def test_a_policy_costs_what_it_costs_in_fly_and_may_be_the_best_flight(monkeypatch, ipopt_fails):
+def test_a_policy_costs_what_it_costs_in_fly_and_may_be_the_best_flight(monkeypatch):
     """A policy that plans makes its first plan from the initial condition, here too. Where IPOPT finds
     nothing (planted) its flight is the best one; of a swing from 2.6 rad, which never ends, there is none.
     """
-    if ipopt_fails:
-        monkeypatch.setattr(ca, "nlpsol", Failing)
+    monkeypatch.setattr(ca, "nlpsol", Failing)
     pendulum = hfa.load_model(f"{ROOT}/examples/pendulum.py:PENDULUM")
     point = hfa.trim(pendulum)
     policies = {"plans": hfa.predictive(pendulum, point, budget=np.inf)}
@@ -90,7 +88,8 @@ def test_a_policy_costs_what_it_costs_in_fly_and_may_be_the_best_flight(monkeypa
 
     assert best.policies[-1].cost == pytest.approx(flown(0.8).cost, rel=1e-6)
     assert best.cost == min(row.cost for row in (best.flown, *best.policies))
-    assert (best.source == "plans", best.reason is None) == (ipopt_fails, not ipopt_fails)
+    assert best.source == "plans"
+    assert best.reason
     assert not flown(2.6).returned
 
 
