@@ -174,7 +174,7 @@ NAMED = replace(
 @pytest.mark.parametrize(
     ("entries", "says"),
     [
-        ({"state_units": ["m/s", "kg"]}, "state 2 is in kg in the file"),
+        ({"state_units": ["m/s", "kg"]}, "state 2 is in kg; give it in rad"),
         ({"state_units": ["m/s"] * 3}, "state_units lists 3 units"),
         ({"states": ["alpha", "speed"]}, "the states are alpha, speed in the file"),
         ({"time": "discrete"}, "a policy in discrete time"),
