@@ -272,5 +272,5 @@ def _end_of(scaled: ScaledProblem, dt: float, end_game: Game) -> tuple[np.ndarra
         return scaled.P, K
     of_states, of_inputs = scaled.problem.nominal
     P = np.pad(np.array(solve(end_game).P), [(0, n - k)] * 2) * np.outer(of_states, of_states)
-    K = np.array(solve(held(end_game, dt)).K)
+    K = np.array(solve(held(end_game, 1.0 / dt)).K)
     return P, K * of_states[:k] / of_inputs[:, None]
