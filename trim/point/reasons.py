@@ -184,21 +184,19 @@ class _Search:
             return
         if alpha not in self.limits:
             freed = TrimProblem(self.model, release(self.posed.condition, free=[alpha]))
-            search = _Search(freed, self.attempt, self.imposed)
-            yield from chain(search.of_lift(), search.of_controls())
+            yield from _Search(freed, self.attempt, self.imposed).of_lift()
             return
-        moments = ("", self.balanced.get("q", ""))  # with and without balance of the moment
         unit = conversion_factor("deg", self.model.unit(alpha)) or 1.0
         tried = []
-        for angle, moment in product((_ANGLES_OF_ATTACK * unit).tolist(), moments):
+        for angle in (_ANGLES_OF_ATTACK * unit).tolist():
             held = {alpha: angle, **self.throttle(0.5)}
-            if at := self.released(held, alpha, speed, moment, "load_factor"):
+            if at := self.released(held, alpha, speed, "load_factor"):
                 tried.append(at)
                 if self._lack(at) <= 0.0:
                     return
         if not tried:
             return
-        values = min(tried, key=self._lack).values
+        values = max(tried, key=lambda at: at.values.get("lift", -self._lack(at))).values
         size = "too small"
         if {"lift", "weight"} <= values.keys():
             share = values.get("lift_to_weight", values["lift"] / values["weight"])
@@ -206,7 +204,7 @@ class _Search:
         at_alpha = f"at {alpha} {self.model.describe(alpha, values[alpha])}"
         needed = self.posed.condition.imposed.get("load_factor", 1.0)
         more = f"; {100.0 * needed:.0f} % is needed" if needed != 1.0 else ""
-        yield f"the greatest lift is {size}, {at_alpha}{more}"
+        yield f"with balanced moments the greatest lift is {size}, {at_alpha}{more}"
 
     def _lack(self, at: _Balance) -> float:
         """Return a measure of the lift that is missing, which increases alpha."""
