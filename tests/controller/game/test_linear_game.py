@@ -20,6 +20,28 @@ def linear():
     return hfa.linearize(model, hfa.trim(model, hold={"dihedral": 0.2}))
 
 
+@pytest.mark.parametrize("dynamics", ["published", "unsteady"])
+@pytest.mark.parametrize("units", ["ft", "si"])
+def test_the_default_game_of_the_papers_aircraft_is_that_of_the_paper(dynamics, units):
+    """Q, R, delta and E are those of Section 5.1 in the units of the model, 0 for lagged states.
+
+    Another delta can be given.
+    """
+    model = hfa.aircraft(dynamics=dynamics)
+    feet = 1.0
+    if units == "si":
+        model, feet = in_si(model), 0.3048
+    linear = hfa.linearize(model, hfa.trim(model))
+    default = hfa.game(linear)
+    factors = np.array([feet, 1.0, 1.0, 1.0, 1.0, 1.0])
+    Q = np.array([1000.0, 1000.0, 0.01, 0.01, 1000.0, 0.01]) / factors**2
+    assert default.Q.diagonal() == pytest.approx([*Q, *[0.0] * (len(linear.states) - 6)])
+    assert default.R.diagonal().tolist() == [100.0, 400.0, 400.0, 400.0, 50.0]
+    assert pytest.approx(np.eye(len(linear.states), 6) * factors) == default.E
+    assert default.delta == 200.0
+    assert hfa.game(linear, delta=np.inf).delta == np.inf
+
+
 @pytest.mark.parametrize("is_stored_in_si", [True, False])
 def test_a_solution_passes_in_other_units_of_its_aircraft(is_stored_in_si, tmp_path):
     """The solution of a game in ft, lbf and deg passes in SI units, and the reverse."""

@@ -9,7 +9,12 @@ import pytest
 from cli import refused
 from game_files import SMALL
 
+from controller import basis
 from hfa import BadInputError, Game
+from hfa_model import LINEAR_STATES
+
+#: States with fourth powers in the paper's basis.
+QUARTIC = ("speed", "alpha", "pitch_rate", "dihedral")
 
 
 @pytest.mark.parametrize(
@@ -54,6 +59,19 @@ def test_a_game_cannot_be_changed_from_outside():
 
 
 # The basis of the value.
+
+
+def test_quadratic_monomials_come_first_row_by_row():
+    """The quadratic monomials of a basis come first, row by row, and the other monomials follow."""
+    z = np.array([2.0, 3.0, 5.0])
+    squares = [4.0, 6.0, 10.0, 9.0, 15.0, 25.0]
+    assert basis("quadratic+linear", 3).psi(z).tolist() == [*squares, *z]
+    assert basis("quadratic+quartic", 3).psi(z).tolist() == [*squares, 16.0, 81.0, 625.0]
+    z = np.arange(1.0, 7.0)
+    extra = [z[LINEAR_STATES.index(name)] ** 4 for name in QUARTIC]
+    assert basis("paper", 6).psi(z)[21:].tolist() == extra
+    with pytest.raises(BadInputError, match="6 states"):
+        basis("paper", 4)
 
 
 @pytest.mark.parametrize("discount", [0.0, -0.5, 1.0 + 2**-52, 1.5, 2.0, np.nan])
