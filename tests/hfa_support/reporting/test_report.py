@@ -1,6 +1,7 @@
 """Reports as text, Markdown, HTML and data files, with every text escaped."""
 
 import csv
+from dataclasses import replace
 
 import pytest
 
@@ -93,3 +94,10 @@ def test_latex_has_first_lines_head_sentences_and_notes():
         "data: file",
     ):
         assert f"\n\\noindent {line}\n" in text
+
+
+def test_every_line_of_the_provenance_fits_in_80_columns():
+    """Long provenance is wrapped at blanks; only a path of 90 characters makes a longer line."""
+    path = "x" * 90
+    lines = replace(report(), source=f"version 1, plant {path}, " + "word " * 40).text().split("\n")
+    assert [line for line in lines if len(line) > 80] == [f"{path},"]
