@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from hfa_jsbsim.aircraft import Equations
 from hfa_jsbsim.catalog import access, of_component, without_numbers
 from hfa_jsbsim.parts import Parts
-from hfa_jsbsim.properties import MOTION, SETTING, Note, Writer
+from hfa_jsbsim.properties import MOTION, SETTING, Note
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import BadInputError, shortened
 
@@ -61,7 +61,6 @@ _UNSET_CONSTANT = (
     "nothing in the files sets these constants, which --hold NAME=VALUE does; ?inputs=NAME after "
     "the aircraft's name makes one an input"
 )
-_SET_TWICE = "set here and by the pilot; earlier components read the pilot's value"
 _UNSET_COMMAND = (
     "nothing in the files sets these commands; --free NAME solves for one, --hold NAME=VALUE sets "
     "it"
@@ -78,8 +77,8 @@ def notes_on_omitted(parts: Parts, equations: Equations) -> list[Note]:
     Raises BadInputError, with file and line, for an unsupported element, attribute or property that
     affects the forces.
     """
-    notes = _notes_on_writers(parts, equations)
-    notes += _notes_on_constants(equations)
+    _refuse_writers(parts, equations)
+    notes = _notes_on_constants(equations)
     if any(file.feeds and file.kind != "electric_engine" for file in parts.engines):
         notes.append(Note(_NO_BURN, rank=MOTION))
     for component, what, is_always in equations.properties.left_out.values():
@@ -115,41 +114,22 @@ def _refuse_unsupported(element: Element) -> None:
             raise child.error(f"{fault} and is not supported; remove this element")
 
 
-def _notes_on_writers(parts: Parts, equations: Equations) -> list[Note]:
-    """Return notes on built-in JSBSim properties that the files set."""
-    # The notes concern pilot commands that the files also set, and settings without effect.
-    properties = equations.properties
-    notes = []
+def _refuse_writers(parts: Parts, equations: Equations) -> None:
+    """Raise BadInputError if the files set a built-in JSBSim property that cannot be set."""
     for name, in_files in equations.set_in_files.items():
-        access_rights = access(name, parts.thrusters)
-        if access_rights == "R" and name in properties.names_read:
-            raise _refusal(in_files[-1], f"{shortened(name)} is a read-only JSBSim property")
-
-        if access_rights == "R":  # without effect
-            continue
-        unnumbered = without_numbers(name)
-        # Settings whose effect is not supported.
-        if of_component(name):
-            if name not in properties.names_read:
-                fault = (
-                    f"{shortened(name)} is a failure or limit of a component, which cannot be set"
-                )
-                raise _refusal(in_files[-1], fault)
+        is_read, rights = name in equations.properties.names_read, access(name, parts.thrusters)
+        fault = ""
+        if rights == "R":  # without effect if it is not read
+            fault = "is a read-only JSBSim property" if is_read else ""
+        elif of_component(name):
+            fault = "" if is_read else "is a failure or limit of a component, which cannot be set"
+        # What this package reads nowhere, JSBSim reads in its own code.
         elif _OF_AIR.match(name) or not (
-            name in properties.names_read or unnumbered.startswith(_WITHOUT_FORCE)
+            is_read or without_numbers(name).startswith(_WITHOUT_FORCE)
         ):
-            # JSBSim reads it in its own code, and this package nowhere.
-            raise _refusal(
-                in_files[-1],
-                f"{shortened(name)} moves a force in JSBSim and cannot be set here",
+            fault = "moves a force in JSBSim and cannot be set here"
+        if fault:
+            raise BadInputError(
+                f"{in_files[-1].where}: {shortened(name)} {fault}; remove the element that sets "
+                "this property"
             )
-
-        is_also_of_pilot = "-cmd-norm" in name and len(properties.writers[name]) > len(in_files)
-        if is_also_of_pilot and name in properties.names_read:
-            notes.append(Note(_SET_TWICE, shortened(name), in_files[-1].where, SETTING))
-    return notes
-
-
-def _refusal(writer: Writer, fault: str) -> BadInputError:
-    """Return the error on an element that sets a property which it cannot set."""
-    return BadInputError(f"{writer.where}: {fault}; remove the element that sets this property")

@@ -33,24 +33,15 @@ def without_time(values: ca.SX, time: ca.SX) -> list[ca.SX]:
             result = (others[read[1]], ca.SX(0.0)) if read[0] else (time, ca.SX(1.0))
         elif op == ca.OP_CONST:
             result = ca.SX(function.instruction_constant(place)), ca.SX(0.0)
-        elif len(read) == 1:
-            value, varies = known[read[0]]
-            result = ca.SX.unary(op, value), varies
         else:
-            (one, of_one), (other, of_other) = known[read[0]], known[read[1]]
-            if op in _COMPARISONS:
-                late = [math.inf if ca.is_equal(each, time) else each for each in (one, other)]
-                if all(ca.SX(each).is_constant() for each in late):
-                    (one, other), of_one, of_other = map(ca.SX, late), ca.SX(0.0), ca.SX(0.0)
-            varies = of_one
-            if of_one.is_zero() and of_other.is_zero():
-                pass
-            elif op == ca.OP_IF_ELSE_ZERO:
-                varies = of_one + (one != 0.0) * of_other
-            elif op == ca.OP_MUL:
+            (one, of_one), (other, of_other) = known[read[0]], known[read[-1]]
+            varies = of_one + of_other
+            late = [ca.SX(math.inf) if ca.is_equal(each, time) else each for each in (one, other)]
+            if op in _COMPARISONS and all(each.is_constant() for each in late):
+                (one, other), varies = late, ca.SX(0.0)
+            elif op in (ca.OP_MUL, ca.OP_IF_ELSE_ZERO):
                 varies = of_one * (other != 0.0) + of_other * (one != 0.0) + of_one * of_other
-            else:
-                varies = of_one + of_other
-            result = ca.SX.binary(op, one, other), varies
+            value = ca.SX.unary(op, one) if len(read) == 1 else ca.SX.binary(op, one, other)
+            result = value, varies
         known[function.instruction_output(place)[0]] = result
     return list(ca.vertsplit(ca.substitute(ca.vertcat(*rows), time, 0.0)))
