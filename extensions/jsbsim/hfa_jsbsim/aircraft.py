@@ -639,14 +639,14 @@ class Equations:
         for unknown in properties.unknowns:
             if not contains(self._values, unknown.symbol):
                 continue
-            if properties.hide(self._values, unknown):
-                self._freeze()
-            elif unknown.symbol is self._time:
+            if unknown.symbol is self._time:
                 self.fault_of_time = self._fault(unknown)
                 self._replacements.append((self._time, ca.SX(0.0)))
                 self._set_values(without_time(self._values, self._time))
                 statement = "no trim is where a force depends on simulation/sim-time-sec"
                 self.notes.append(Note(statement))
+            elif properties.hide(self._values, unknown):
+                self._freeze()
             else:
                 faults.append(self._fault(unknown))
         if faults:

@@ -36,10 +36,11 @@ def without_time(values: ca.SX, time: ca.SX) -> list[ca.SX]:
         else:
             (one, of_one), (other, of_other) = known[read[0]], known[read[-1]]
             varies = of_one + of_other
-            late = [ca.SX(math.inf) if ca.is_equal(each, time) else each for each in (one, other)]
-            if op in _COMPARISONS and all(each.is_constant() for each in late):
-                (one, other), varies = late, ca.SX(0.0)
-            elif op in (ca.OP_MUL, ca.OP_IF_ELSE_ZERO):
+            if op in _COMPARISONS:
+                late = [math.inf if ca.is_equal(each, time) else each for each in (one, other)]
+                if all(ca.SX(each).is_constant() for each in late):
+                    (one, other), varies = map(ca.SX, late), ca.SX(0.0)
+            elif op in (ca.OP_MUL, ca.OP_IF_ELSE_ZERO) and not varies.is_zero():
                 varies = of_one * (other != 0.0) + of_other * (one != 0.0) + of_one * of_other
             value = ca.SX.unary(op, one) if len(read) == 1 else ca.SX.binary(op, one, other)
             result = value, varies
