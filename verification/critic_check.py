@@ -70,9 +70,8 @@ def verify(
     Of a critic that is not quadratic, it is first proved how much it costs, by bounds of its error
     (`verification.network.theorem`). If this fails, it is simulated from states in the box.
 
-    In discrete time, the policy of a critic of V or dV/dx is optimal for one step, followed by V.
-    A - B K and √α (A - B K) must be stable: if the exact policy does not stabilize, the exact
-    critic fails.
+    In discrete time, the policy of a quadratic V is optimal for one step, followed by V. A - B K
+    and √α (A - B K) must be stable: if the exact policy does not stabilize, the exact critic fails.
 
     With the linear model of an aircraft, a polynomial of higher degree is judged on the nonlinear
     game, and so is a network with `taylor`: its coefficients up to its degree, and flights from the
@@ -257,7 +256,7 @@ def _critic(game: Game, given: object, linear: LinearModel | None) -> Critic:
 
 
 def _reason(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> str:
-    """Return the mistake in a wrong critic, and what a network does in the box, or "".
+    """Return the mistake in a wrong critic, and the bias of a network, or "".
 
     box: half-widths, (n,)
     """
@@ -268,21 +267,21 @@ def _reason(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> s
     if not critic.network or critic.weights is not None:  # matrices, or a polynomial
         return reason_for(exact, critic, limit)
 
-    # Of a network, in this order: slopes that are all 0, what the policy does in the box, and a
-    # mistake in K.
-    from verification.network.search import finding_of_policy
+    # Of a network, in this order: slopes that are all 0, a bias, and a mistake in K.
+    from verification.network.search import bias_text
 
     if critic.P is not None:
         if not critic.P.any():
             return "V of the network has no curvature at the trim"
     elif len(critic.K) == 1 and not critic.K.any():
         return "the output, read as u, has no slope at the trim; if it is V: --network V=NAME"
-    says, is_all = finding_of_policy(critic, exact, box, limit)
+    is_biased = np.any(np.abs(critic.u(0.0 * box)) > limit * np.abs(exact.K) @ box)
+    says = bias_text(critic, exact) if is_biased else ""
     if not says and critic.is_nonsmooth:
         return (
             "the policy has a nonsmooth point at the trim, and K has the mean slopes of both sides"
         )
-    if is_all or is_gain_right(critic.K, exact, limit):
+    if is_gain_right(critic.K, exact, limit):
         return says
     return "; ".join(filter(None, (says, reason_for(exact, critic, limit))))
 

@@ -53,7 +53,6 @@ class Critic(Reported):
     H: matrix of the learned Q-function over (x, u, w) or (x, u) in discrete time, or None
     network: "V", "gradient" (∂V/∂z), "policy" -> CasADi Function of z, for each known function of a
         network or a list of functions; empty for all other critics
-    implies_policy: True if the policy in `network` is derived from V or ∂V/∂z of the network
     is_layer: True for a network with one layer on a basis
     has_weights: True if the value or the policy is given by weights of functions, in `weights` or,
         for listed functions and for policy_weights, only in `network`
@@ -80,7 +79,6 @@ class Critic(Reported):
     L: Matrix | None = None
     H: Matrix | None = None
     network: Mapping[str, ca.Function] = field(default_factory=dict)
-    implies_policy: bool = False
     is_layer: bool = False
     has_weights: bool = False
     is_discrete: bool | None = None
@@ -299,7 +297,6 @@ def from_parts(
         origin=f"{critic.origin} and K",
         slope_gain=None,
         network=functions,
-        implies_policy=False,
     )
 
 
@@ -346,7 +343,8 @@ def from_functions(
     origin: source of the critic
     precision: floating-point type of the numbers in the critic's file
 
-    Raises BadInputError if a value or a derivative at z = 0 is not finite.
+    Raises BadInputError if a value or a derivative at z = 0 is not finite, and without a policy in
+    discrete time.
     """
     V = outputs.get("V")
     u = outputs.get("policy")
@@ -387,9 +385,7 @@ def from_functions(
     )
     if u is not None:
         return critic
-    # The value implies the policy.
-    if game.is_discrete:
-        return _with_one_step_policy(game, critic)
+    _refuse_steps(game)  # otherwise, the value implies the policy
     F = game.F if game.N.any() else None
     return replace(critic, slope_gain=game.R_inverse_B_transposed, F=F)
 
@@ -405,18 +401,13 @@ def _refuse_not_finite(at_trim: Mapping[str, np.ndarray]) -> None:
             )
 
 
-def _with_one_step_policy(game: Game, critic: Critic) -> Critic:
-    """Return the critic of a value in discrete time with the policy optimal for one step."""
-    if critic.is_quadratic or not critic.is_finite:  # K is that policy, or cannot be judged
-        return critic
-    from controller.critic.features import policy_of_next
-
-    V, gradient, P = critic.value, critic.gradient, critic.P
-    assert gradient is not None  # V or its gradient is known
-    assert P is not None  # because the gradient is known
-    policy = policy_of_next(game, gradient, (P + P.T) / 2.0)
-    network = ({} if V is None else {"V": V}) | {"gradient": gradient, "policy": policy}
-    return replace(critic, network=network, implies_policy=True)
+def _refuse_steps(game: Game) -> None:
+    """Raise BadInputError for a V that is not quadratic, without a policy, in discrete time."""
+    if game.is_discrete:
+        raise BadInputError(
+            "in discrete time, no policy is computed from a V that is not quadratic; give the "
+            "policy, with V or alone"
+        )
 
 
 #: Distances from the trim, in sizes of the states, at which slopes are compared.
@@ -488,8 +479,8 @@ def from_weights(
 ) -> Critic:
     """Return the critic V = W'ψ(z) + constant, u = -½ R⁻¹B' (∂ψ/∂z)'W (paper Eq. 28).
 
-    With cross weights N, u = -½ R⁻¹B' (∂ψ/∂z)'W - R⁻¹N'z. In discrete time, the policy is optimal
-    for one step, followed by the cost V.
+    With cross weights N, u = -½ R⁻¹B' (∂ψ/∂z)'W - R⁻¹N'z. In discrete time, V must be quadratic,
+    and the policy is optimal for one step, followed by the cost V.
 
     game: the game whose solution the critic approximates
     weights: W, (M,), also as a row or a column
@@ -532,7 +523,9 @@ def from_weights(
         precision=precision,
         has_weights=True,
     )
-    return _with_one_step_policy(game, critic) if game.is_discrete else critic
+    if not critic.is_quadratic:
+        _refuse_steps(game)
+    return critic
 
 
 def _from_listed_functions(

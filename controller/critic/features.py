@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import ast
-import math
 import operator
 import re
 from collections.abc import Callable, Iterable, Mapping
 from itertools import chain
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from controller.game.basis import Basis, basis as named_basis
-from controller.game.zero_sum import Game
 from hfa_support.errors import BadInputError, is_finite, prefix_errors, shortened
 
 #: Functions that the text may contain.
@@ -162,88 +159,3 @@ def symbols_for(functions: Iterable[ca.Function], n: int) -> ca.SX:
     if all(function.is_a("SXFunction") for function in functions):
         return ca.SX.sym("z", n)
     return ca.MX.sym("z", n)  # type: ignore[return-value]  # has the same operators
-
-
-#: Newton's method: largest number of steps, and largest permitted residual. The residual is
-#: relative to the larger of the terms at the state, which vanish at the trim, and of those at the
-#: edge of the box (at states with the value 1 if the box is unknown).
-_NEWTON_STEPS = 20
-_LARGEST_RESIDUAL = 1e-9
-
-
-def policy_of_next(problem: Game, gradient: ca.Function, P: np.ndarray) -> ca.Function:
-    """Return the policy x (n,) -> u (m,) that is optimal for one step, followed by the cost V.
-
-    u and w are the saddle point of the cost. With g = ∂V/∂x at the next state, they satisfy
-
-      R u + N'x + ½ α B'g = 0,  -δ² w + ½ α E'g = 0
-
-    With δ = inf, w is 0. u is NaN if Newton's method, started at u = -K x and w = L x of the
-    quadratic part of V, does not converge.
-
-    problem: the discrete-time game
-    gradient: function x (n,) -> ∂V/∂x (n,)
-    P: quadratic part of V, (n, n)
-    """
-    m = problem.B.shape[1]
-    actions = _actions(problem, P)
-    x = symbols_for([gradient], len(problem.A))
-    a_by_size = symbols_for([gradient], len(actions.sizes))  # the unknown of Newton's method
-    a = ca.DM(actions.sizes) * a_by_size
-    after = ca.DM(problem.A) @ x + ca.DM(actions.columns) @ a
-    # The slope is half the derivative of the cost with respect to a: of a itself, of the cross
-    # terms and of the value after the step, in units of the weight of an action times its size.
-    of_weight = ca.DM(actions.weight) @ a
-    of_cross = ca.DM(actions.cross) @ x
-    of_value = 0.5 * problem.discount * (ca.DM(actions.columns).T @ gradient(after))
-    units = ca.DM(np.abs(np.diag(actions.weight)) * actions.sizes)
-    slope = ca.densify((of_weight + of_cross + of_value) / units)
-    terms = (ca.fabs(of_weight) + ca.fabs(of_cross) + ca.fabs(of_value)) / units
-
-    # Largest sqrt(x'P x) of one state at the edge of the box. `sizes` and thus the terms are those
-    # at states with x'P x = 1, and proportional to this root.
-    at_edge = 1.0
-    if problem.half_widths is not None:
-        roots = np.sqrt(np.diag(P).clip(0.0)) * problem.half_widths
-        at_edge = float(np.max(roots)) or 1.0
-    residual = ca.mmax(ca.fabs(slope)) / ca.fmax(ca.mmax(terms), at_edge)
-
-    options = {"max_iter": _NEWTON_STEPS, "error_on_fail": False, "show_eval_warnings": False}
-    root = ca.rootfinder("root", "newton", {"x": a_by_size, "p": x, "g": slope}, options)
-    state = ca.MX.sym("x", len(problem.A))  # a rootfinder can be called with MX only
-    start = ca.DM(actions.gains / actions.sizes[:, None]) @ state
-    saddle = root(x0=start, p=state)["x"]
-    residual_of = ca.Function("residual", [x, a_by_size], [residual])
-    has_converged = residual_of(state, saddle) <= _LARGEST_RESIDUAL
-    u = ca.DM(actions.sizes[:m]) * saddle[:m]
-    return ca.Function("policy", [state], [ca.if_else(has_converged, 1.0, math.nan) * u])
-
-
-class _Actions(NamedTuple):
-    """Actions a = (u, δ w) of a step x⁺ = A x + columns a, or u alone for δ = inf.
-
-    The weight of δ w in the cost is -1, whatever δ.
-    """
-
-    columns: np.ndarray  # [B E/δ], (n, k)
-    weight: np.ndarray  # of a in the cost, (k, k)
-    cross: np.ndarray  # of a with x, (k, n)
-    gains: np.ndarray  # policy a = gains x of the quadratic part of V, (k, n)
-    sizes: np.ndarray  # of a at states with the value 1, (k,)
-
-
-def _actions(problem: Game, P: np.ndarray) -> _Actions:
-    """Return the actions (u, δ w) of a step of a game, with the policies of the value x'P x."""
-    n, m = problem.B.shape
-    K, L = problem.policies(P)
-    columns, weight, cross, gains = problem.B, problem.R, problem.N.T, -K
-    if math.isfinite(problem.delta):  # δ w acts by E/δ, and costs -(δ w)'(δ w)
-        k = problem.E.shape[1]
-        columns = np.hstack([columns, problem.E / problem.delta])
-        weight = np.block([[weight, np.zeros((m, k))], [np.zeros((k, m)), -np.eye(k)]])
-        cross = np.vstack([cross, np.zeros((k, n))])
-        gains = np.vstack([gains, problem.delta * L])
-    values = np.diag(P)
-    costly = values > 0.0
-    sizes = np.abs(gains[:, costly]) @ values[costly] ** -0.5  # x_i = 1/sqrt(P_ii) costs 1
-    return _Actions(columns, weight, cross, gains, np.where(sizes > 0.0, sizes, 1.0))

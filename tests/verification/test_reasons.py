@@ -302,7 +302,7 @@ def function(game, name, output):
         (scaled([[0.0], [1.0]]), "u1 is never moved; the other rows of K are exact"),
         (
             function(TWO_INPUTS, "f", lambda z, u, V: ca.vertcat(0.0, u[1])),
-            "u1 is never moved; otherwise the policy is exact",
+            "u1 is never moved; the other rows of K are exact",
         ),
         # the one output of a network on a plant with one input is read as u
         (function(ONE_INPUT, "f", lambda z, u, V: V), "if it is V: --network V=NAME"),

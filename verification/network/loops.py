@@ -196,7 +196,6 @@ class FlightResults(NamedTuple):
     cost_above_optimum_flown_percent: largest cost above V*, in percent of the `reference_cost`; inf
         if a simulation diverges or there is another equilibrium, nan if one is not decided at the
         end of its clock.
-    cost_above_optimum_flown_mean_percent: mean cost above V* in percent of it, or inf or nan.
     undecided_at: end of the clock of the simulation that is not decided, s or steps, or None.
     worst: the flight with the largest cost, or None if nothing was simulated or is not decided.
     rest_point: (n,), equilibrium of the policy on the linear plant, or None.
@@ -205,7 +204,6 @@ class FlightResults(NamedTuple):
 
     flights: int = 0
     cost_above_optimum_flown_percent: float = math.inf
-    cost_above_optimum_flown_mean_percent: float = math.inf
     undecided_at: float | None = None
     worst: CounterExample | None = None
     rest_point: np.ndarray | None = None
@@ -266,11 +264,11 @@ def fly(
         if (np.abs(other - equilibrium) > _ELSEWHERE * b).any():
             return FlightResults(1, worst=CounterExample(other, "stays there"))
     if end.failed is not None:
-        return FlightResults(flights, math.nan, math.nan, undecided_at=end.time)
+        return FlightResults(flights, math.nan, undecided_at=end.time)
     reference = reference_cost(exact.P, b)
     # Near 0, the error of a network is absolute: what counts is the optimum of the box.
     optima = np.maximum(quadratic_forms(starts, reference), reference[0, 0] * b[0] ** 2)
     with np.errstate(over="ignore"):  # where P is 0
         above = 100.0 * end.costs / optima
     most = CounterExample(starts[int(np.argmax(above))], "costs more")
-    return FlightResults(flights, float(above.max()), float(above.mean()), worst=most)
+    return FlightResults(flights, float(above.max()), worst=most)

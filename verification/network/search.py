@@ -24,38 +24,7 @@ from verification.verdict import NEAR, Proof, Section, values_text
 
 #: Number of states at which the errors are computed. Every second one is a corner of the box.
 SEARCHED = 5000
-#: Smallest number of states that are no corners and have the extreme value of a clipped input.
-CLIPPED = 3
 _NOUNS = {"value": "V", "gradient": "a slope of V", "policy": "the policy"}
-
-
-def finding_of_policy(
-    critic: Critic, exact: Solution, box: np.ndarray, limit: float
-) -> tuple[str, bool]:
-    """Return a sentence on a bias, and on inputs that are clipped or never move in the box, or "",
-    and whether the policy is exact but for it.
-
-    box: half-widths of the box of states, (n,)
-    limit: largest error that passes
-    """
-    states = starts_in(box, SEARCHED, seed=0)
-    u, bias = critic.u(states), critic.u(np.zeros(len(box)))
-    sizes = np.maximum(np.abs(exact.K) @ box, np.finfo(float).tiny)  # of the largest exact u
-    # The exact u is -K z. The bias is a finding of its own, and subtracted.
-    is_right = np.abs(u - bias + states @ exact.K.T) <= limit * sizes
-    facts = [bias_text(critic, exact)] if np.any(np.abs(bias) > limit * sizes) else []
-    for i, name in enumerate(exact.names.inputs):
-        inside = u[1::2, i]  # at the states that are no corners
-        ends = [end for end in (inside.min(), inside.max()) if (inside == end).sum() >= CLIPPED]
-        is_right[np.isin(u[:, i], ends), i] = True
-        if inside.min() == inside.max():
-            facts.append(f"{name} is never moved")
-        elif ends:
-            at = " and ".join(f"{end + 0.0:.4g}" for end in ends)
-            share = percent(100.0 * float(np.isin(inside, ends).mean()))
-            facts.append(f"{name} is clipped at {at} in {share} of the box")
-    is_all = bool(facts and is_right.all())
-    return "; ".join([*facts, "otherwise the policy is exact"] if is_all else facts), is_all
 
 
 def bias_text(critic: Critic, exact: Solution) -> str:
@@ -201,8 +170,6 @@ def nonlinear_section(
     outputs = [name for name in FUNCTIONS if name in functions]
     if "gradient" in outputs and "V" in outputs:
         outputs.remove("gradient")  # its derivative
-    if critic.implies_policy:  # computed from V or its gradient
-        outputs.remove("policy")
     output = " and ".join(outputs)
     value = np.array(functions[outputs[0]](b)).ravel()
     constant = f", V(0) = {critic.constant:.4g}" if "V" in outputs else ""
@@ -256,11 +223,10 @@ def nonlinear_section(
     if flown.equilibrium_cost > 0.0:
         lines.append(f"The steady-state error costs {flown.equilibrium_cost:.2g} per {period}")
     if flown.flights:
-        most, mean = flown[1:3]
+        most = flown.cost_above_optimum_flown_percent
         cost = "not all of them converge" if flown.undecided_at is None else "not decided"
         if math.isfinite(most):
-            above, on_average = percent(most, 3, up=True), percent(mean, 3)
-            cost = f"cost at most {above} above the optimum, {on_average} on average"
+            cost = f"cost at most {percent(most, 3, up=True)} above the optimum"
         lines.append(
             f"Simulated in the linear game from {flown.flights} initial conditions in the box (not "
             f"a bound): {cost}"

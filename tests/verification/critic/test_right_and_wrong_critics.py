@@ -117,13 +117,26 @@ WRONG = {
 }
 
 
+#: Ways and mistakes of a V that is not quadratic and has no policy: in continuous time alone.
+WITHOUT_POLICY = ("listed", "V", "gradient", "quartic tail")
+
+
 def in_each_time(kinds):
     """Return each kind in each time. One time of each kind is fast, by turns."""
     return [
         pytest.param(kind, time, marks=pytest.mark.slow if (number - place) % 3 else ())
         for number, kind in enumerate(kinds)
         for place, time in enumerate(GAMES)
+        if time == "continuous" or kind not in WITHOUT_POLICY
     ]
+
+
+@pytest.mark.parametrize("kind", WITHOUT_POLICY)
+def test_a_value_without_a_policy_is_refused_in_discrete_time(kind):
+    """No policy is computed from a V that is not a quadratic form of the states in a basis."""
+    made = RIGHT.get(kind) or WRONG[kind][0]
+    with pytest.raises(hfa.BadInputError, match="no policy is computed from a V"):
+        made(case_of("discrete"))
 
 
 @pytest.mark.parametrize(("way", "time"), in_each_time(RIGHT))
