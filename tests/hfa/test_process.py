@@ -7,7 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 from cli import SCRIPT, hfa_process
 from project import FOLDERS, ROOT
@@ -102,7 +101,7 @@ LOADED = {
     "--help": "hfa hfa_page hfa_support",
     "trim --dihedral abc": f"{CORE} hfa_model",
     f"linearize --aircraft {ROOT}/examples/uav.toml": CORE,
-    "verify --dihedral 15 --weights K.npz": f"{PROOFS} verification",
+    "solve --dihedral 15": PROOFS,
     "fly --dihedral 15 --duration 1": f"{PROOFS} hfa_flight",
 }
 #: Program that runs a command and prints each loaded package, with the module that loaded it first.
@@ -135,7 +134,6 @@ def test_commands_load_only_the_packages_that_they_need(line, folder):
 
     `LOADER` runs the command and prints a line "loads PACKAGE by MODULE" for each loaded package.
     """
-    np.savez("K.npz", K=np.zeros((5, 6)))
     run = [sys.executable, "-c", LOADER, *line.split()]
     done = subprocess.run(run, capture_output=True, text=True, timeout=60, check=True)
     lines = re.findall(r"^loads (\S+) by (\S+)$", done.stdout, re.M)
