@@ -10,6 +10,24 @@ from hfa import BadInputError, Deployment, fly, load_model
 from hfa_flight import Scenario
 
 
+@pytest.mark.parametrize(("dt", "delay", "parts"), [(0.02, 0.03, 2), (1.0 / 60.0, 0.02, 5)])
+def test_commands_change_at_whole_samples_after_the_delay(dt, delay, parts):
+    """Commands change at whole samples after the delay, the first one at the delay, and the flight is
+    a whole number of ticks.
+
+    parts: sample time / greatest common divisor of sample time and delay
+    """
+    flight = flown_with(dt, delay)
+    tick = flight.scenario["tick"]
+    assert tick == pytest.approx(dt / parts, rel=1e-12)
+    assert flight.time[-1] == pytest.approx(round(0.3 / tick) * tick)
+    changes = np.flatnonzero(np.abs(np.diff(flight.inputs[:, 0])) > 1e-12)
+    after = flight.time[changes + 1] - delay  # np.diff has the row before each change
+    assert len(changes) > 3
+    assert after[0] == pytest.approx(0.0, abs=1e-9)
+    np.testing.assert_allclose(after, dt * np.round(after / dt), atol=1e-9)
+
+
 def test_a_delay_that_is_no_fraction_of_the_sample_time_is_refused():
     """The refusal names the nearest possible delay."""
     with pytest.raises(BadInputError, match=r"timing\.delay is 0.013123456 s.*give 0\.0131"):
