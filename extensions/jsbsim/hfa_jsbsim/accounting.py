@@ -61,6 +61,7 @@ _UNSET_CONSTANT = (
     "nothing in the files sets these constants, which --hold NAME=VALUE does; ?inputs=NAME after "
     "the aircraft's name makes one an input"
 )
+_SET_TWICE = "set here and by the pilot; earlier components read the pilot's value"
 _UNSET_COMMAND = (
     "nothing in the files sets these commands; --free NAME solves for one, --hold NAME=VALUE sets "
     "it"
@@ -77,8 +78,7 @@ def notes_on_omitted(parts: Parts, equations: Equations) -> list[Note]:
     Raises BadInputError, with file and line, for an unsupported element, attribute or property that
     affects the forces.
     """
-    _refuse_writers(parts, equations)
-    notes = _notes_on_constants(equations)
+    notes = [*_notes_on_writers(parts, equations), *_notes_on_constants(equations)]
     if any(file.feeds and file.kind != "electric_engine" for file in parts.engines):
         notes.append(Note(_NO_BURN, rank=MOTION))
     for component, what, is_always in equations.properties.left_out.values():
@@ -114,8 +114,11 @@ def _refuse_unsupported(element: Element) -> None:
             raise child.error(f"{fault} and is not supported; remove this element")
 
 
-def _refuse_writers(parts: Parts, equations: Equations) -> None:
-    """Raise BadInputError if the files set a built-in JSBSim property that cannot be set."""
+def _notes_on_writers(parts: Parts, equations: Equations) -> Iterator[Note]:
+    """Yield notes on commands of the pilot that the files set, too.
+
+    Raises BadInputError if the files set a built-in JSBSim property that cannot be set.
+    """
     for name, in_files in equations.set_in_files.items():
         is_read, rights = name in equations.properties.names_read, access(name, parts.thrusters)
         fault = ""
@@ -133,3 +136,6 @@ def _refuse_writers(parts: Parts, equations: Equations) -> None:
                 f"{in_files[-1].where}: {shortened(name)} {fault}; remove the element that sets "
                 "this property"
             )
+        is_of_pilot = len(equations.properties.writers[name]) > len(in_files)
+        if "-cmd-norm" in name and is_of_pilot and is_read:
+            yield Note(_SET_TWICE, shortened(name), in_files[-1].where, SETTING)
