@@ -179,6 +179,16 @@ def test_an_operation_without_bounds_is_named_and_flights_are_made(u, why):
     assert (verdict.flights, verdict.holds(1.0)) == (7, True)
 
 
+@pytest.mark.parametrize("discount", [1.0, 0.99])
+def test_a_network_in_discrete_time_is_flown_and_not_proved(discount):
+    game = FLOW.sampled(0.05, discount)
+    K = ca.DM(solve(game).K)
+    verdict = judged(game, -K @ Z + 0.01 * ca.tanh(Z[0]), flights=4)
+    assert verdict.to_dict()["proved"] is False
+    assert verdict.flights == 4
+    assert "not proved: the theorem is one of continuous time" in " ".join(str(verdict).split())
+
+
 def test_twenty_states_end_by_the_limit_of_seconds():
     A, B = np.random.default_rng(1).normal(size=(2, 20, 20))
     game = Game(A / 5.0, B[:, :4], Q=np.ones(20), R=np.ones(4))
