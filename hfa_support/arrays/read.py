@@ -140,16 +140,16 @@ def matrices(path: Path) -> dict[str, Any]:
     Raises BadInputError as `_matrix_files` does.
     """
     is_csv = path.suffix.lower() == ".csv"
-    if is_csv:
-        columns = {column.name: column for column in _columns(path)}
-        if columns.keys() >= {*_ENTRY}:
-            return _matrices_of_entries(columns)
+    read = _columns(path) if is_csv else []
+    columns = {column.name: column for column in read}
+    if columns.keys() >= {*_ENTRY}:
+        return _matrices_of_entries(columns)
     is_named = path.stem in (*PLANT, *CRITIC)
     arrays, tables = {}, {}
     for name, file in (_matrix_files(path) if is_csv or is_named else {UNKNOWN: path}).items():
         with file_faults(file):
             if is_csv:
-                tables[name] = _table(name, _columns(file))
+                tables[name] = _table(name, read if file == path else _columns(file))
                 arrays[name] = tables[name].matrix
             else:
                 arrays[name] = np.load(regular_file(file), allow_pickle=False)
