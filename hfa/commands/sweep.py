@@ -14,6 +14,7 @@ from hfa.options.command import (
     Request,
     WorkerOptions,
     command,
+    option,
     output_option,
     picture_option,
     provenance,
@@ -45,6 +46,7 @@ class SweepRequest(Request, PointOptions, WorkerOptions):
 
     output: Path | None = output_option(NETCDF, stores=(STORE,), purpose=_PURPOSE)
     picture: Path | None = picture_option("the root locus")
+    resume: bool = option("continue an interrupted run with the same options", rare=True)
 
 
 @command(SweepRequest, trim_input)

@@ -237,7 +237,7 @@ def _workers(text: str) -> int | str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WorkerOptions:
-    """The worker processes of a run into a store."""
+    """The worker processes of a run."""
 
     workers: int | str = option(
         "number of processes, or address of a Dask scheduler (tcp://host:port); default 1",
@@ -246,4 +246,3 @@ class WorkerOptions:
         default=1,
         rare=True,
     )
-    resume: bool = option("continue an interrupted run with the same options", rare=True)

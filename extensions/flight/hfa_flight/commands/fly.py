@@ -153,7 +153,6 @@ class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
         *("policy", "initial", "turbulence", "samples", "noise", "filter", "gust", "command"),
         *("duration", "aircraft", "at", "hold"),
     )
-    resume: bool = False
     picture: Path | None = picture_option("the flight")
     command: Mapping[str, str] = option(
         f"steps of a state, or with --policy {NONE} of an input: times, s, and deviations from the "
