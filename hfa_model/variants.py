@@ -1,7 +1,7 @@
 """The two variants of the equations of motion, and the six terms in which they differ.
 
 `published` reproduces the matrices printed in the paper. `newton` has the exact mechanics of three
-rigid panels, which `lagrangian.py` derives independently. All six terms are in this module. The
+rigid panels, which the Euler-Lagrange equations give, too. All six terms are in this module. The
 printed matrices require each term except the η'² term, which has no effect on a linear model
 (`docs/paper.md`). η is the dihedral, q the pitch rate, and s and m are the span and mass
 of one panel.
