@@ -297,9 +297,10 @@ def keepable(system: TrimSystem, condition: TrimCondition) -> list[str]:
     """
     model = system.model
     # Bank and body rates of a turn that was guessed are no declaration.
-    roles, first = recognized(model.states), declared_start(model, condition.imposed)
+    roles = recognized(model.states)
     turning = [roles[role] for role in ("phi", "q", "r") if role in roles]
-    guessed = [name for name in turning if first.get(name) != model.states[name].start]
+    starts = system.declared
+    guessed = [name for name in turning if starts.get(name) != model.states[name].start]
     others = {*model.inputs, *condition.set_free, *guessed}
     return [name for name in system.equations.unknowns if name not in others]
 

@@ -235,13 +235,10 @@ def _unique_trim(problem: TrimProblem) -> OperatingPoint:
     """Return the trim in which states that no equation determines have their start values."""
     # With more unknowns than equations, a search would minimize the control effort, and move such
     # states: they are kept before any search.
-    if keepable(problem.system, problem.asked):
-        equations, unknowns = problem.count
-        found = solution(problem) if unknowns <= equations else None
-        if found is None or problem.balanced_effects(found.z).rank < unknowns:
-            problem = problem.keeping(_kept_states(problem))
-            found = solution(problem)
-    else:
+    equations, unknowns = problem.count
+    found = solution(problem) if unknowns <= equations else None
+    if found is None or problem.balanced_effects(found.z).rank < unknowns:
+        problem = problem.keeping(_kept_states(problem))
         found = solution(problem)
     return OperatingPoint._of(problem, found.z, Status.TRIMMED, found.initial_point)
 

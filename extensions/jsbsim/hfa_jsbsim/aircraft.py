@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property, partial
 from types import SimpleNamespace
 from typing import Any
@@ -54,7 +54,7 @@ from hfa_jsbsim.properties import (
 from hfa_jsbsim.surfaces import (
     PilotInput,
     names_read_by,
-    reach_throttle,
+    reach_throttles,
     use_surface_positions,
 )
 from hfa_jsbsim.time_of_flight import without_time
@@ -179,11 +179,10 @@ class Equations:
         self._engines = list(map(add_engine, self._mounted))
         if self._engines:
             self._define_totals()
-        for file in self.parts.engines:
-            throttle = self.inputs[self._throttle_of(file)].symbol
-            note = reach_throttle(file.number, self.properties, throttle)
-            if note is not None:
-                self.notes.append(note)
+        throttles = {
+            file.number: self.inputs[self._throttle_of(file)].symbol for file in self.parts.engines
+        }
+        self.notes += reach_throttles(self.properties, throttles)
 
     @property
     def _values(self) -> ca.SX:
@@ -523,7 +522,7 @@ class Equations:
         """
         properties = self.properties
         pending = properties.filters
-        while reached := [state for state in pending if self._is_reached(state)]:
+        while reached := self._reached(pending):
             for state in reached:
                 if state.writer is None:
                     raise state.component.error(
@@ -540,16 +539,23 @@ class Equations:
         self._idle = [integral.symbol for integral in pending]
         properties.filters = [each for each in properties.filters if each not in pending]
 
-    def _is_reached(self, state: FilterState) -> bool:
-        """Return whether a state of the control system is one of the aircraft: with the properties
-        as the files set them, it moves, and moves a force.
+    def _reached(self, states: list[FilterState]) -> list[FilterState]:
+        """Return the states of the control system that are states of the aircraft: with the
+        properties as the files set them, they move, and move a force.
         """
         properties = self.properties
-        if properties.has_filter_states or state.writer is None:
-            return True
-        if is_zero(properties.in_files(properties.value_of(state.writer, "", ""))):
-            return False
-        return contains(properties.in_files(ca.vertcat(*self.rates.values())), state.symbol)
+        if properties.has_filter_states or not states:
+            return states
+        moving = symbols_of(properties.in_files(ca.vertcat(*self.rates.values())))
+        return [
+            state
+            for state in states
+            if state.writer is None
+            or (
+                key_of(state.symbol) in moving
+                and not is_zero(properties.in_files(properties.value_of(state.writer, "", "")))
+            )
+        ]
 
     def _solve_rates_of_angles(self) -> None:
         """Solve for the time derivatives of alpha and beta, on which forces may depend."""
@@ -569,7 +575,7 @@ class Equations:
                 slope[0, 0] * miss[1] - slope[1, 0] * miss[0],
             )
             angle_rates = angle_rates - step / determinant
-        self._substitute(symbols, angle_rates)
+        self._substitute(dict(zip(self.rate_symbols, ca.vertsplit(angle_rates), strict=True)))
 
     def _name_constants(self) -> None:
         """Turn each constant, a property that nothing in the files sets, into a parameter, or into
@@ -607,17 +613,19 @@ class Equations:
             for writer in (each for each in writers if each.is_of_file):
                 if "/malfunction/" in name and writer.component is None:
                     continue  # JSBSim ignores the value of a <property>
-                on = ca.SX(1.0) if writer.is_on is None else writer.is_on()
+                conditions = [writer.is_on()] if writer.is_on else []
                 if of_component(name):  # 0: no failure
-                    on = on * properties.value_of(writer, name, writer.where)
-                if is_zero(properties.in_files(on)):
+                    conditions.append(properties.value_of(writer, name, writer.where))
+                off = next((on for on in conditions if is_zero(properties.in_files(on))), None)
+                if off is None:
+                    in_files.append(writer)
+                else:
+                    inside = symbols_of(off)
                     properties.frozen |= {
                         full_name
                         for full_name, constant in properties.constants.items()
-                        if contains(on, constant.symbol)
+                        if key_of(constant.symbol) in inside
                     }
-                else:
-                    in_files.append(writer)
             if in_files:
                 yield name, in_files
 
@@ -626,18 +634,20 @@ class Equations:
         stand in the files; otherwise remove it.
         """
         properties = self.properties
+        presents = [*properties.presents()]
+        used = self.used_symbols()
+        for symbol, present, writer in presents:
+            if present.is_constant() and key_of(symbol) in used:
+                kept = f"{shortened(writer.name)} ({float(present):g})"
+                self.notes.append(Note("these keep their first value", kept, writer.where))
         for _ in range(2):  # values of the past may contain each other
-            for symbol, present, writer in properties.presents():
-                if present.is_constant() and contains(self._values, symbol):
-                    kept = f"{shortened(writer.name)} ({float(present):g})"
-                    self.notes.append(Note("these keep their first value", kept, writer.where))
-                self._substitute(symbol, present)
-        for integral in self._idle:
-            self._substitute(integral, ca.SX(0.0))
+            self._substitute({symbol: present for symbol, present, _ in presents})
+        self._substitute(dict.fromkeys(self._idle, 0.0))
         self._freeze()
         faults = []
+        used = self.used_symbols()
         for unknown in properties.unknowns:
-            if not contains(self._values, unknown.symbol):
+            if key_of(unknown.symbol) not in used:
                 continue
             if unknown.symbol is self._time:
                 self.fault_of_time = self._fault(unknown)
@@ -647,6 +657,7 @@ class Equations:
                 self.notes.append(Note(statement))
             elif properties.hide(self._values, unknown):
                 self._freeze()
+                used = self.used_symbols()
             else:
                 faults.append(self._fault(unknown))
         if faults:
@@ -669,14 +680,17 @@ class Equations:
 
     def _freeze(self) -> None:
         """Replace the frozen constants by their values in the files."""
-        for full_name in self.properties.frozen:
-            constant = self.properties.constants[full_name]
-            self._substitute(constant.symbol, ca.SX(constant.start))
+        frozen = map(self.properties.constants.__getitem__, self.properties.frozen)
+        self._substitute({constant.symbol: constant.start for constant in frozen})
 
-    def _substitute(self, symbol: ca.SX, value: ca.SX) -> None:
-        """Replace a symbol by a value in all time derivatives and outputs."""
-        self._replacements.append((symbol, value))
-        self._set_values(ca.vertsplit(ca.substitute(self._values, symbol, value)))
+    def _substitute(self, replaced: Mapping[ca.SX, Any]) -> None:
+        """Replace symbols by values in all time derivatives and outputs."""
+        if not replaced:
+            return
+        symbols, values = ca.vertcat(*replaced), ca.vertcat(*replaced.values())
+        self._replacements.append((symbols, values))
+        if not self.used_symbols().isdisjoint(map(key_of, replaced)):
+            self._set_values(ca.vertsplit(ca.substitute(self._values, symbols, values)))
 
     def _set_values(self, values: list[ca.SX]) -> None:
         """Set all time derivatives and outputs."""

@@ -6,7 +6,7 @@ import keyword
 import math
 import re
 from bisect import bisect_left
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -248,11 +248,15 @@ class Properties:
 
         names: the constants; None for all
         """
-        constants = [
-            self.constants[name] for name in self.constants if names is None or name in names
-        ]
-        symbols = ca.vertcat(*(constant.symbol for constant in constants))
-        return ca.substitute(ca.SX(value), symbols, ca.SX([each.start for each in constants]))
+        inside = symbols_of(value)
+        starts = {
+            each.symbol: each.start
+            for name, each in self.constants.items()
+            if key_of(each.symbol) in inside and (names is None or name in names)
+        }
+        if not starts:
+            return ca.SX(value)
+        return ca.substitute(ca.SX(value), ca.vertcat(*starts), ca.vertcat(*starts.values()))
 
     def unknown(self, error: BadInputError) -> ca.SX:
         """Return the symbol of a value that this package cannot compute.
@@ -319,8 +323,11 @@ class Properties:
 
     def loop_in(self, value: Any) -> LoopError | None:
         """Return the error of a loop on which a value depends, or None."""
+        loops = self._loops
+        if loops.keys().isdisjoint(symbols_of(value)):
+            return None
         inside = symbols_of(self.in_files(value))
-        errors: Iterator[Any] = (loop.error for key, loop in self._loops.items() if key in inside)
+        errors: Iterator[Any] = (loop.error for key, loop in loops.items() if key in inside)
         return next(errors, None)
 
     def hide(self, value: ca.SX, unknown: Unknown) -> bool:
@@ -392,16 +399,19 @@ class Properties:
         """Record that the dynamics of a component are states."""
         self.left_out.pop(_key(component, is_always=False), None)
 
-    def replace(self, name: str, value: Any) -> None:
-        """Set a property to a value and remove all its writers. Values in loops are forgotten."""
-        self.writers[canonical(name)] = [Writer(lambda: value, "", BEFORE_ALL)]
+    def replace(self, values: Mapping[str, Any]) -> None:
+        """Set properties to values and remove their writers. Values in loops are forgotten."""
+        for name, value in values.items():
+            self.writers[canonical(name)] = []
+            self.define(name, value)
         loops = self._loops.keys()
         for writers in self.writers.values():
             for writer in writers:
                 if writer.value is None or isinstance(writer.value, float | int):
                     continue
                 # The effect of an engine, which is no expression, is forgotten in any case.
-                if not isinstance(writer.value, ca.SX) or loops & symbols_of(writer.value):
+                is_expression = isinstance(writer.value, ca.SX)
+                if not is_expression or (loops and loops & symbols_of(writer.value)):
                     writer.value = writer.present = None
                     if writer.component is not None:  # noted when it is read again
                         for is_always in (False, True):
@@ -533,7 +543,7 @@ class Properties:
         self.notes.append(
             Note(statement, f"{shortened(canonical(name))} ({loop.cause})", loop.where)
         )
-        self.replace(name, value)
+        self.replace({name: value})
         return value
 
     def value(self, text: str, element: Element) -> Any:

@@ -627,8 +627,10 @@ class _Declaration:
             speed = imposed.get("speed")
             if speed is None or np.min(speed) <= 0.0:
                 return {}
-            density = _density(altitude, imposed.get(ISA, 0.0))
-            lift_coefficient = 0.5 * (usual_speed / speed) ** 2 * SEA_LEVEL.density / density
+            density = _density()(*map(np.atleast_2d, (altitude, imposed.get(ISA, 0.0)))).full()
+            lift_coefficient = (
+                0.5 * (usual_speed / speed) ** 2 * SEA_LEVEL.density / density.squeeze()
+            )
             # A typical lift coefficient is 0.25 + 5 alpha, and 0.5 at sea level at `usual_speed`.
             alpha = np.clip(0.2 * (lift_coefficient - 0.25), -0.05, 0.25)
             values = {"speed": speed, "alpha": alpha, "pitch": alpha + imposed.get("gamma", 0.0)}
@@ -644,12 +646,11 @@ class _Declaration:
         return begin
 
 
-def _density(altitude: Any, warmer: Any) -> Any:
-    """Return the air density, slug/ft³, a number or an array (N,)."""
-    # altitude, ft; warmer: deviation of the temperature from the standard atmosphere, K
-    points = (ca.DM(each) for each in np.broadcast_arrays(altitude, warmer))
-    air = air_at(next(points), "english", next(points))
-    return np.asarray(air.density)[:, 0] if np.ndim(altitude) else float(air.density)
+@cache
+def _density() -> ca.Function:
+    """Return the function (altitude, ft; deviation of the temperature, K) -> density, slug/ft³."""
+    altitude, warmer = ca.SX.sym("altitude"), ca.SX.sym("warmer")
+    return ca.Function("density", [altitude, warmer], [air_at(altitude, "english", warmer).density])
 
 
 def _stated_speed(file: EngineFile) -> float:

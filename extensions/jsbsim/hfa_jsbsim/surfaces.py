@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import casadi as ca
@@ -101,28 +101,31 @@ def _limits(name: str, surface: str, properties: Properties, sign: float) -> tup
 def _set_surface(name: str, surface: str, properties: Properties, value: ca.SX) -> None:
     """Set the properties of a surface position in all its units, and of its magnitude."""
     if not name.endswith(("-rad", "-deg")):
-        properties.replace(name, value)
+        properties.replace({name: value})
         return
     in_degrees = value * (180.0 / math.pi)
-    properties.replace(name, in_degrees if name.endswith("-deg") else value)
-    properties.replace(f"fcs/{surface}-pos-rad", value)
-    properties.replace(f"fcs/{surface}-pos-deg", in_degrees)
-    properties.replace(f"fcs/mag-{surface}-pos-rad", ca.fabs(value))
+    positions = {
+        name: in_degrees if name.endswith("-deg") else value,
+        f"fcs/{surface}-pos-rad": value,
+        f"fcs/{surface}-pos-deg": in_degrees,
+        f"fcs/mag-{surface}-pos-rad": ca.fabs(value),
+    }
+    properties.replace(positions)
 
 
-def reach_throttle(engine: int, properties: Properties, throttle: ca.SX) -> Note | None:
-    """Set the throttle position of an engine to the input, unless the control system derives it
-    from the input.
+def reach_throttles(properties: Properties, throttles: Mapping[int, ca.SX]) -> Iterator[Note]:
+    """Set the throttle positions of engines to the inputs, with a note for the user, unless the
+    control system derives them from the inputs.
 
-    Returns a note for the user, or None if nothing was set.
-
-    engine: index of the engine
-    throttle: symbol of the input
+    throttles: index of the engine -> symbol of the input
     """
-    name = f"fcs/throttle-pos-norm[{engine}]"
-    position = properties.read(name, "")
-    if contains(position, throttle) and not properties.loop_in(position):
-        return None
-    properties.replace(name, throttle)
-    statement = "the input is the throttle position; throttle-cmd-norm has no effect on"
-    return Note(statement, f"engine {engine}", rank=SETTING)
+    positions: dict[str, ca.SX] = {}
+    for engine, throttle in throttles.items():
+        name = f"fcs/throttle-pos-norm[{engine}]"
+        position = properties.read(name, "")
+        if not contains(position, throttle) or properties.loop_in(position):
+            positions[name] = throttle
+            statement = "the input is the throttle position; throttle-cmd-norm has no effect on"
+            yield Note(statement, f"engine {engine}", rank=SETTING)
+    if positions:
+        properties.replace(positions)

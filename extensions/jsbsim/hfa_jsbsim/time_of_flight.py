@@ -19,6 +19,9 @@ def without_time(values: ca.SX, time: ca.SX) -> list[ca.SX]:
     time: symbol of the time
     """
     others = [each for each in ca.symvar(values) if not ca.is_equal(each, time)]
+    # Only operations that depend on the time are followed; `parts` are the other expressions.
+    values, symbols, parts = ca.extract_parametric(values, ca.vertcat(*others))
+    others += symbols
     function = ca.Function("values", [time, ca.vertcat(*others)], [ca.densify(values)])
     # register -> value, and how much depends on the time: a sum that is 0 only for nothing
     known: dict[int, tuple[ca.SX, ca.SX]] = {}
@@ -45,4 +48,5 @@ def without_time(values: ca.SX, time: ca.SX) -> list[ca.SX]:
             value = ca.SX.unary(op, one) if len(read) == 1 else ca.SX.binary(op, one, other)
             result = value, varies
         known[function.instruction_output(place)[0]] = result
-    return list(ca.vertsplit(ca.substitute(ca.vertcat(*rows), time, 0.0)))
+    at_zero = ca.vertcat(time, *symbols), ca.vertcat(ca.SX(0.0), *parts)
+    return list(ca.vertsplit(ca.substitute(ca.vertcat(*rows), *at_zero)))
