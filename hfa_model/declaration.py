@@ -78,7 +78,8 @@ def flight_limits(x: State, p: Parameters) -> dict[str, tuple[float, float]]:
     """Return the limits of the states in a simulation that begins near a trim, state -> (lowest,
     highest).
 
-    speed: half to twice the trimmed speed V, ft/s
+    speed: half to twice the trimmed speed V, ft/s, of the airspeed in moving air: the equations
+        have the lift by the motion relative to the air
     altitude: within 1000 ft of the trim
     pitch_rate: up to V tan(α_max)/l_b, rad/s, at which the angle of attack at the tail, one boom
         length l_b behind, is α_max

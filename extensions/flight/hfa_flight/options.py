@@ -407,8 +407,8 @@ class ScenarioOptions(SensorOptions, TimingOptions):
         rare=True,
     )
     envelope: Mapping[str, str] = option(
-        "limits of a state that replace its default envelope, degrees for angles (alpha is "
-        "relative to the air); repeatable",
+        "limits of a state or output, degrees for angles; speed and flow angles are relative to "
+        "the air; repeatable",
         "NAME=LOW:HIGH",
         named=True,
         rare=True,

@@ -305,13 +305,16 @@ def flight_in_turbulence(angle: Position) -> Report:
     angle: trim, linear model and solution of the game at a dihedral angle
     """
     try:
+        from hfa_flight.air.sensors import at_trim
+
         flight = _flown(angle)
     except ImportError:
         return Report(_TITLE, ("Not on this page: the package hfa_flight is not installed.",))
     except (BadInputError, NoSolutionError) as error:
         return Report(_TITLE, (f"Not on this page: {error}",))
-    limits, trim = flight.envelope, flight.point.x
-    away = flight.deviations.limited  # (N, n), from the trim
+    limits = flight.envelope
+    trim = at_trim(flight.point, limits.names)
+    away = flight.deviations.limited - trim
     # Largest share of the way from the trim to a limit, of each state: one of the two is positive.
     used = np.maximum(away / (limits.highest - trim), away / (limits.lowest - trim)).max(axis=0)
     nearest = int(used.argmax())

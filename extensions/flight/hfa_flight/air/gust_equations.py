@@ -176,6 +176,20 @@ def in_gusts(model: Model) -> Model:
     )
 
 
+def relative_to_air(model: Model) -> dict[str, str]:
+    """Return state -> output of `in_gusts(model)`: its value relative to the air, in its unit.
+
+    A declared output of another unit is another quantity.
+    """
+    outputs, standard = in_gusts(model).outputs, _standard_states(model)
+    states = {output: standard[name].name for output, name in IN_AIR.items() if name in standard}
+    return {
+        state: output
+        for output, state in states.items()
+        if output in outputs and outputs[output].unit == model.unit(state)
+    }
+
+
 def seen_in_air(
     model: Model,
     values: Mapping[str, Any],

@@ -16,38 +16,11 @@ from trim.point.operating_point import OperatingPoint
 
 #: Disturbance of a model for a vertical gust.
 UPDRAFT = "updraft"
-#: State whose limits apply to the output `ANGLE_OF_ATTACK` in moving air.
-ALPHA = "alpha"
-ANGLE_OF_ATTACK = "angle_of_attack"
 #: Standard name of a state -> role for which another state may be recognized.
 _ROLES = {
     **{"pitch": "theta", "roll": "phi"},
     **{"roll_rate": "p", "pitch_rate": "q", "yaw_rate": "r"},
 }
-#: Notes on flights in moving air.
-OVER_GROUND = (
-    f"alpha is relative to the ground; the envelope limits {ANGLE_OF_ATTACK}, relative to the air"
-)
-LIMITED_OVER_GROUND = "speed and flow angles are over ground, and so are their limits"
-
-
-def has_angle_of_attack(model: Model) -> bool:
-    """Return whether a model has the state `alpha` and the output `angle_of_attack`.
-
-    In moving air, the state is relative to the ground and the output is relative to the air.
-    """
-    return ALPHA in model.states and ANGLE_OF_ATTACK in model.outputs
-
-
-def limited_names(model: Model, moving_air: bool) -> tuple[str, ...]:
-    """Return the names of the n variables to which the envelope applies.
-
-    The names are those of the states. In moving air, `ANGLE_OF_ATTACK` replaces alpha if the model
-    has both.
-    """
-    if not (moving_air and has_angle_of_attack(model)):
-        return tuple(model.states)
-    return tuple(ANGLE_OF_ATTACK if name == ALPHA else name for name in model.states)
 
 
 def state_of(model: Model, name: str) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
@@ -85,6 +86,16 @@ def measured(
         w = [winds.get(name, 0.0) for name in moving.disturbances]
         at = ca.DM(point.x) + x, ca.DM(point.u) + u, p
         _, in_air = moving.layout.expressions(at, outputs, w or None)
-        _, at_trim = moving.layout.expressions((point.x, point.u, model.p), outputs)
-        values |= zip(outputs, ca.vertsplit(in_air - at_trim), strict=True)
+        in_air -= ca.DM(at_trim(point, outputs))
+        values |= zip(outputs, ca.vertsplit(in_air), strict=True)
     return ca.vertcat(*(values[name] for name in names))
+
+
+def at_trim(point: OperatingPoint, names: tuple[str, ...]) -> np.ndarray:
+    """Return states and outputs at a trim in still air, (p,)."""
+    values = dict(zip(point.model.states, point.states, strict=True))
+    if outputs := tuple(name for name in names if name not in values):
+        vectors = point.x, point.u, point.model.p
+        _, found = in_gusts(point.model).layout.expressions(vectors, outputs)
+        values |= zip(outputs, ca.evalf(found).full().ravel(), strict=True)
+    return np.array([values[name] for name in names])

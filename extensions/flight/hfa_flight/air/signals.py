@@ -151,7 +151,7 @@ class Deviations(Reported):
     states: (N, n), states of the plant
     errors: (N, k), z = x - x_d of the states of the linear model, without noise
     inputs: (N, m)
-    limited: (N, n), the states. In moving air, the angle of attack replaces alpha
+    limited: (N, n), absolute values of the variables with limits
     winds: disturbance of the model that the scenario sets -> (N,)
     cost: (N,), cost from the start of the flight, or None for a loop without a cost
     integration_error: sum of the errors of the steps of the integration that could not be made

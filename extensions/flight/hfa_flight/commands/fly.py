@@ -29,6 +29,7 @@ from hfa_aircraft.batch_simulation import Cost
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Waveform, stacked
+from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.scenario import Scenario, with_errors
 from hfa_flight.air.signals import CommandedStates, TimeVector
 from hfa_flight.air.turbulence import Turbulence
@@ -227,13 +228,13 @@ def _fly_once(request: FlyRequest, given: GivenTrim) -> Outcome:
         game = named.game
         weights = Cost(game.Q, game.R)
     plant = NonlinearPlant(with_errors(model, scenario), point)
-    loop = FlightLoop(plant, policy, scenario, weights)
+    loop = FlightLoop(plant, policy, scenario, weights, envelope)
     if request.duration is None:
         loop = replace(loop, scenario=lengthened(loop))
     # With scheduled gains, the linear model at the first trim does not apply to other trims.
     predict = not isinstance(policy, ScheduledGainPolicy)
     progress = ProgressLine("simulate")
-    result = simulated_loop(loop, envelope, predict=predict, progress=progress)
+    result = simulated_loop(loop, predict=predict, progress=progress)
 
     report = result.report()
     if is_law:
@@ -242,7 +243,7 @@ def _fly_once(request: FlyRequest, given: GivenTrim) -> Outcome:
     if tracking is not None:
         # The same gain about the same reference, without the feedforward of the inputs.
         loop = replace(loop, policy=GainPolicy(policy.name, tracking.K))
-        without_feedforward = simulated_loop(loop, envelope, predict=predict, progress=progress)
+        without_feedforward = simulated_loop(loop, predict=predict, progress=progress)
         report = with_tracking_errors(report, tracking, result, without_feedforward)
     return Outcome(
         report=report,
@@ -295,7 +296,7 @@ def _planned(
                 f"{scenario.duration:g} s; give {_COMMAND} with an earlier time, or a longer "
                 "--duration"
             )
-    limits = each_of("--envelope", given.model, request.envelope, span)
+    limits = each_of("--envelope", in_gusts(given.model), request.envelope, span)
     steering = _steering(request, given, point, commands, limits, scenario.duration)
     policy, reference, tracking = steering
     if reference is not None:

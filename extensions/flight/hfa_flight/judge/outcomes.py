@@ -353,7 +353,7 @@ class CaseFlights:
         times = self.flight.dt * self.left_at[[number]]
         states = self.left_with[[number]]
         envelope = flight_envelope(case.point.model, case.point)
-        return departure(envelope, times, states, moving_air=False)
+        return departure(envelope, times, states)
 
 
 class CaseOutcomes(NamedTuple):

@@ -497,7 +497,7 @@ def _checked_ranges(
 
 def _departure_at(envelope: Limits, states: np.ndarray, time: float) -> str:
     """Return which limit is violated by states (n,) outside the envelope, and when."""
-    left = departure(envelope, np.array([time]), states[None], moving_air=False)
+    left = departure(envelope, np.array([time]), states[None])
     assert left is not None  # the states are outside
     return left.cause()
 

@@ -404,7 +404,7 @@ class Flights:
         z = rows.states[:, problem.places]
         inputs = rows.inputs + problem.point.u
         states = rows.states + trim
-        first_departure = departure(problem.envelope, rows.times, states, moving_air=False)
+        first_departure = departure(problem.envelope, rows.times, states)
         with np.errstate(over="ignore", invalid="ignore"):  # the flight may diverge
             cost = float(rows.cost[-1]) + float(z[-1] @ problem.P @ z[-1])
         is_back = has_returned(problem.model, z, problem.P, float(rows.cost[-1]))

@@ -343,7 +343,7 @@ def flight_problem(
     lqr = game(linear, **weights_of_flights(linear, Q, R), delta=np.inf)
     lqr.refuse_cross_weights("the cost of these flights")
     solution = solve(lqr)
-    envelope = flight_envelope(model, point, limits)
+    envelope = flight_envelope(model, point, limits, of_outputs=False)
     return FlightProblem(linear, lqr.Q, lqr.R, solution.P, solution.K, envelope)
 
 

@@ -165,7 +165,7 @@ def fly(
         unit: "2 deg"), or (n,)
     scenario: disturbances, noise and faults. Of a single flight, its random quantities must be
         drawn already
-    envelope: limits of the states, or only those that differ from `flight_envelope(model, point)`
+    envelope: limits, or only those that differ from `flight_envelope(model, point)`
     predict: whether the flight is compared with that of the linear model, except with a policy that
         plans. Of a single flight
     weights: Q (k, k) and R (m, m) of the cost of a single flight, or None without a cost
@@ -204,10 +204,10 @@ def fly(
         return flights_in_air(plan, progress=progress)
     plant = NonlinearPlant(with_errors(model, own_scenario), point)
     cost = None if weights is None else _cost_of(model, weights)
-    loop = FlightLoop(plant, flown_policy, own_scenario, cost)
+    loop = FlightLoop(plant, flown_policy, own_scenario, cost, limits)
     if duration is None and scenario is None:
         loop = replace(loop, scenario=lengthened(loop))
-    return simulated_loop(loop, limits, predict=predict, progress=progress or ProgressLine("fly"))
+    return simulated_loop(loop, predict=predict, progress=progress or ProgressLine("fly"))
 
 
 def _cost_of(model: Model, weights: Sequence[Any]) -> Cost:

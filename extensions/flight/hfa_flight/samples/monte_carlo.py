@@ -9,13 +9,14 @@ from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.uncertain import ParameterSpread
-from hfa_flight.air.gusts import ALPHA, limited_names
 from hfa_flight.air.scenario import Scenario, Uncertainty, with_errors
+from hfa_flight.air.sensors import at_trim, measured
 from hfa_flight.needs import ALL, refuse_share
 from hfa_flight.policies.policy import Policy
 from hfa_flight.simulate.closed_loop import FlightLoop, NonlinearPlant
@@ -47,7 +48,7 @@ class MonteCarlo(Identified, Reported):
     point: trim in which each member begins
     policy: policy of all members
     scenario: scenario with the random quantities to be drawn
-    envelope: limits of the states. A flight ends at the first tick outside
+    envelope: limits of states and outputs. A flight ends at the first tick outside
     spread: distribution of the members' parameters, or None for the parameters of the model
     share: share of the members that must stay within their limits for a PASS, by default all
 
@@ -88,13 +89,15 @@ class MonteCarlo(Identified, Reported):
                 "the random quantities of the scenario are already drawn; give the scenario "
                 "without drawn()"
             )
-        refuse_start(self.envelope, self.point.x + self.scenario.initial)
         for name in self.scenario.uncertainty.errors:
             if self.model.parameters[name].start == 0.0:
                 raise BadInputError(
                     f"{name} is 0, so a relative error has no effect; remove the error of {name}"
                 )
-        self.loop()  # refuses here what a worker could not simulate
+        # refuses here what a worker could not simulate
+        names, still = self.limits.names, (ca.SX.zeros(len(self.point.u)), self.model.p, {})
+        away = ca.evalf(measured(self.point, names, ca.SX(self.scenario.initial), *still))
+        refuse_start(self.limits, at_trim(self.point, names) + away.full().ravel())
 
     def member(self, number: int) -> Scenario:
         """Return the drawn scenario of one member, with turbulence at the trim speed."""
@@ -107,7 +110,12 @@ class MonteCarlo(Identified, Reported):
         values.
         """
         plant = NonlinearPlant(self.model, self.point, uncertain=True)
-        return FlightLoop(plant, self.policy, self.member(0))
+        return FlightLoop(plant, self.policy, self.member(0), envelope=self.envelope)
+
+    @cached_property
+    def limits(self) -> Limits:
+        """The envelope, in moving air relative to it."""
+        return self.loop().limits
 
     @cached_property
     def aircraft(self) -> list[Model]:
@@ -138,7 +146,7 @@ def fly_member(plan: MonteCarlo, member: int) -> Flight:
     scenario = plan.member(member)
     aircraft = plan.aircraft[member] if plan.aircraft else plan.model
     parameters = with_errors(aircraft, scenario).p
-    return fly_within(member_loop(plan), plan.envelope, scenario, parameters)
+    return fly_within(member_loop(plan), scenario, parameters)
 
 
 def fly_members(plan: MonteCarlo, start: int, stop: int) -> Mapping[str, np.ndarray]:
@@ -159,7 +167,7 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
     flown: time inside the envelope, s
     rms_error, effort: root mean squares of errors (k,) and inputs from the trim (m,) over that
         time, in turbulence over its second half, because it begins in calm
-    peak_error, peak_angle_of_attack: largest ones, from the trim, the latter relative to the air
+    peak_error, peak_deviation: largest ones from the trim, the latter of outputs with limits
     at_limit, lowest_input, highest_input: share of that time at a control limit, and range, (m,)
     final: states where it ends, (n,)
     """
@@ -172,12 +180,11 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
     begin = end // 2 if scenario.gust is not None and scenario.gust.rises else 0
     errors = deviations.errors[:end]
     inputs = deviations.inputs[:end]
-    # relative to the air if it moves and the model has the output
-    angles = deviations.limited[:end, states.index(ALPHA)] if ALPHA in states else np.zeros(0)
+    outputs = np.reshape([*result.outputs.values()], (-1, end + 1)).T[:end]
+    away = outputs - at_trim(plan.point, (*result.outputs,))
     left = cycle = -1  # neither a departure nor a limit cycle
     if result.departure is not None:
-        limited = limited_names(plan.model, scenario.moving_air)
-        left = limited.index(result.departure.state)
+        left = result.envelope.names.index(result.departure.state)
     if result.cycle is not None:
         cycle = [*plan.model.inputs, *states].index(result.cycle.name)
     return {
@@ -187,7 +194,7 @@ def member_row(plan: MonteCarlo, result: Flight) -> dict[str, Any]:
         "flown": result.flown,
         "rms_error": _rms(errors[begin:]),
         "peak_error": np.abs(errors).max(axis=0, initial=0.0),
-        "peak_angle_of_attack": np.abs(angles).max(initial=0.0),
+        "peak_deviation": np.abs(away).max(axis=0, initial=0.0),
         "effort": _rms(inputs[begin:]),
         "at_limit": list(share_at_limits(plan.model, inputs + inputs_at_trim).values()),
         "lowest_input": inputs.min(axis=0, initial=np.inf) + inputs_at_trim,

@@ -9,7 +9,6 @@ import numpy as np
 
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_flight.air.gusts import ANGLE_OF_ATTACK, OVER_GROUND, has_angle_of_attack, limited_names
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.turbulence import level_text
 from hfa_flight.needs import band_text, is_enough, need_text, outside_band
@@ -17,7 +16,7 @@ from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.kalman import least_rms
 from hfa_flight.policies.policy import OpenLoop
 from hfa_flight.samples.monte_carlo import MonteCarlo
-from hfa_flight.simulate.envelope import GIVE_LIMIT, NO_LIMIT, is_limited
+from hfa_flight.simulate.envelope import GIVE_LIMIT, NO_LIMIT, is_limited, note_on_air
 from hfa_support.reporting.parts import Part
 from hfa_support.reporting.report import Report, verdict_text
 from hfa_support.reporting.results import storable
@@ -67,8 +66,8 @@ def member_report(plan: MonteCarlo, flown: Flown, uncontrolled: Flown | None) ->
         parts.append(_rms_table(plan, outcomes))
     if outcomes["held"]:
         parts.append(_quantile_table(plan, outcomes))
-        if plan.scenario.moving_air and has_angle_of_attack(plan.model):
-            parts.append(OVER_GROUND)
+        if plan.limits.names != tuple(plan.model.states):
+            parts.append(note_on_air(plan.limits))
     gust = plan.member(0).gust  # its text is that of every member
     if gust is not None and gust.text(plan.model):
         parts += [gust.text(plan.model), *gust.left_out(plan.model)]
@@ -165,8 +164,9 @@ def _least_text(plan: MonteCarlo) -> list[str]:
     if turbulence is None or not delay:
         return []
     model = plan.model
-    ends = np.array([plan.envelope.lowest, plan.envelope.highest]) - plan.point.x
-    nearest = dict(zip(model.states, np.abs(ends).min(axis=0).tolist(), strict=True))
+    # the states come first
+    ends = np.array([plan.limits.lowest, plan.limits.highest])[:, : len(plan.point.x)]
+    nearest = dict(zip(model.states, np.abs(ends - plan.point.x).min(axis=0).tolist(), strict=True))
     least = least_rms(plan.point, turbulence, delay)
     name = max(least, key=lambda state: least[state] / nearest[state])
     value, limit = (with_unit(size, model.unit(name)) for size in (least[name], nearest[name]))
@@ -231,7 +231,6 @@ def _outcomes(plan: MonteCarlo, flown: Flown) -> dict[str, Any]:
     inside = left < 0
     departures = int((~inside).sum())
     obeyed = _inputs_within(model, flown)
-    limited = limited_names(model, plan.scenario.moving_air)
     oscillating = (*model.inputs, *model.states)
     within_limits = int(_within_limits(plan, flown).sum())
     outcomes = {
@@ -247,14 +246,14 @@ def _outcomes(plan: MonteCarlo, flown: Flown) -> dict[str, Any]:
         "first_left": None if inside.all() else float(flown["flown"][~inside].min()),
         # more than 0 s, because all flights may leave at once
         "left_an_hour": 3600.0 * departures / max(float(flown["flown"].sum()), 1e-9),
-        "left": {name: int((left == index).sum()) for index, name in enumerate(limited)},
+        "left": {name: int((left == index).sum()) for index, name in enumerate(plan.limits.names)},
         "left_95": outside_band(departures, plan.members),
         "exceeded": dict(zip(model.inputs, (~obeyed).sum(axis=0).tolist(), strict=True)),
         "limit_cycle": {
             name: int((cycle == index).sum()) for index, name in enumerate(oscillating)
         },
         "quantiles": np.array(_QUANTILES),
-        **_quantiles(model, flown, inside),
+        **_quantiles(plan, flown, inside),
     }
     return outcomes if plan.spread is None else outcomes | {"drawn": list(plan.spread.values)}
 
@@ -291,23 +290,19 @@ def _listed(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{name} {count}" for name, count in counts.items() if count)
 
 
-def _quantiles(model: Model, flown: Flown, inside: np.ndarray) -> dict[str, Any]:
+def _quantiles(plan: MonteCarlo, flown: Flown, inside: np.ndarray) -> dict[str, Any]:
     """Return quantity -> variable -> quantiles of the flights inside, None without such flights."""
+    model = plan.model
     variables: dict[str, tuple[str, ...]] = {
         "rms_error": model.linear,
         "peak_error": model.linear,
         "effort": tuple(model.inputs),
         "final": tuple(model.states),
+        "peak_deviation": tuple(name for name in plan.limits.names if name not in model.states),
     }
-    values = {name: flown[name] for name in variables}
-    if has_angle_of_attack(model):
-        variables["peak_deviation"] = (ANGLE_OF_ATTACK,)
-        values["peak_deviation"] = flown["peak_angle_of_attack"][:, None]
     if not inside.any():
         return {name: dict.fromkeys(names) for name, names in variables.items()}
-    quantiles = {
-        name: np.quantile(values[name][inside], _QUANTILES, axis=0).T for name in variables
-    }
+    quantiles = {name: np.quantile(flown[name][inside], _QUANTILES, axis=0).T for name in variables}
     return {
         name: dict(zip(names, quantiles[name].tolist(), strict=True))
         for name, names in variables.items()
@@ -316,13 +311,10 @@ def _quantiles(model: Model, flown: Flown, inside: np.ndarray) -> dict[str, Any]
 
 def _quantile_table(plan: MonteCarlo, outcomes: Mapping[str, Any]) -> Table:
     """Return a table with one row for each variable of each quantity."""
-    shown = ["rms_error", "peak_error", "effort"]
-    if plan.scenario.moving_air and "peak_deviation" in outcomes:
-        shown.append("peak_deviation")
     rows = []
-    for quantity in shown:
+    for quantity in ("rms_error", "peak_error", "effort", "peak_deviation"):
         for variable, values in outcomes[quantity].items():
-            unit = plan.model.unit(variable)
+            unit = plan.limits.model.unit(variable)
             cells = [short_number(value, unit) for value in values]
             name = f"{quantity.replace('_', ' ')} {variable}"
             rows.append((name, *cells, shown_unit(unit)))

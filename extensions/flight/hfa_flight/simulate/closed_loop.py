@@ -19,11 +19,11 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.servos import positions_of_servos
 from hfa_flight.air.gust_equations import in_gusts
-from hfa_flight.air.gusts import ALPHA, ANGLE_OF_ATTACK, has_angle_of_attack
 from hfa_flight.air.held_step import slices_of
 from hfa_flight.air.scenario import Scenario
-from hfa_flight.air.sensors import measured
+from hfa_flight.air.sensors import at_trim, measured
 from hfa_flight.policies.policy import SAME_TIME, GainPolicy, Measurements, Policy
+from hfa_flight.simulate.envelope import in_moving_air
 from hfa_support.errors import BadInputError
 from trim.linear.nonsmooth import linearization_at
 from trim.point.operating_point import OperatingPoint
@@ -42,11 +42,8 @@ class Plant:
     uncertain = False
     point: OperatingPoint
 
-    def at(self, x: ca.SX, u: ca.SX, winds: Winds, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Return the time derivative x', (n,), and the states that the envelope limits, (n,).
-
-        These are x. In moving air, the angle of attack relative to the air, minus its value at
-        trim, replaces alpha of a nonlinear plant with the output `ANGLE_OF_ATTACK`.
+    def at(self, x: ca.SX, u: ca.SX, winds: Winds, parameters: ca.SX) -> ca.SX:
+        """Return the time derivative x', (n,).
 
         x: (n,), deviations of the states
         u: (m,), deviations of the inputs
@@ -89,12 +86,12 @@ class LinearPlant(Plant):
         )
         return cls(slopes.A, slopes.B, dict(zip(winds, slopes.E.T, strict=True)), point)
 
-    def at(self, x: ca.SX, u: ca.SX, winds: Winds, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Return A x + B u + E w, (n,), and x; the arguments are those of `Plant.at`."""
+    def at(self, x: ca.SX, u: ca.SX, winds: Winds, parameters: ca.SX) -> ca.SX:
+        """Return A x + B u + E w, (n,); the arguments are those of `Plant.at`."""
         rate = ca.mtimes(ca.DM(self.A), x) + ca.mtimes(ca.DM(self.B), u)
         for name, w in winds.items():
             rate = rate + ca.DM(self.E[name]) * w
-        return rate, x
+        return rate
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,29 +113,15 @@ class NonlinearPlant(Plant):
         """Raise BadInputError if the operating point belongs to another model."""
         self.point._refuse_other_model(self.model)
 
-    def at(self, x: ca.SX, u: ca.SX, winds: Winds, parameters: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Return f(X0 + x, U0 + u, p, w), (n,), and the limited states, as `Plant.at` does.
-
-        Disturbances that are not in `winds` are 0. Raises BadInputError if the output
-        `ANGLE_OF_ATTACK` depends on an input, because it is then not a flow angle.
-        """
+    def at(self, x: ca.SX, u: ca.SX, winds: Winds, parameters: ca.SX) -> ca.SX:
+        """Return f(X0 + x, U0 + u, p, w), (n,). Disturbances that are not in `winds` are 0."""
         # A model without disturbances for the gusts gets them added to its equations.
         model = self.model if set(winds) <= set(self.model.disturbances) else in_gusts(self.model)
-        outputs = [ANGLE_OF_ATTACK] if winds and has_angle_of_attack(model) else []
-        X = ca.DM(self.point.x) + x
-        U = ca.SX.sym("U", len(model.inputs))  # symbols, on which the angle must not depend
         p = parameters if self.uncertain else model.p
         w = [winds.get(name, 0.0) for name in model.disturbances]
-        rates, angles = model.layout.expressions((X, U, p), outputs, w)
-        if ca.depends_on(angles, U):
-            raise BadInputError(
-                f"{model.name}: output {ANGLE_OF_ATTACK} depends on an input and is therefore "
-                "not a flow angle; rename the output"
-            )
-        limited = ca.SX(x)
-        if outputs:
-            limited[list(model.states).index(ALPHA)] = angles - getattr(self.point.states, ALPHA)
-        return ca.substitute(rates, U, ca.DM(self.point.u) + u), limited
+        at = ca.DM(self.point.x) + x, ca.DM(self.point.u) + u, p
+        rates, _ = model.layout.expressions(at, (), w)
+        return rates
 
 
 class LoopSignals(NamedTuple):
@@ -147,7 +130,7 @@ class LoopSignals(NamedTuple):
     rate: y'
     error: (k,), x - x_d
     inputs: (m,), inputs of the plant, as deviations from trim
-    limited: (n,), deviations that the envelope limits (`Plant.at`)
+    limited: absolute values of the variables of `FlightLoop.limits`
     winds: disturbance of the model that the scenario sets -> its value
     command: (m,), command of the policy
     measured: deviations of what the policy measures, with the errors of the sensors
@@ -199,6 +182,7 @@ class FlightLoop:
       delay
     cost: running cost of the errors z = x - x_d and of the inputs u, whose integral is a
       state of the loop, or None
+    envelope: limits of the states first, and of outputs, absolute; None without limits
 
     Raises BadInputError if a signal or the policy does not have the size of the plant.
     """
@@ -207,6 +191,7 @@ class FlightLoop:
     policy: Policy
     scenario: Scenario = field(default_factory=Scenario)
     cost: Cost | None = None
+    envelope: Limits | None = None
 
     def __post_init__(self) -> None:
         """Raise BadInputError for wrong sizes."""
@@ -235,6 +220,13 @@ class FlightLoop:
     def _sensed(self) -> tuple[str, ...]:
         """What the sensors of the scenario measure, whose errors are `scenario.samples`."""
         return tuple(self.scenario.sensors) or self.plant.point.model.linear
+
+    @cached_property
+    def limits(self) -> Limits:
+        """The envelope; in moving air, speed and flow angles are those relative to the air."""
+        model = self.plant.point.model
+        limits = self.envelope or Limits.of(model, tuple(model.states))
+        return in_moving_air(limits) if self.scenario.moving_air else limits
 
     @cached_property
     def held_sizes(self) -> HeldParts:
@@ -279,9 +271,12 @@ class FlightLoop:
         if positions_of_servos(model):  # what a servo receives
             limits, trim = Limits.of(model, tuple(model.inputs)), plant.point.u
             u = saturated(u, limits.lowest - trim, limits.highest - trim)
-        plant_rate, limited = plant.at(x, u, winds, inputs.parameters)
+        moved = x, u, winds, inputs.parameters
+        plant_rate = plant.at(*moved)
+        limited = plant.measured(self.limits.names, *moved)
+        limited += ca.DM(at_trim(plant.point, self.limits.names))
         names = self.policy.sensors or tuple(model.states)
-        values = plant.measured(names, x, u, winds, inputs.parameters) + _by_name(errors, names)
+        values = plant.measured(names, *moved) + _by_name(errors, names)
         if scenario.disturbance is not None:
             plant_rate[rows] += scenario.disturbance.at(t)
         error = states - reference

@@ -1,14 +1,14 @@
 """Envelope of a flight, first departure from the envelope, and inputs beyond their control limits.
 
-An envelope consists of `hfa_aircraft.limits.Limits` on the states of a model. In moving air, the
-limits of alpha apply to the angle of attack relative to the air.
+An envelope consists of `hfa_aircraft.limits.Limits` on the states of a model and on outputs. In
+moving air, the limits of speed and flow angles apply to those relative to the air.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +17,8 @@ from hfa_aircraft.batch_simulation import RESOLVED, FlightOutcome, has_decayed
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
-from hfa_flight.air.gusts import ALPHA, ANGLE_OF_ATTACK, limited_names
+from hfa_flight.air.gust_equations import IN_AIR, in_gusts, relative_to_air
+from hfa_flight.air.sensors import at_trim
 from hfa_flight.air.signals import Deviations
 from hfa_support.errors import BadInputError, pair_of, refuse_unknown
 from hfa_support.matrices import quadratic_forms
@@ -41,7 +42,7 @@ GIVE_LIMIT = "hfa fly --envelope NAME=LOW:HIGH (Python: envelope=) gives a state
 class Departure(NamedTuple):
     """The first departure of a flight from the envelope, or the end of one that diverges.
 
-    state: name of the variable, from `limited_names`
+    state: name of the variable
     time: s
     value: value at that time, in `unit`
     limit: the exceeded limit, in `unit`; inf or -inf if the flight diverges without a limit
@@ -106,8 +107,11 @@ def flight_envelope(
     model: Model,
     point: OperatingPoint,
     changes: Mapping[str, tuple[float, float]] | None = None,
+    *,
+    of_outputs: bool = True,
 ) -> Limits:
-    """Return the limits of the states within which the equations of a model are valid.
+    """Return the limits of the states within which the equations of a model are valid, and of
+    outputs.
 
     For each state, the first of these limits that exists is used:
 
@@ -116,34 +120,47 @@ def flight_envelope(
     - `min` and `max` of the state.
 
     point: the trim
-    changes: state -> (lowest, highest), absolute. `ANGLE_OF_ATTACK` is an alias of alpha
+    changes: state or output -> (lowest, highest), absolute. A speed or a flow angle has the limits
+        of the state: in moving air they are of the one relative to the air, by either name
+    of_outputs: whether outputs may have limits
 
-    Raises BadInputError if a name is not a state, a lowest limit is not below the highest, or the
-    trim is outside the envelope.
+    Raises BadInputError if a name is unknown, a lowest limit is not below the highest, or the trim
+    is outside the envelope.
     """
+    moving = in_gusts(model)
+    known = (*model.states, *moving.outputs) if of_outputs else tuple(model.states)
+    state_of = {output: state for state, output in relative_to_air(model).items()}
     pairs = {name: (signal.min, signal.max) for name, signal in model.states.items()}
     if model.domain.envelope is not None:
         parameters = record(tuple(model.parameters))(*model.p.tolist())
         pairs |= model.domain.envelope(point.states, parameters)
     for key, pair in (changes or {}).items():
-        name = ALPHA if key == ANGLE_OF_ATTACK else key
-        refuse_unknown("the envelope has no state", name, tuple(model.states))
+        name = state_of.get(key, key)
+        refuse_unknown("the envelope has no variable", name, known)
+        if name != key and name in (changes or {}):
+            raise BadInputError(f"the envelope has {key} and {name}; give one of the two")
         pairs[name] = pair_of(f"the envelope of {key}", pair)
         if not pairs[name][0] < pairs[name][1]:
             raise BadInputError(
                 f"the envelope of {key} is {pair}; give two different numbers, the lower first"
             )
-    envelope = Limits.of(model, tuple(model.states), pairs)
-    for name, value, within in zip(
-        envelope.names, point.states, envelope.within(point.states), strict=True
-    ):
-        if not within:
-            lowest, highest = (model.describe(name, limit) for limit in pairs[name])
-            raise BadInputError(
-                f"{name} is {model.describe(name, value)} at trim, outside the envelope, {lowest}"
-                f" to {highest}; widen the envelope or choose another trim"
-            )
+    envelope = Limits.of(moving, tuple(pairs), pairs)
+    for sentence in envelope.broken(at_trim(point, envelope.names), verb="at trim is"):
+        raise BadInputError(f"{sentence}; widen the envelope or choose another trim")
     return envelope
+
+
+def in_moving_air(envelope: Limits) -> Limits:
+    """Return an envelope of speed and flow angles relative to the air, in place of the states."""
+    in_air = relative_to_air(envelope.model)
+    return replace(envelope, names=tuple(in_air.get(name, name) for name in envelope.names))
+
+
+def note_on_air(envelope: Limits) -> str:
+    """Return a note on states and limits in moving air."""
+    in_air = [name for name in envelope.names if name in IN_AIR]
+    limits = f"the envelope limits {', '.join(in_air)}" if in_air else "no limit is"
+    return f"speed and flow angles are relative to the ground; {limits}, relative to the air"
 
 
 def is_limited(envelope: Limits) -> bool:
@@ -151,30 +168,27 @@ def is_limited(envelope: Limits) -> bool:
     return bool(np.isfinite([envelope.lowest, envelope.highest]).any())
 
 
-def envelope_data(envelope: Limits, moving_air: bool) -> dict[str, list[float]]:
-    """Return the envelope for files: variable of `limited_names` -> [lowest, highest]."""
+def envelope_data(envelope: Limits) -> dict[str, list[float]]:
+    """Return the envelope for files: variable -> [lowest, highest]."""
     pairs = np.column_stack([envelope.lowest, envelope.highest]).tolist()
-    return dict(zip(limited_names(envelope.model, moving_air), pairs, strict=True))
+    return dict(zip(envelope.names, pairs, strict=True))
 
 
 def outside(envelope: Limits, limited: np.ndarray) -> np.ndarray:
-    """Return a mask (N,), True at each time at which a state exceeds a limit or is not finite.
+    """Return a mask (N,), True at each time at which a variable exceeds a limit or is not finite.
 
-    limited: (N, n), absolute states. In moving air, the angle of attack replaces alpha
+    limited: (N, n), absolute values of the variables
     """
     return np.asarray(~(envelope.within(limited) & np.isfinite(limited)).all(axis=-1))
 
 
-def departure(
-    envelope: Limits, times: np.ndarray, limited: np.ndarray, moving_air: bool
-) -> Departure | None:
+def departure(envelope: Limits, times: np.ndarray, limited: np.ndarray) -> Departure | None:
     """Return the first departure, or None if there is none.
 
-    If several states exceed their limits at that time, the state with the largest excess relative
+    If several variables exceed their limits at that time, the one with the largest excess relative
     to its range (`_ranges`) is returned. A value that is not finite has the largest excess.
 
-    limited: (N, n), absolute states. In moving air, the angle of attack replaces alpha
-    moving_air: whether the air moves, for the name of the variable
+    limited: (N, n), absolute values of the variables
     """
     # In the usual case, the least and largest values of all rows are inside.
     if not outside(envelope, np.array([limited.min(axis=0), limited.max(axis=0)])).any():
@@ -187,8 +201,8 @@ def departure(
     index = int(np.argmax(np.where(np.isfinite(values), excess, np.inf)))
     value = float(values[index])
     limits = envelope.lowest if value < envelope.lowest[index] else envelope.highest
-    unit = envelope.model.unit(envelope.names[index])
-    name = limited_names(envelope.model, moving_air)[index]
+    name = envelope.names[index]
+    unit = envelope.model.unit(name)
     assumed = bool(envelope.assumed[index])
     return Departure(name, float(times[row]), value, float(limits[index]), unit, assumed)
 
@@ -234,12 +248,12 @@ def divergence(
     return Departure(name, end, value, limit, model.unit(name))
 
 
-def refuse_start(envelope: Limits, limited: np.ndarray, moving_air: bool = False) -> None:
+def refuse_start(envelope: Limits, limited: np.ndarray) -> None:
     """Raise BadInputError if a flight begins outside its envelope.
 
-    limited: (n,), absolute initial states. In moving air, the angle of attack replaces alpha
+    limited: (n,), absolute initial values of the variables
     """
-    start = departure(envelope, np.zeros(1), limited[None], moving_air)
+    start = departure(envelope, np.zeros(1), limited[None])
     if start is not None:
         value = with_unit(start.value, start.unit)
         limit = with_unit(start.limit, start.unit)

@@ -15,15 +15,9 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_flight.air.gust_equations import in_gusts
-from hfa_flight.air.gusts import (
-    ALPHA,
-    ANGLE_OF_ATTACK,
-    LIMITED_OVER_GROUND,
-    OVER_GROUND,
-    has_angle_of_attack,
-)
 from hfa_flight.air.held_step import step_count
 from hfa_flight.air.scenario import MOST_STEPS, Scenario
+from hfa_flight.air.sensors import at_trim
 from hfa_flight.air.signals import Deviations, series
 from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.policies.policy import GainPolicy, OpenLoop
@@ -41,6 +35,7 @@ from hfa_flight.simulate.envelope import (
     has_returned,
     is_limited,
     limits_text,
+    note_on_air,
     outside,
     refuse_start,
     share_at_limits,
@@ -109,23 +104,19 @@ def lengthened(loop: FlightLoop) -> Scenario:
     return replace(scenario, duration=round(needed / scenario.tick) * scenario.tick)
 
 
-def simulated_loop(
-    loop: FlightLoop, envelope: Limits, *, predict: bool, progress: Progress
-) -> Flight:
+def simulated_loop(loop: FlightLoop, *, predict: bool, progress: Progress) -> Flight:
     """Return the flight of a nonlinear loop, which must begin inside the envelope.
 
     predict: whether the flight is compared with that of the linear model, if the policy permits it
     """
-    flight = fly_within(CompiledLoop(loop), envelope, progress=progress)
+    flight = fly_within(CompiledLoop(loop), progress=progress)
     if flight.departure is not None and flight.departure.time == 0.0:  # begins outside
-        start = flight.deviations.limited[0] + flight.point.x
-        refuse_start(envelope, start, loop.scenario.moving_air)
+        refuse_start(loop.limits, flight.deviations.limited[0])
     return replace(flight, predicts=predict and loop.policy.predicts)
 
 
 def fly_within(
     compiled: CompiledLoop,
-    envelope: Limits,
     scenario: Scenario | None = None,
     parameters: np.ndarray | None = None,
     *,
@@ -137,14 +128,13 @@ def fly_within(
     simulated.
 
     compiled: the loop
-    envelope: limits of the states, absolute
     scenario: used in place of the loop's scenario. `CompiledLoop.fly` lists the values that may
         differ
     parameters: parameters of the simulated aircraft, or None for those of the loop
     progress: called during the flight
     """
     loop = compiled.loop if scenario is None else replace(compiled.loop, scenario=scenario)
-    point = loop.plant.point
+    point, envelope = loop.plant.point, loop.limits
     stop = partial(outside, envelope)
     # Before the flight, because it evaluates the policy, whose samples the flight reports.
     growth = 0.0 if is_limited(envelope) else compiled.growth
@@ -152,14 +142,13 @@ def fly_within(
     invalid = point.model.native.domain.flown
     if invalid is not None:
         _refuse_invalid(point, flight, invalid)
-    limited = flight.limited + point.x
-    first_departure = departure(envelope, flight.times, limited, loop.scenario.moving_air)
+    first_departure = departure(envelope, flight.times, flight.limited)
     if first_departure is None and not is_limited(envelope):
         first_departure = divergence(flight, point, growth, loop.driven_until)
     cycle = None
     if first_departure is None:
         cycle = limit_cycle(point.model, flight, loop.scenario.driven_until)
-    return Flight(envelope, loop, flight, first_departure, cycle)
+    return Flight(loop, flight, first_departure, cycle)
 
 
 def _refuse_invalid(
@@ -189,7 +178,6 @@ def _refuse_invalid(
 class Flight(StatesAndInputs, Result, Reported):
     """A simulated flight, up to the first row outside the envelope.
 
-    envelope: limits of the states
     loop: the simulated loop
     deviations: time history in deviations from `point`
     departure: first departure from the envelope: state, time, value, limit, or null if there is
@@ -208,7 +196,6 @@ class Flight(StatesAndInputs, Result, Reported):
 
     schema = "hfa.flight/1"
 
-    envelope: Limits
     loop: FlightLoop
     deviations: Deviations
     departure: Departure | None
@@ -243,13 +230,15 @@ class Flight(StatesAndInputs, Result, Reported):
         return with_names(self.deviations.states + point.x, (), tuple(point.model.states))
 
     @property
-    def angles_of_attack(self) -> np.ndarray:
-        """Absolute angle of attack of the center of mass relative to the air, (N,), rad.
+    def envelope(self) -> Limits:
+        """Limits of the states, of speed and flow angles relative to moving air, and of outputs."""
+        return self.loop.limits
 
-        In still air, it is alpha.
-        """
-        alpha = list(self.point.model.states).index(ALPHA)
-        return np.asarray(self.deviations.limited[:, alpha] + self.point.states[alpha])
+    @cached_property
+    def outputs(self) -> Mapping[str, np.ndarray]:
+        """Absolute values (N,) of the outputs with limits, also of `airspeed` in moving air."""
+        columns = zip(self.envelope.names, self.deviations.limited.T, strict=True)
+        return {name: values for name, values in columns if name not in self.model.states}
 
     @property
     def inputs(self) -> np.ndarray:
@@ -262,6 +251,8 @@ class Flight(StatesAndInputs, Result, Reported):
 
         Raises BadInputError if the name is unknown.
         """
+        if name in self.outputs:
+            return self.outputs[name]
         # Outputs depend on the parameters of the simulated aircraft, which may have errors.
         flown = getattr(self.loop.plant, "model", self.model)
         return series(self.model, self.states, self.inputs, name, flown.p)
@@ -310,7 +301,7 @@ class Flight(StatesAndInputs, Result, Reported):
             return None
         no_policy, scenario = policy_and_scenario(None, self.point, self.loop.scenario)
         loop = replace(self.loop, policy=no_policy, scenario=scenario, cost=None)
-        return fly_within(CompiledLoop(loop), self.envelope).within_limits
+        return fly_within(CompiledLoop(loop)).within_limits
 
     def __bool__(self) -> bool:
         return self.ok
@@ -337,24 +328,18 @@ class Flight(StatesAndInputs, Result, Reported):
 
     @property
     def final(self) -> Mapping[str, float]:
-        """Final absolute values of all states, and of the output `angle_of_attack` if it exists."""
+        """Final absolute values of all states and `outputs`."""
         end = (self.deviations.states[-1] + self.point.x).tolist()
         values = dict(zip(self.point.model.states, end, strict=True))
-        if has_angle_of_attack(self.point.model):
-            values[ANGLE_OF_ATTACK] = float(self.angles_of_attack[-1])
-        return values
+        return values | {name: float(column[-1]) for name, column in self.outputs.items()}
 
     @property
     def largest_deviation(self) -> Mapping[str, float]:
-        """Largest deviation from trim of each state.
-
-        The angle of attack is included if the model outputs it and has the state alpha.
-        """
+        """Largest deviation from trim of each state and of `outputs`."""
         largest = np.abs(self.deviations.states).max(axis=0).tolist()
         values = dict(zip(self.point.model.states, largest, strict=True))
-        if has_angle_of_attack(self.point.model):
-            trim = getattr(self.point.states, ALPHA)
-            values[ANGLE_OF_ATTACK] = float(np.abs(self.angles_of_attack - trim).max())
+        for name, column in self.outputs.items():
+            values[name] = float(np.abs(column - at_trim(self.point, (name,))).max())
         return values
 
     @property
@@ -516,10 +501,8 @@ class Flight(StatesAndInputs, Result, Reported):
             name: values[name] - error
             for name, error in zip(model.linear, flown.errors.T, strict=True)
         }
-        if flown.winds and has_angle_of_attack(model):
-            values[ANGLE_OF_ATTACK] = self.angles_of_attack
         curves = [
-            Curve("nonlinear", "C0-", flown.times, values | flown.winds),
+            Curve("nonlinear", "C0-", flown.times, values | self.outputs | flown.winds),
             Curve("reference", "k:", flown.times, reference),
         ]
         if self.predicted is not None:
@@ -537,7 +520,7 @@ class Flight(StatesAndInputs, Result, Reported):
             "inputs": self.input_names,
             "operating_point": self.point,
             "within_limits": self.within_limits,
-            "envelope": envelope_data(self.envelope, bool(self.deviations.winds)),
+            "envelope": envelope_data(self.envelope),
         }
         entries |= {name: getattr(self, name) for name in _STORED}
         return entries | without_empty(**{name: getattr(self, name) for name in _STORED_IF_ANY})
@@ -548,12 +531,9 @@ class Flight(StatesAndInputs, Result, Reported):
         The cost is included if there are weights.
         """
         model, flown, gust = self.point.model, self.deviations, self.loop.scenario.gust
-        with_angle_of_attack = bool(flown.winds) and has_angle_of_attack(model)
-        parts: list[Part] = [self._state_table(with_angle_of_attack)]
-        if with_angle_of_attack:
-            parts.append(OVER_GROUND)
-        elif gust is not None and ALPHA in model.states:
-            parts.append(LIMITED_OVER_GROUND)
+        parts: list[Part] = [self._state_table()]
+        if gust is not None and "alpha" in model.states:
+            parts.append(note_on_air(self.envelope))
         if gust is not None and (in_words := gust.text(model)):
             parts.append(in_words)
         parts.append(self._input_table())
@@ -577,39 +557,36 @@ class Flight(StatesAndInputs, Result, Reported):
         parts.append(Picture("flight.png", "States and inputs over time", self.figure))
         return Report(self.title(), parts, data=Entries(self), records=self._record_table())
 
-    def _state_table(self, with_angle_of_attack: bool) -> Table:
-        """Return a table of the states, one row each; in moving air, one of the angle of attack."""
-        model, envelope = self.point.model, self.envelope
+    def _state_table(self) -> Table:
+        """Return a table of the states and `outputs`, one row each."""
+        envelope = self.envelope
         differences = self.largest_difference_from_linear
-        header = ["state", "unit", "largest deviation", "final deviation"]
-        header += ["rms error, 2nd half", "envelope"]
+        header = ["variable" if self.outputs else "state", "unit"]
+        header += ["largest deviation", "final deviation", "rms error, 2nd half", "envelope"]
         if differences is not None:
             header.append("difference from linear")
         final = self.final
         largest = self.largest_deviation
         errors = self.rms_error
         rows = []
-        limits = zip(envelope.lowest, envelope.highest, envelope.assumed.tolist(), strict=True)
-        for state, (low, high, is_assumed) in zip(model.states, limits, strict=True):
-            unit = model.unit(state)
-            trim = getattr(self.point.states, state)
-            names = [state]
-            if state == ALPHA and with_angle_of_attack:
-                names.append(ANGLE_OF_ATTACK)  # which the envelope limits in place of alpha
-            limited = limits_text(low, high, unit) + ", assumed" * is_assumed
-            for name in names:
-                cells = [
-                    name,
-                    shown_unit(unit),
-                    short_number(largest[name], unit),
-                    short_number(final[name] - trim, unit),
-                    short_number(errors[name], unit) if name in errors else "",
-                    limited if name == names[-1] else "",
-                ]
-                if differences is not None:
-                    known = name in differences
-                    cells.append(short_number(differences[name], unit) if known else "")
-                rows.append(tuple(cells))
+        for name, trim in zip(final, at_trim(self.point, (*final,)), strict=True):
+            unit, limited = envelope.model.unit(name), ""
+            if name in envelope.names:
+                place = envelope.names.index(name)
+                limited = limits_text(envelope.lowest[place], envelope.highest[place], unit)
+                limited += ", assumed" * bool(envelope.assumed[place])
+            cells = [
+                name,
+                shown_unit(unit),
+                short_number(largest[name], unit),
+                short_number(final[name] - trim, unit),
+                short_number(errors[name], unit) if name in errors else "",
+                limited,
+            ]
+            if differences is not None:
+                known = name in differences
+                cells.append(short_number(differences[name], unit) if known else "")
+            rows.append(tuple(cells))
         return Table(tuple(header), rows)
 
     def _input_table(self) -> Table:
@@ -633,20 +610,18 @@ class Flight(StatesAndInputs, Result, Reported):
     def history(self) -> dict[str, Any]:
         """Return the time history, absolute, with a row for each tick and the end: name -> array.
 
-        times (N,), states (N, n), inputs (N, m), angles_of_attack (N,), errors (N, k), and winds,
+        times (N,), states (N, n), inputs (N, m), errors (N, k), each of `outputs` (N,), and winds,
         disturbance that the scenario sets -> (N,).
         """
         every = self._ticks
-        columns = {
+        return {
             "times": self.deviations.times[every],
             "errors": self.deviations.errors[every],
             "winds": {name: values[every] for name, values in self.deviations.winds.items()},
             "states": self.states[every],
             "inputs": self.inputs[every],
+            **{name: values[every] for name, values in self.outputs.items()},
         }
-        if has_angle_of_attack(self.point.model):
-            columns["angles_of_attack"] = self.angles_of_attack[every]
-        return columns
 
     def _record_table(self) -> Table:
         """Return the absolute time history as a table, a row for each tick and the end."""
@@ -654,11 +629,8 @@ class Flight(StatesAndInputs, Result, Reported):
         model = point.model
         units = {"time": "s"} | {name: model.unit(name) for name in (*model.states, *model.inputs)}
         columns = [flown.times, flown.states + point.x, flown.inputs + point.u]
-        for name, values in flown.winds.items():
+        for name, values in (flown.winds | self.outputs).items():
             units[name] = in_gusts(model).unit(name)
             columns.append(values)
-        if has_angle_of_attack(model):
-            units[ANGLE_OF_ATTACK] = model.unit(ALPHA)
-            columns.append(self.angles_of_attack)
         rows: Any = np.column_stack(columns)[self._ticks]
         return Table(tuple(f"{name} [{unit}]" for name, unit in units.items()), rows)

@@ -11,7 +11,6 @@ import numpy as np
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
-from hfa_flight.air.gusts import ANGLE_OF_ATTACK
 from hfa_flight.simulate.envelope import envelope_data, limits_text
 from hfa_support.reporting.text import beside_unit, shown_values
 
@@ -57,7 +56,7 @@ def flight_figure(figure: Figure, envelope: Limits, curves: Sequence[Curve], tit
     """Draw a panel for each signal that moves, with its limits, and return the figure.
 
     figure: the figure, without axes
-    envelope: limits of the states
+    envelope: limits of the states and outputs
     curves: the flights, each with some of the signals
     title: title of the legend
     """
@@ -70,7 +69,7 @@ def flight_figure(figure: Figure, envelope: Limits, curves: Sequence[Curve], tit
         if np.ptp(_range(name, curves)) > _STILL * model.signals[name].nominal
     ] or names
     limits = {name: [signal.min, signal.max] for name, signal in model.inputs.items()}
-    limits |= envelope_data(envelope, ANGLE_OF_ATTACK in names)
+    limits |= envelope_data(envelope)
     rows = math.ceil(len(moving) / _COLUMNS)
     figure.set_size_inches(10.0, 1.2 + 1.7 * rows)
     panels = figure.subplots(rows, _COLUMNS, sharex=True, squeeze=False).ravel()

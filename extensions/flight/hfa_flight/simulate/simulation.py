@@ -305,8 +305,8 @@ class CompiledLoop:
         parameters: parameters of the plant, for an uncertain plant
         policy: used in place of the loop's policy. Only its held inputs may differ
         ticks: number of ticks, or None for that of the scenario
-        stop: function from absolute states (N, n), with the angle of attack in place of alpha in
-            moving air, to a mask (N,). The flight ends with the first row that is True
+        stop: function from absolute values of the variables with limits (N, n) to a mask (N,). The
+            flight ends with the first row that is True
         progress: called during the flight
 
         Raises NoSolutionError with the time if a state is not finite and there is no `stop`.
@@ -490,11 +490,10 @@ class _Flying:
         y = self.integration.rows(times)
         held_at = np.array(held)[np.searchsorted(changes[:-1], times, side="right") - 1]
         (observed,) = self._compiled.observed(times[:, None], y, held_at)
-        trim = self._loop.plant.point.x
         if self._stop is None:
-            over = ~np.isfinite(y[:-1, : len(trim)]).all(axis=1)
+            over = ~np.isfinite(y[:-1, : len(self._loop.plant.point.x)]).all(axis=1)
         else:
-            over = self._stop(observed[:-1, self._compiled.places.limited] + trim)
+            over = self._stop(observed[:-1, self._compiled.places.limited])
         return _Rows(times, y, observed), over
 
     def _hold(self, time: float) -> None:
