@@ -95,8 +95,9 @@ class MonteCarlo(Identified, Reported):
                     f"{name} is 0, so a relative error has no effect; remove the error of {name}"
                 )
         # refuses here what a worker could not simulate
-        names, still = self.limits.names, (ca.SX.zeros(len(self.point.u)), self.model.p, {})
-        away = ca.evalf(measured(self.point, names, ca.SX(self.scenario.initial), *still))
+        names, start = self.limits.names, ca.SX(self.scenario.initial)
+        at_rest = ca.SX.zeros(len(self.point.u))
+        away = ca.evalf(measured(self.point, names, start, at_rest, self.model.p, {}))
         refuse_start(self.limits, at_trim(self.point, names) + away.full().ravel())
 
     def member(self, number: int) -> Scenario:

@@ -235,7 +235,7 @@ class Flight(StatesAndInputs, Result, Reported):
         return self.loop.limits
 
     @cached_property
-    def outputs(self) -> Mapping[str, np.ndarray]:
+    def outputs(self) -> dict[str, np.ndarray]:
         """Absolute values (N,) of the outputs with limits, also of `airspeed` in moving air."""
         columns = zip(self.envelope.names, self.deviations.limited.T, strict=True)
         return {name: values for name, values in columns if name not in self.model.states}
