@@ -22,6 +22,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hfa_support.cached import cached_property
+
 if TYPE_CHECKING:
     from flint import arb, arb_mat
 
@@ -73,9 +75,16 @@ def bits() -> int:
     return int(ctx.prec)
 
 
-def ball_matrix(matrix: np.ndarray | list[list[arb]]) -> arb_mat:
-    """Return the exact matrix of doubles, or of balls."""
-    from flint import arb_mat
+def ball_matrix(matrix: np.ndarray | list[list[arb]] | arb_mat | Near | Pair) -> arb_mat:
+    """Return the exact matrix of doubles, or balls that contain all matrices in the given ones."""
+    from flint import arb, arb_mat
+
+    if isinstance(matrix, Near):
+        rows, columns = matrix.middle.shape
+        errors = [arb(0, matrix.error)] * matrix.middle.size
+        return ball_matrix(matrix.middle) + arb_mat(rows, columns, errors)
+    if isinstance(matrix, Pair):
+        return ball_matrix(matrix.high) + ball_matrix(Near(matrix.low, matrix.error))
 
     if isinstance(matrix, np.ndarray):
         rows, columns = matrix.shape
@@ -83,8 +92,9 @@ def ball_matrix(matrix: np.ndarray | list[list[arb]]) -> arb_mat:
     return arb_mat(matrix)
 
 
-def scaled_balls(matrix: arb_mat | np.ndarray, rows: np.ndarray, columns: np.ndarray) -> arb_mat:
-    """Return 2^rows_i M_ij 2^columns_j in balls, exactly if their bits suffice for the entries.
+def scaled(matrix: arb_mat | np.ndarray, rows: np.ndarray, columns: np.ndarray) -> Any:
+    """Return 2^rows_i M_ij 2^columns_j: as doubles if those of M stay exact, else in balls, exactly
+    if their bits suffice for the entries.
 
     rows, columns: (n,) and (m,) integers
     """
@@ -94,7 +104,7 @@ def scaled_balls(matrix: arb_mat | np.ndarray, rows: np.ndarray, columns: np.nda
         exponents = np.add.outer(rows, columns)
         scaled_doubles = np.ldexp(matrix, exponents)
         if np.array_equal(np.ldexp(scaled_doubles, -exponents), matrix):
-            return ball_matrix(scaled_doubles)
+            return scaled_doubles
         matrix = ball_matrix(matrix)
     if not rows.any() and not columns.any():
         return matrix
@@ -104,11 +114,6 @@ def scaled_balls(matrix: arb_mat | np.ndarray, rows: np.ndarray, columns: np.nda
         for row, of_row in zip(matrix.tolist(), of_rows, strict=True)
     ]
     return ball_matrix(scaled)
-
-
-def scaled_doubles(matrix: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> Near:
-    """Return 2^rows_i M_ij 2^columns_j in doubles."""
-    return Near(np.ldexp(matrix, np.add.outer(rows, columns)), UNDERFLOW)
 
 
 def identity(n: int) -> arb_mat:
@@ -138,10 +143,16 @@ def above(number: arb) -> float:
 
 
 def stacked(blocks: list[list[Any]]) -> Any:
-    """Return the matrix [[a, b], [c, d]] of blocks a, b, c and d."""
-    if isinstance(blocks[0][0], Near):
+    """Return the matrix [[a, b], [c, d]] of blocks a, b, c and d of one kind."""
+    kind: Any = type(blocks[0][0])
+    if kind in (Near, Pair):
+        names = ("middle",) if kind is Near else ("high", "low")
+        middles = [
+            np.vstack([np.hstack([vars(block)[name] for block in row]) for row in blocks])
+            for name in names
+        ]
         error = sum(block.error for row in blocks for block in row)
-        return _near(np.block([[block.middle for block in row] for row in blocks]), error)
+        return kind(*middles, error * ROUNDED_UP)
     return ball_matrix(block_entries(blocks))
 
 
@@ -158,6 +169,8 @@ def part(matrix: Any, rows: slice, columns: slice = slice(None)) -> Any:
     """Return some rows of a matrix, and some of their columns."""
     if isinstance(matrix, Near):
         return Near(matrix.middle[rows, columns], matrix.error)
+    if isinstance(matrix, Pair):
+        return Pair(matrix.high[rows, columns], matrix.low[rows, columns], matrix.error)
     return ball_matrix([row[columns] for row in matrix.tolist()[rows]])
 
 
@@ -189,29 +202,28 @@ class Near:
 
     @classmethod
     def of(cls, matrix: Any) -> Near:
-        """Return a ball that contains all matrices in the balls."""
+        """Return a ball that contains all matrices in the given one, of any kind."""
         if isinstance(matrix, Near):
             return matrix
+        if isinstance(matrix, np.ndarray):
+            return Near(matrix)
+        if isinstance(matrix, Pair):
+            return _near(matrix.high, matrix.error + _size(matrix.low))
         middle, radius = midpoints(matrix), above(norm(matrix - matrix.mid()))
         return _near(middle, radius + 2.0 * ROUNDOFF * _size(middle))
 
-    @property
+    @cached_property
     def size(self) -> float:
         """Upper bound of the norm of Frobenius of all matrices in the ball."""
         return (_size(self.middle) + self.error) * ROUNDED_UP
 
-    @property
-    def in_balls(self) -> arb_mat:
-        """Balls that contain all matrices in the ball."""
-        from flint import arb, arb_mat
-
-        rows, columns = self.middle.shape
-        errors = [arb(0, self.error)] * self.middle.size
-        return ball_matrix(self.middle) + arb_mat(rows, columns, errors)
-
     def widened(self, change: arb) -> Near:
         """Return a ball that also contains all matrices changed by at most this norm."""
         return _near(self.middle, self.error + above(change))
+
+    def mid(self) -> Near:
+        """Return the middle."""
+        return Near(self.middle)
 
     def nrows(self) -> int:
         """Return the number of rows."""
@@ -259,12 +271,114 @@ class Near:
             return _near(self.middle * factor, abs(factor) * self.error + rest * self.size)
         other = Near.of(other)
         n = len(other.middle)
-        rounding = (n + 2) * ROUNDOFF * _size(self.middle) * _size(other.middle)
+        rounding = (n + 2) * ROUNDOFF * self.size * other.size
         error = self.error * other.size + self.size * other.error
         return _near(self.middle @ other.middle, error + rounding)
 
     def __rmul__(self, other: Any) -> Near:
         return Near.of(other) * self
+
+
+#: Slices of a factor in a product of `Pair`, of 22 bits with up to 256 columns, beside the rest.
+SLICES = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """Ball of matrices about the sum of two of doubles, in the norm of Frobenius.
+
+    It has twice the digits of `Near`, for what cancels in a residual.
+
+    high, low: doubles
+    error: radius of the ball
+
+    Sources: Ozaki, Ogita, Oishi and Rump, Numerical Algorithms 59 (2012), 95-118 (products); Knuth,
+    The Art of Computer Programming 2, Section 4.2.2 (sums).
+    """
+
+    high: np.ndarray
+    low: np.ndarray
+    error: float = 0.0
+
+    @classmethod
+    def of(cls, matrix: Any) -> Pair:
+        """Return a ball that contains all matrices in the given one, of any kind."""
+        if isinstance(matrix, Pair):
+            return matrix
+        if isinstance(matrix, np.ndarray):
+            matrix = Near(matrix)
+        if isinstance(matrix, Near):
+            return Pair(matrix.middle, 0.0 * matrix.middle, matrix.error)
+        high = midpoints(matrix)
+        low = Near.of(matrix - ball_matrix(high))
+        return Pair(high, low.middle, low.error)
+
+    def mid(self) -> Pair:
+        """Return the middle."""
+        return Pair(self.high, self.low)
+
+    def transpose(self) -> Pair:
+        """Return the ball of the transposed matrices."""
+        return Pair(self.high.T, self.low.T, self.error)
+
+    def __neg__(self) -> Pair:
+        return Pair(-self.high, -self.low, self.error)
+
+    def __sub__(self, other: Pair) -> Pair:
+        return self + -other
+
+    def __add__(self, other: Pair) -> Pair:
+        total, missing = _sum_and_error(self.high, other.high)
+        lows = self.low + other.low
+        low = missing + lows
+        error = self.error + other.error + ROUNDOFF * (_size(lows) + _size(low))
+        return Pair(*_sum_and_error(total, low), error * ROUNDED_UP)
+
+    def __mul__(self, other: Pair) -> Pair:
+        """Return the product, of which the leading products of slices are exact."""
+        n = len(other.high)
+        bits = (52 - (n - 1).bit_length()) // 2
+        left, right = self._sliced(1, bits), other._sliced(0, bits)
+        products = left[:, None] @ right
+        # Slice i of an entry is an integer of at most 2^(bits - 1), or 2^bits for i = 0, times a
+        # power of two that the row or column has in common, and 2^-(bits i). The sums over products
+        # of slices i and j with the same i + j < 3 are below 5/4 n 2^(2 bits) <= 2^53: exact.
+        high = low = np.zeros(products.shape[2:])
+        for level in range(SLICES):
+            exact = sum(products[i, level - i] for i in range(level + 1))
+            high, missing = _sum_and_error(high, exact)
+            low = low + missing
+        is_beyond = np.add.outer(range(SLICES + 1), range(SLICES + 1)) >= SLICES
+        low = low + products[is_beyond].sum(0)
+        # Rounded are the last slices, these products of n terms, their sum, that with the missing
+        # parts, and the sum of these: of two, each below a roundoff of |A| |B|.
+        sizes = np.outer(*(np.linalg.norm(slices, axis=(1, 2)) for slices in (left, right)))
+        whole, beyond = sizes.sum(), sizes[is_beyond].sum()
+        rounding = (n + 16) * ROUNDOFF * beyond + 6 * ROUNDOFF**2 * whole
+        error = self.error * Near.of(other).size + Near.of(self).size * other.error
+        return Pair(*_sum_and_error(high, low), (error + rounding) * ROUNDED_UP + UNDERFLOW)
+
+    def _sliced(self, axis: int, bits: int) -> np.ndarray:
+        """Return slices whose sum is the middle, of which the last, what remains, is rounded.
+
+        axis: 1 if the entries of a row have a power of two in common, 0 for columns
+        bits: of the integers
+        """
+        exponents = np.frexp(np.abs(self.high).max(axis, keepdims=True))[1]
+        slices, rest = [], self.high
+        for i in range(1, SLICES + 1):
+            # The last digit of 1.5 2^52 g is g: the sum with it rounds to multiples of g.
+            rounding = np.ldexp(1.5, 52 - bits * i + exponents)
+            slices.append((rest + rounding) - rounding)
+            rest = rest - slices[-1]
+        return np.array([*slices, rest + self.low])
+
+
+def _sum_and_error(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the sum, rounded, and its exact rounding error."""
+    total = left + right
+    of_right = total - left
+    return total, (left - (total - of_right)) + (right - of_right)
 
 
 def _near(middle: np.ndarray, error: float) -> Near:

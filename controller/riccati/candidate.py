@@ -27,10 +27,8 @@ from controller.riccati.balls import (
     symmetric,
 )
 from controller.riccati.equation import (
-    ContinuousEquation,
     Equation,
     Units,
-    equation_of,
     pencil_blocks,
     users_units,
 )
@@ -73,21 +71,19 @@ MOST_STATES_IN_BITS = 40
 class Candidate(NamedTuple):
     """Candidate solution of a Riccati equation, which `stabilizing` judges.
 
-    X: (n, n), its solution, balls of one symmetric matrix
+    X: (n, n), its solution, balls or a `Pair` of one symmetric matrix
     gains, residual: at X, of which the residual may be `Near`
     loop: F of both players at X, (n, n), in balls, or `Near` if the proof is by doubles
     Y: (n, n), symmetric, of the kind of F: solution of F'Y + Y F = -1, in discrete time of
         F'Y F - Y = -1
-    near: X and the gains, `Near`, if the proof is by doubles
     """
 
     equation: Equation
-    X: arb_mat
-    gains: arb_mat
+    X: Any
+    gains: Any
     residual: Any
     loop: Any
     Y: Any
-    near: tuple[Near, Near] | None = None
 
     @classmethod
     def at(cls, equation: Equation, X: arb_mat, Y: arb_mat) -> Candidate:
@@ -98,7 +94,7 @@ class Candidate(NamedTuple):
         with failures():
             X = symmetric(X)
             gains, residual = equation.gains_and_residual(X)
-            return cls(equation, X, gains, residual, equation.loop(X, gains), symmetric(Y))
+            return cls(equation, X, gains, residual, equation.loop(gains), symmetric(Y))
 
     @property
     def in_balls(self) -> Candidate:
@@ -126,7 +122,7 @@ def value_in_doubles(game: Game) -> np.ndarray:
     """
     with precision(BITS), failures():
         units = first_units(game, game.delta)
-        X = stabilizing_in_doubles(equation_of(game, units, game.delta))
+        X = stabilizing_in_doubles(Equation(game, units, game.delta))
         return np.ldexp(X, -np.add.outer(units.states, units.states))
 
 
@@ -142,13 +138,13 @@ def proposed(
     """
     with failures():
         units = near or first_units(game, delta)
-        equation = equation_of(game, units, delta)
+        equation = Equation(game, units, delta)
         X = stabilizing_in_doubles(equation)
         # Powers of two as units, in which the diagonal of |X| is near 1.
         for _ in range(0 if near else MOST_CHANGES):
             former = units.states
             units, X = _in_units_of_solution(game, delta, units, X)
-            equation = equation_of(game, units, delta)
+            equation = Equation(game, units, delta)
             if np.abs(units.states - former).max() <= LARGEST_UNIT_CHANGE:
                 break  # in the former units, X had its digits already
             X = stabilizing_in_doubles(equation)
@@ -160,7 +156,7 @@ def proposed(
             if root is None:
                 break
             units = _times_root(units, root)
-            equation = equation_of(game, units, delta)
+            equation = Equation(game, units, delta)
             X = stabilizing_in_doubles(equation)
         return equation, X
 
@@ -222,24 +218,28 @@ def _times_root(units: Units, root: np.ndarray) -> Units:
     return units._replace(T=in_balls if units.T is None else (in_balls * units.T).mid())
 
 
-def corrections(equation: Equation, X: arb_mat) -> Iterator[Candidate]:
+def corrections(equation: Equation, X: Any) -> Iterator[Candidate]:
     """Yield candidates X + Z, each with one more correction Z, until the correction is small, or is
     more than half of the one before it.
 
-    Z solves F'Z + Z F + r = 0 in doubles, with the loop F at X. Only the residual r at X is in
-    balls, with the bits of `precision`. That at X + Z is r plus a linear and a quadratic change
-    (`Equation.changes`), in doubles: their rounding is that of numbers as small as Z.
+    Z solves F'Z + Z F + r = 0 in doubles, with the loop F at X. Only the residual r at X is
+    computed with more digits: in pairs of doubles, or in balls if `precision` has more bits than
+    `BITS`. That at X + Z is r plus a linear and a quadratic change (`Equation.changes`), in
+    doubles: their rounding is that of numbers as small as Z.
+
+    X: (n, n), symmetric, doubles or balls
 
     Raises FailedError.
     """
-    has_no_cost, X = states_without_cost(equation.game), symmetric(X)
-    is_discrete, in_doubles = equation.is_discrete, equation.in_doubles
-    size, last, lyapunov = np.abs(midpoints(X)).max() or 1.0, math.inf, None
+    has_no_cost, in_doubles = states_without_cost(equation.game), equation.in_doubles
+    exact = equation.in_pairs if bits() == BITS else equation
+    last, lyapunov, is_discrete = math.inf, None, equation.is_discrete
+    X = exact.kind(X if isinstance(X, np.ndarray) else symmetric(X))
     for _ in range(NEWTON_STEPS):
         with failures():
-            gains, residual = equation.gains_and_residual(X)
-            near_X, near_gains, r = map(Near.of, (X, gains, residual))
-            F = in_doubles.loop(near_X, near_gains)
+            gains, residual = exact.gains_and_residual(X)
+            near_X, r = Near.of(X), Near.of(residual)
+            F = in_doubles.loop(Near.of(gains))
             if lyapunov is None:
                 lyapunov = Lyapunov(F.middle, is_discrete=is_discrete)
                 form = lyapunov.solve(-np.eye(equation.n))
@@ -247,14 +247,14 @@ def corrections(equation: Equation, X: arb_mat) -> Iterator[Candidate]:
             correction[has_no_cost] = correction[:, has_no_cost] = 0.0
             # The proof is that of a symmetric Z and Y.
             correction, Y = (correction + correction.T) / 2.0, Near((form + form.T) / 2.0)
+            size = np.abs(near_X.middle).max() or 1.0
             largest, Z = np.abs(correction).max() / size, Near(correction)
             of_gains, quadratic = in_doubles.changes(near_X, F, Z)
-            near = near_X, near_gains = near_X + Z, near_gains + of_gains
             at_Z = r + change_along(F, Z, is_discrete=is_discrete) + quadratic
-            loop = in_doubles.loop(near_X, near_gains)
-            X, gains = X + ball_matrix(correction), gains + of_gains.in_balls
+            X, gains = X + exact.kind(Z), gains + exact.kind(of_gains)
+            loop = in_doubles.loop(Near.of(gains))
         if largest <= LARGE_CORRECTION:
-            yield Candidate(equation, X, gains, at_Z, loop, Y, near)
+            yield Candidate(equation, X, gains, at_Z, loop, Y)
         else:
             lyapunov = None
         if not SMALL_CORRECTION ** (bits() / BITS) < largest < 0.5 * last:
@@ -301,7 +301,7 @@ def half_plane_in_doubles(equation: Equation) -> np.ndarray:
     Raises LinAlgError in discrete time if z = -1 is an eigenvalue.
     """
     near: Any = equation.in_doubles
-    if isinstance(equation, ContinuousEquation):
+    if not equation.is_discrete:
         return hamiltonian(*(block.middle for block in near.blocks()))
     matrices = near.A, near.G, near.Q, near.W, near.C
     return half_plane_of_steps(*(matrix.middle for matrix in matrices))
@@ -310,7 +310,7 @@ def half_plane_in_doubles(equation: Equation) -> np.ndarray:
 def half_plane_of_steps(
     A: np.ndarray, G: np.ndarray, Q: np.ndarray, W: np.ndarray, C: np.ndarray
 ) -> np.ndarray:
-    """Return (L + M)⁻¹ (L - M) of the pencil L - z M of the matrices of `StepEquation`."""
+    """Return (L + M)⁻¹ (L - M) of the pencil L - z M of the matrices of `Equation`."""
     L, M = map(np.block, pencil_blocks(A, G, Q, W, C, np.eye(len(A))))
     # λ = (z - 1) / (z + 1) where L - z M is singular: the unit disk becomes the left half-plane.
     return np.linalg.solve(L + M, L - M)
@@ -325,7 +325,7 @@ def first_units(game: Game, delta: float) -> Units:
     entries = np.concatenate([matrix.ravel() for matrix in matrices])
     exponents = np.frexp(entries[entries != 0.0])[1]
     if np.abs(exponents).max(initial=0) <= MODERATE_EXPONENT:
-        return users_units(game)
+        return users_units(game)._replace(disturbances=disturbance_units(game, delta))
     weight = _input_weights(game, game.B, game.Q)
     S = (game.B / np.where(weight > 0.0, weight, 1.0)) @ game.B.T + game.E @ game.E.T / delta**2
     of_states, of_costates = np.split(np.log2(balanced(hamiltonian(game.A, S, game.Q))[1]), 2)
@@ -342,9 +342,8 @@ def _input_weights(game: Game, B: np.ndarray, X: np.ndarray) -> np.ndarray:
 
 
 def disturbance_units(game: Game, delta: float) -> np.ndarray:
-    """Return units of the disturbances, (k,) integers, in which δ is nearly 1 in discrete time."""
-    # In continuous time, δ is in the equation only as a factor 1/δ² of E E', of any size.
-    exponent = math.frexp(delta)[1] if game.is_discrete and math.isfinite(delta) else 0
+    """Return units of the disturbances, (k,) integers, in which δ is nearly 1."""
+    exponent = math.frexp(delta)[1] if math.isfinite(delta) else 0
     return np.full(game.E.shape[1], -exponent)
 
 
@@ -364,7 +363,7 @@ def candidate_in_bits(game: Game, delta: float) -> Candidate:
         raise FailedError("the matrix sign function takes long")
     with failures():
         units = first_units(game, delta)
-        equation = equation_of(game, units, delta)
+        equation = Equation(game, units, delta)
         X = _without_noise(_of_stable_subspace(equation), game)
         for _ in range(MOST_CHANGES):
             root = _root_of(midpoints(X), game, float(half_the_bits()))
@@ -373,7 +372,7 @@ def candidate_in_bits(game: Game, delta: float) -> Candidate:
             units = _times_root(units, root)
             inverse = ball_matrix(root).inv()
             X = _without_noise(inverse.transpose() * X * inverse, game)
-        candidate = Candidate.at(equation_of(game, units, delta), X, X)
+        candidate = Candidate.at(Equation(game, units, delta), X, X)
         one, is_discrete = identity(len(game.A)), game.is_discrete
         return candidate._replace(Y=solved_in_bits(candidate.loop, one, is_discrete=is_discrete))
 

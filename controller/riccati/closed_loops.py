@@ -21,7 +21,7 @@ from controller.riccati.balls import (
     identity,
     midpoints,
     precision,
-    scaled_balls,
+    scaled,
     symmetric_part,
 )
 from controller.riccati.enclosure import Enclosure, enclosed_in_bits
@@ -57,7 +57,7 @@ def poles_of(loop: arb_mat) -> np.ndarray:
     from flint import acb_mat
 
     units = loop_units(midpoints(loop))
-    found: Any = acb_mat(scaled_balls(loop, -units, units)).eig(algorithm="approx")
+    found: Any = acb_mat(scaled(loop, -units, units)).eig(algorithm="approx")
     values = np.array([complex(value) for value in found])
     values.imag[np.abs(values.imag) <= ROUNDOFF * np.abs(values)] = 0.0
     return np.sort_complex(values)
@@ -84,7 +84,7 @@ class ClosedLoops:
         T, powers = self.enclosure.units.T, self.enclosure.units.states
         T = identity(len(powers)) if T is None else T
         with precision(self.enclosure.bits):
-            return scaled_balls(T, 0 * powers, -powers), scaled_balls(T.inv(), powers, 0 * powers)
+            return scaled(T, 0 * powers, -powers), scaled(T.inv(), powers, 0 * powers)
 
     @cached_property
     def worst_loop(self) -> np.ndarray:

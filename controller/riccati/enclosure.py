@@ -15,6 +15,7 @@ from controller.game.zero_sum import SYMMETRIC, Game, least_scaled_eigenvalue
 from controller.riccati.balls import (
     ATTEMPTS,
     BITS,
+    Near,
     ball_matrix,
     bits,
     is_positive_definite,
@@ -22,7 +23,7 @@ from controller.riccati.balls import (
     part,
     precision,
     radii,
-    scaled_balls,
+    scaled,
 )
 from controller.riccati.candidate import (
     MOST_STATES_IN_BITS,
@@ -33,7 +34,7 @@ from controller.riccati.candidate import (
     proposed,
     sizes_of,
 )
-from controller.riccati.equation import Units, equation_of
+from controller.riccati.equation import Equation, Units
 from controller.riccati.lyapunov import (
     FailedError,
     NotProvedError,
@@ -101,12 +102,12 @@ class Enclosure:
         """L of the states and disturbances in units of powers of two, (k, n)."""
         equation, P, gains, _ = self.proved
         with precision(self.bits):
-            EP = equation.E.transpose() * P
+            L = equation.E.transpose() * P
             _, of_disturbances = equation.weights(P)
-            if of_disturbances is None:
-                L = EP * equation.w  # w = 1/δ², 0 without a disturbance
-            else:  # (δ² - E'P E) L = E'P (A - B K) keeps the digits of a small L.
-                L = of_disturbances.solve(EP * equation.control_loop(gains))
+            # δ² L = E'P, in discrete time (δ² - E'P E) L = E'P (A - B K): with all digits of L.
+            if equation.is_discrete:
+                L = L * equation.control_loop(gains)
+            L = L * 0 if of_disturbances is None else of_disturbances.solve(L)
             return self.units.gain(L)
 
     @cached_property
@@ -148,7 +149,7 @@ class Enclosure:
         """Return "P", "K" or "L" in the user's units."""
         with precision(self.bits):
             in_units = getattr(self, f"{name}_in_units")
-            return scaled_balls(in_units, self._rows(name), -self.units.states)
+            return scaled(in_units, self._rows(name), -self.units.states)
 
     @cached_property
     def digits(self) -> Digits:
@@ -284,18 +285,18 @@ def _outcomes(
     with precision(BITS), np.errstate(all="ignore"):
         try:
             equation, X = proposed(game, delta, near)
-            for candidate in corrections(equation, ball_matrix(X)):
+            for candidate in corrections(equation, X):
                 with suppress(NotProvedError):
                     yield _known(enclosure_of(stabilizing(candidate)), digits=digits)
         except FailedError:
-            equation = equation_of(game, near or first_units(game, delta), delta)
+            equation = Equation(game, near or first_units(game, delta), delta)
             yield why_no_value(equation, None, frequency, in_bits=False)
         else:
             with suppress(NotProvedError):
                 yield why_not_the_value(stabilizing(candidate))
             with precision(2 * BITS), suppress(FailedError):
-                equation = equation_of(game, equation.units, delta)
-                *_, candidate = corrections(equation, candidate.X)
+                equation = Equation(game, equation.units, delta)
+                *_, candidate = corrections(equation, ball_matrix(candidate.X))
                 yield _outcome(candidate.in_balls, digits=digits, in_bits=False)
     with precision(2 * BITS):
         refuse_modes(game)  # a mode because of which no delta has a value
@@ -307,7 +308,7 @@ def _outcomes(
             except FailedError:
                 if len(game.A) > MOST_STATES_IN_BITS:
                     return
-                equation = equation_of(game, first_units(game, delta), delta)
+                equation = Equation(game, first_units(game, delta), delta)
                 yield why_no_value(equation, None, in_bits=True)
             else:
                 yield _outcome(candidate, digits=digits, in_bits=True)
@@ -323,7 +324,7 @@ def enclosed_in_bits(enclosure: Enclosure, n_bits: int) -> Enclosure:
         return enclosure
     delta = enclosure.proved.equation.delta
     with precision(n_bits), np.errstate(all="ignore"):
-        equation = equation_of(enclosure.game, enclosure.units, delta)
+        equation = Equation(enclosure.game, enclosure.units, delta)
         try:
             *_, candidate = corrections(equation, enclosure.proved.P)
             return enclosure_of(stabilizing(candidate.in_balls))
@@ -478,8 +479,8 @@ def _first_order_change(enclosure: Enclosure) -> float:
     sizes = sizes_of(P)
     is_known = sizes > np.diag(enclosure.numbers("P").radius)  # other P_ii may be 0
     W = np.diag(np.where(is_known, 1.0 / np.where(is_known, sizes, 1.0), 0.0))
-    equation, proved_P, gains, _ = enclosure.proved
-    F, T = equation.in_doubles.loop(proved_P, gains).middle, np.eye(len(P))
+    equation, _, gains, _ = enclosure.proved
+    F, T = equation.in_doubles.loop(Near.of(gains)).middle, np.eye(len(P))
     T_inverse = T
     if exact_T is not None:
         T, T_inverse = midpoints(exact_T), midpoints(exact_T.inv())
@@ -487,7 +488,7 @@ def _first_order_change(enclosure: Enclosure) -> float:
     W_of_Ty, is_discrete = T @ W @ T.T, equation.is_discrete
     V_of_Ty = solved_in_doubles(F.T, W_of_Ty, is_discrete=is_discrete)
     if V_of_Ty is None:
-        loop = equation.loop(proved_P, gains).transpose()
+        loop = equation.loop(gains).transpose()
         V_of_Ty = midpoints(solved_in_bits(loop, ball_matrix(W_of_Ty), is_discrete=is_discrete))
     V = T_inverse @ V_of_Ty @ T_inverse.T
     # Changes of A, B and E count as 2 Σ (P V)_ij dF_ij, in discrete time with P F V in place of

@@ -7,22 +7,21 @@ is ill-conditioned in any units, in states T z with an exact matrix T: P is near
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from controller.game.zero_sum import Game
 from controller.riccati.balls import (
     Near,
+    Pair,
     ball_matrix,
     identity,
     norm,
     part,
-    scaled_balls,
-    scaled_doubles,
+    scaled,
     stacked,
     symmetric_part,
 )
@@ -63,8 +62,8 @@ def users_units(game: Game) -> Units:
 
 
 class Entries(NamedTuple):
-    """Matrices of a game in exact units, without discount, in balls or `Near`. Q and R are
-    symmetric.
+    """Matrices of a game in exact units, with the discount: √α A, √α B, √α E, and the weights, of
+    which Q and R are symmetric.
     """
 
     A: Any
@@ -75,36 +74,37 @@ class Entries(NamedTuple):
     N: Any
 
     @classmethod
-    def of(cls, game: Game, units: Units, *, is_near: bool = False) -> Entries:
-        """Return the matrices of a game in exact units, and in the states T y.
+    def of(cls, game: Game, units: Units) -> Entries:
+        """Return the matrices of a game in exact units, and in the states T y: doubles if these are
+        exact, else balls.
 
         y are the states in units of powers of two: the user's states are z_i = 2^states_i y_i, and
         likewise inputs and disturbances. Rows of rates are therefore scaled by 2^-states, columns
         and costs by 2^states.
 
-        is_near: whether they are `Near`: without T, doubles that are exact but for what underflows
-
         Raises ZeroDivisionError if T may be singular with the bits of `precision`.
         """
+        from flint import arb
+
         matrices: Any = game.A, game.B, game.E, game.Q, game.R, game.N
         states, inputs, disturbances, T = units
-        scaled: Callable[..., Any] = scaled_balls
         if isinstance(game, LoopGame):
             matrices = game.balls or matrices
-        elif is_near and T is None:
-            scaled = scaled_doubles
         A, B, E, Q, R, N = matrices
         A, B = scaled(A, -states, states), scaled(B, -states, inputs)
         E, N = scaled(E, -states, disturbances), scaled(N, states, inputs)
         Q, R = scaled(Q, states, states), scaled(R, inputs, inputs)
         if not np.array_equal(game.weights, game.weights.T):
-            Q, R = symmetric_part(Q), symmetric_part(R)
+            Q, R = symmetric_part(ball_matrix(Q)), symmetric_part(ball_matrix(R))
         if T is not None:
             to_y = T.inv()
+            A, B, E, Q, N = map(ball_matrix, (A, B, E, Q, N))
             Q = symmetric_part(to_y.transpose() * Q * to_y)
             A, B, E, N = T * A * to_y, T * B, T * E, to_y.transpose() * N
-        entries = cls(A, B, E, Q, R, N)
-        return cls(*map(Near.of, entries)) if is_near else entries
+        if game.discount != 1.0:
+            root = arb(game.discount).sqrt()
+            A, B, E = (ball_matrix(matrix) * root for matrix in (A, B, E))
+        return cls(A, B, E, Q, R, N)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -120,12 +120,10 @@ class LoopGame(Game):
 class Sensitivity(NamedTuple):
     """Bounds of changes where X is changed by a symmetric Z, (n, n), with weight |Z| <= 1/2.
 
-    The weight of the players is W + G'X G in discrete time (`StepEquation`).
-
     loop: |change of the loop F of both players| <= loop |Z|
-    gains: if |Z| <= Y and F'Y F <= Y, in discrete time, |change of column j of the gains| is at
+    gains: if |Z| <= Y and, in discrete time, F'Y F <= Y, |change of column j of the gains| is at
         most gains |s| s_j, with the roots s of the diagonal of Y
-    weight: relative change of the weight <= weight |Z|; 0 in continuous time
+    weight: relative change of the weight of the players <= weight |Z|; 0 in continuous time
     """
 
     loop: arb
@@ -133,42 +131,48 @@ class Sensitivity(NamedTuple):
     weight: arb
 
 
-class Equation(ABC):
-    """Riccati equation of a game in exact units.
+class Equation:
+    """Riccati equation of a game in exact units, with the inputs of both players: G = [B E],
+    W = blkdiag(R, -δ² I) and C = [N 0]. Without a disturbance, E has no columns.
+
+      A'X + X A + Q - (X G + C) W⁻¹ (G'X + C') = 0,
+      A'X A - X + Q - (A'X G + C) (W + G'X G)⁻¹ (G'X A + C') = 0 in discrete time.
+
+    The gains of X are k = W⁻¹ (G'X + C'), in discrete time (W + G'X G)⁻¹ (G'X A + C'), and the loop
+    of both players is F = A - G k. K is the first rows of k, and -L the others.
 
     game: the game
     units: exact units
     delta: in place of that of the game
-    is_near: whether the matrices are `Near` ones, with arguments of either kind; else balls
+    kind: makes the matrices of the equation of exact doubles or balls: balls, `Near` or `Pair`
 
-    A, B, E, Q, R, N: √α A, √α B, √α E with the discount α, and the weights
-    w: 1 / delta², 0 without a disturbance
-
-    All are computed when they are first used, and then raise ZeroDivisionError if T or, in
-    continuous time, R may be singular.
+    The matrices are computed when they are first used, and then raise ZeroDivisionError if T may be
+    singular.
     """
 
-    is_discrete: ClassVar[bool]
-
-    def __init__(self, game: Game, units: Units, delta: float, *, is_near: bool = False) -> None:
-        from flint import arb
-
-        self.game, self.units, self.delta, self.is_near = game, units, delta, is_near
-        self.n = len(game.A)
+    def __init__(
+        self,
+        game: Game,
+        units: Units,
+        delta: float,
+        kind: Callable[[Any], Any] = ball_matrix,
+        exact: Entries | None = None,
+    ) -> None:
+        self.game, self.units, self.delta, self.kind = game, units, delta, kind
+        self.n, self.is_discrete = len(game.A), game.is_discrete
         self.is_disturbed = math.isfinite(delta) and bool(game.E.any())
-        self.w = 1 / arb(delta) ** 2 if self.is_disturbed else arb(0)
+        if exact is not None:
+            self.exact = exact
+
+    @cached_property
+    def exact(self) -> Entries:
+        """The matrices, of which each kind is made."""
+        return Entries.of(self.game, self.units)
 
     @cached_property
     def entries(self) -> Entries:
-        """The matrices, with the discount."""
-        from flint import arb
-
-        entries = Entries.of(self.game, self.units, is_near=self.is_near)
-        if self.game.discount == 1.0:
-            return entries
-        root = arb(self.game.discount).sqrt()
-        A, B, E, *weights = entries
-        return Entries(A * root, B * root, E * root, *weights)
+        """The matrices of the kind."""
+        return Entries(*map(self.kind, self.exact))
 
     def __getattr__(self, name: str) -> Any:
         """Return a matrix of the entries."""
@@ -177,157 +181,14 @@ class Equation(ABC):
         raise AttributeError(name)
 
     @cached_property
-    def in_doubles(self) -> Self:
+    def in_doubles(self) -> Equation:
         """The same equation with `Near` matrices."""
-        return type(self)(self.game, self.units, self.delta, is_near=True)
-
-    def of_kind(self, matrix: np.ndarray | arb_mat) -> Any:
-        """Return a matrix as one of the kind of this equation."""
-        if self.is_near:
-            return Near(matrix) if isinstance(matrix, np.ndarray) else Near.of(matrix)
-        return ball_matrix(matrix) if isinstance(matrix, np.ndarray) else matrix
-
-    @abstractmethod
-    def gains_and_residual(self, X: arb_mat) -> tuple[arb_mat, arb_mat]:
-        """Return the gains of X, (m, n), in discrete time (m + k, n), and the residual, (n, n).
-
-        The residual is the left side of the Riccati equation at X.
-
-        X: (n, n)
-
-        Raises ZeroDivisionError if the weight of the inputs or of the disturbances may be singular.
-        """
-
-    @abstractmethod
-    def changes(self, X: Any, loop: Any, Z: Any) -> tuple[Any, Any]:
-        """Return the gains of X + Z minus those of X, and q(Z), (n, n), of the residual at X + Z.
-
-        With the loop F at X, the residual is that at X plus F'Z + Z F + q(Z), in discrete time
-        plus F'Z F - Z + q(Z).
-
-        loop: of both players at X
-
-        Raises ZeroDivisionError as `gains_and_residual` does.
-        """
-
-    @abstractmethod
-    def loop(self, X: Any, gains: Any) -> Any:
-        """Return the loop of both players, A - B K + E L, (n, n).
-
-        gains: of X
-        """
-
-    def control_loop(self, gains: Any) -> Any:
-        """Return the loop without disturbance, A - B K, (n, n)."""
-        return self.A - self.B * part(gains, slice(self.R.nrows()))
-
-    @abstractmethod
-    def weights(self, X: Any) -> tuple[Any, Any]:
-        """Return the weights of the inputs and of the disturbances, which must be positive.
-
-        They are R, (m, m), and None for δ², in discrete time R + B'X B and δ² - E'X E, (k, k).
-        Without a disturbance, the second is None.
-        """
-
-    @abstractmethod
-    def sensitivity(self, X: Any, loop: Any) -> Sensitivity:
-        """Return bounds of the changes of the loop and the gains at X.
-
-        loop: of both players at X
-
-        Raises ZeroDivisionError if the weight of the players may be singular.
-        """
-
-    @abstractmethod
-    def half_plane_matrix(self) -> arb_mat:
-        """Return the matrix of states and costates, with the bits of `precision`, without radii.
-
-        Its eigenvalues with Re λ < 0 are those of the loop of both players, in discrete time
-        (z - 1) / (z + 1) for each z of the loop. Its stable subspace is spanned by [1; X].
-
-        Raises ZeroDivisionError in discrete time if z = -1 may be an eigenvalue.
-        """
-
-
-class ContinuousEquation(Equation):
-    """Riccati equation A'X + X A + Q - (X B + N) R⁻¹ (B'X + N') + w X E E'X = 0.
-
-    The gain of X is R⁻¹ (B'X + N'), and the loop of both players is A - B R⁻¹ N' - S X with
-    S = B R⁻¹ B' - w E E'.
-    """
-
-    is_discrete = False
+        return Equation(self.game, self.units, self.delta, Near.of, self.exact)
 
     @cached_property
-    def R_inverse(self) -> Any:
-        """R⁻¹, (m, m)."""
-        return self.R.inv()
-
-    def gains_and_residual(self, X: Any) -> tuple[Any, Any]:
-        """Return the gain (m, n) and the residual (n, n) of X."""
-        right = self.B.transpose() * X + self.N.transpose()
-        gain = self.R_inverse * right
-        XA = X * self.A
-        residual = XA + XA.transpose() + self.Q - right.transpose() * gain
-        if self.is_disturbed:
-            XE = X * self.E
-            residual = residual + XE * XE.transpose() * self.w
-        return gain, residual
-
-    def changes(self, X: Any, loop: Any, Z: Any) -> tuple[Any, Any]:
-        """Return R⁻¹ B'Z and -Z S Z."""
-        BZ = self.B.transpose() * Z
-        of_gains = self.R_inverse * BZ
-        quadratic = -(BZ.transpose() * of_gains)
-        if self.is_disturbed:
-            EZ = self.E.transpose() * Z
-            quadratic = quadratic + EZ.transpose() * EZ * self.w
-        return of_gains, quadratic
-
-    def loop(self, X: Any, gains: Any) -> Any:
-        """Return A - B K + w E E'X."""
-        loop = self.control_loop(gains)
-        return loop + self.E * (self.E.transpose() * X) * self.w if self.is_disturbed else loop
-
-    def weights(self, X: Any) -> tuple[Any, None]:
-        """Return R and None: d costs δ²."""
-        return self.R, None
-
-    def sensitivity(self, X: Any, loop: Any) -> Sensitivity:
-        """Return bounds of |S|, |R⁻¹ B'| and 0: loop and gains are linear in X; the weight is R."""
-        from flint import arb
-
-        of_control = norm(self.R_inverse * self.B.transpose())
-        of_S = of_control * norm(self.B) + self.w * norm(self.E) ** 2
-        return Sensitivity(of_S, of_control, arb(0))
-
-    def blocks(self) -> tuple[Any, Any, Any]:
-        """Return A - B R⁻¹ N', S and Q - N R⁻¹ N', of which the Hamiltonian consists."""
-        B_over_R, N_transposed = self.B * self.R_inverse, self.N.transpose()
-        S = B_over_R * self.B.transpose()
-        if self.is_disturbed:
-            S = S - self.E * self.E.transpose() * self.w
-        return self.A - B_over_R * N_transposed, S, self.Q - self.N * self.R_inverse * N_transposed
-
-    def hamiltonian(self) -> arb_mat:
-        """Return [[A - B R⁻¹N', -S], [-(Q - N R⁻¹N'), -(A - B R⁻¹N')']], (2n, 2n)."""
-        A, S, Q = self.blocks()
-        return stacked([[A, -S], [-Q, -A.transpose()]])
-
-    def half_plane_matrix(self) -> arb_mat:
-        """Return the Hamiltonian."""
-        return self.hamiltonian().mid()
-
-
-class StepEquation(Equation):
-    """Riccati equation A'X A - X + Q - (A'X G + C) (W + G'X G)⁻¹ (G'X A + C') = 0 of discrete time.
-
-    G = [B E], W = blkdiag(R, -δ² I) and C = [N 0]. Without a disturbance, E has no columns.
-
-    The gains of X are k = (W + G'X G)⁻¹ (G'X A + C'), and the loop of both players is A - G k.
-    """
-
-    is_discrete = True
+    def in_pairs(self) -> Equation:
+        """The same equation with `Pair` matrices."""
+        return Equation(self.game, self.units, self.delta, Pair.of, self.exact)
 
     @cached_property
     def G(self) -> Any:
@@ -337,77 +198,157 @@ class StepEquation(Equation):
     @cached_property
     def W(self) -> Any:
         """Weight of the players, (m + k, m + k)."""
+        from flint import arb
+
         if not self.is_disturbed:
             return self.R
-        m, d = self.R.nrows(), self.units.disturbances
-        # -δ² I in the units of d
-        of_disturbance = self.of_kind(scaled_balls(identity(len(d)), d, d) * (-1 / self.w))
-        coupling = self.of_kind(np.zeros((m, len(d))))
+        # -δ² I in the units of the disturbances: δ² is the exact sum of two doubles.
+        squares = [arb(delta) ** 2 for delta in np.ldexp(self.delta, self.units.disturbances)]
+        high = [float(square) for square in squares]
+        low = [float(square - double) for square, double in zip(squares, high, strict=True)]
+        of_disturbance = self.kind(Pair(-np.diag(high), -np.diag(low)))
+        coupling = self.kind(np.zeros((len(self.game.R), len(squares))))
         return stacked([[self.R, coupling], [coupling.transpose(), of_disturbance]])
 
     @cached_property
     def C(self) -> Any:
         """[N 0], (n, m + k)."""
-        none = self.of_kind(np.zeros(self.game.E.shape))
+        none = self.kind(np.zeros(self.game.E.shape))
         return stacked([[self.N, none]]) if self.is_disturbed else self.N
 
-    def gains_and_residual(self, X: arb_mat) -> tuple[arb_mat, arb_mat]:
-        """Return the gains (m + k, n) and the residual (n, n) of X."""
-        ahead, weight = X * self.A, self.weight(X)
-        right = self.G.transpose() * ahead + self.C.transpose()
-        gains = weight.solve(right)
-        # With the weight V, right'V⁻¹ right is the symmetric part of k'(right + error) plus
-        # error'V⁻¹ error for any k, with error = right - V k: what is unknown of V⁻¹ right counts
-        # only with the error.
-        k = gains.mid()
-        error = right - weight * k
-        players = k.transpose() * (right + error) + error.transpose() * (gains - k)
-        return gains, symmetric_part(self.A.transpose() * ahead - players) - X + self.Q
-
-    def changes(self, X: Any, loop: Any, Z: Any) -> tuple[Any, Any]:
-        """Return k = (W + G'(X + Z) G)⁻¹ G'Z F with the loop F at X, and -F'Z G k."""
-        GZF = self.G.transpose() * (Z * loop)
-        of_gains = self.weight(X + Z).inv() * GZF
-        return of_gains, -(GZF.transpose() * of_gains)
-
     def weight(self, X: Any) -> Any:
-        """Return the weight of the players in one step, W + G'X G, (m + k, m + k)."""
-        return self.W + self.G.transpose() * (X * self.G)
-
-    def loop(self, X: Any, gains: Any) -> Any:
-        """Return A - G k."""
-        return self.A - self.G * gains
+        """Return the weight V of the players, W, in discrete time W + G'X G, (m + k, m + k)."""
+        return self.W + self.G.transpose() * (X * self.G) if self.is_discrete else self.W
 
     def weights(self, X: Any) -> tuple[Any, Any]:
-        """Return R + B'X B, and δ² - E'X E or None without a disturbance: blocks of `weight`."""
-        weight, m = self.weight(X), self.R.nrows()
+        """Return the weights of the inputs and of the disturbances, which must be positive: R and
+        δ², in discrete time R + B'X B, (m, m), and δ² - E'X E, (k, k), of which the second is None
+        without a disturbance.
+        """
+        weight, m = self.weight(X), len(self.game.R)
         if not self.is_disturbed:
             return weight, None
         inputs, disturbances = slice(m), slice(m, None)
         return part(weight, inputs, inputs), -part(weight, disturbances, disturbances)
 
-    def sensitivity(self, X: Any, loop: Any) -> Sensitivity:
-        """Return the bounds, with the weight V = W + G'X G and |V⁻¹G'Z G| <= 1/2.
+    def gains_and_residual(self, X: Any) -> tuple[Any, Any]:
+        """Return the gains k of X, (m + k, n), and the residual, (n, n), the left side at X.
 
-        The gains of X + Z are k + (1 + V⁻¹G'Z G)⁻¹ V⁻¹G'Z F, and the first inverse is at most 2.
-        The loop changes by G times the change of the gains.
+        X: (n, n), symmetric, of the kind of the equation; for a `Pair`, the residual is `Near`
+
+        Raises ZeroDivisionError if the weight of the players may be singular.
+        """
+        of_states, coupling, weight = self.forms(X)
+        # With the weight V, M V⁻¹ M' of the coupling M is M k + k'error + error'V⁻¹ error for any
+        # k, with error = M' - V k. What cancels is computed in the kind of the equation; what is as
+        # small as the error of k, with V⁻¹, in doubles if that kind is `Pair`.
+        rounded = Near.of if self.kind == Pair.of else self.kind
+        inverse = rounded(weight).inv()
+        k = self.kind((inverse * rounded(coupling).transpose()).mid())
+        times_k = stacked([[coupling], [weight]]) * k
+        error = rounded(coupling.transpose() - part(times_k, slice(self.n, None)))
+        of_error = inverse * error
+        rest = rounded(k).transpose() * error + error.transpose() * of_error
+        residual = rounded(of_states - part(times_k, slice(self.n))) - rest
+        return k + self.kind(of_error), symmetric_part(residual)
+
+    def forms(self, X: Any) -> tuple[Any, Any, Any]:
+        """Return A'X + X A + Q, X G + C and W, in discrete time A'X A - X + Q, A'X G + C and
+        W + G'X G, of which the residual is the Schur complement.
+
+        X: (n, n), symmetric
+        """
+        states, inputs = slice(self.n), slice(self.n, None)
+        H = stacked([[self.A, self.G]])
+        XH = X * H
+        if not self.is_discrete:
+            XA = part(XH, states, states)
+            return XA + XA.transpose() + self.Q, part(XH, states, inputs) + self.C, self.W
+        HXH = H.transpose() * XH
+        of_states, coupling = part(HXH, states, states) - X, part(HXH, states, inputs)
+        return of_states + self.Q, coupling + self.C, part(HXH, inputs, inputs) + self.W
+
+    def changes(self, X: Any, loop: Any, Z: Any) -> tuple[Any, Any]:
+        """Return the gains of X + Z minus those of X, and q(Z), (n, n), of the residual at X + Z.
+
+        With the loop F at X, the residual is that at X plus F'Z + Z F + q(Z), in discrete time
+        plus F'Z F - Z + q(Z). With V at X + Z and M = G'Z, in discrete time G'Z F, the gains change
+        by V⁻¹ M, and q(Z) is -M'V⁻¹ M.
+
+        loop: of both players at X
+
+        Raises ZeroDivisionError as `gains_and_residual` does.
+        """
+        M = self.G.transpose() * (Z * loop if self.is_discrete else Z)
+        of_gains = self.weight(X + Z).inv() * M
+        return of_gains, -(M.transpose() * of_gains)
+
+    def loop(self, gains: Any) -> Any:
+        """Return the loop of both players, A - G k, (n, n).
+
+        gains: k
+        """
+        return self.A - self.G * gains
+
+    def control_loop(self, gains: Any) -> Any:
+        """Return the loop without disturbance, A - B K, (n, n).
+
+        gains: k
+        """
+        return self.A - self.B * part(gains, slice(len(self.game.R)))
+
+    def sensitivity(self, X: Any, loop: Any) -> Sensitivity:
+        """Return bounds of the changes of the loop and the gains at X.
+
+        In continuous time, the gains of X + Z are k + W⁻¹G'Z; in discrete time, with the weight V
+        at X and |V⁻¹G'Z G| <= 1/2, they are k + (1 + V⁻¹G'Z G)⁻¹ V⁻¹G'Z F, and the first inverse is
+        at most 2. The loop changes by G times the change of the gains.
+
+        loop: of both players at X
+
+        Raises ZeroDivisionError if the weight of the players may be singular.
         """
         G, of_Z = norm(self.G), norm(self.weight(X).inv() * self.G.transpose())
+        if not self.is_discrete:
+            return Sensitivity(loop=of_Z * G, gains=of_Z, weight=of_Z * 0)
         # |F| counts for the loop only: for the gains, F'Y F <= Y bounds Z F as it bounds Z.
         return Sensitivity(loop=2 * of_Z * G * norm(loop), gains=2 * of_Z, weight=of_Z * G)
 
-    def pencil(self) -> tuple[arb_mat, arb_mat]:
-        """Return L and M, (2n + m + k, 2n + m + k), whose pencil L - z M is singular at the
-        eigenvalues z of the loop of both players and at their inverses.
+    def blocks(self) -> tuple[Any, Any, Any]:
+        """Return A - G W⁻¹ C', S = G W⁻¹ G' and Q - C W⁻¹ C' of the Hamiltonian, which continuous
+        time has.
+
+        Raises ZeroDivisionError if W may be singular.
         """
-        one = identity(self.n)
-        L, M = map(stacked, pencil_blocks(self.A, self.G, self.Q, self.W, self.C, one))
-        return L, M
+        inverse, C_transposed = self.W.inv(), self.C.transpose()
+        G_over_W = self.G * inverse
+        S = G_over_W * self.G.transpose()
+        return self.A - G_over_W * C_transposed, S, self.Q - self.C * inverse * C_transposed
 
     def half_plane_matrix(self) -> arb_mat:
-        """Return (L + M)⁻¹ (L - M) of the pencil L - z M: λ = (z - 1) / (z + 1)."""
-        L, M = self.pencil()
-        return (L + M).mid().solve((L - M).mid()).mid()
+        """Return the matrix of states and costates, with the bits of `precision`, without radii.
+
+        Its eigenvalues with Re λ < 0 are those of the loop of both players, in discrete time
+        (z - 1) / (z + 1) for each z of the loop. Its stable subspace is spanned by [1; X].
+
+        It is the Hamiltonian [[A - G W⁻¹C', -S], [-(Q - C W⁻¹C'), -(A - G W⁻¹C')']], in discrete
+        time (L + M)⁻¹ (L - M) of the pencil L - z M.
+
+        Raises ZeroDivisionError if W may be singular or, in discrete time, z = -1 may be an
+        eigenvalue.
+        """
+        if self.is_discrete:
+            L, M = self.pencil()
+            return (L + M).mid().solve((L - M).mid()).mid()
+        A, S, Q = self.blocks()
+        return stacked([[A, -S], [-Q, -A.transpose()]]).mid()
+
+    def pencil(self) -> tuple[arb_mat, arb_mat]:
+        """Return L and M, (2n + m + k, 2n + m + k), whose pencil L - z M is singular at the
+        eigenvalues z of the loop of both players in discrete time, and at their inverses.
+        """
+        L, M = map(stacked, pencil_blocks(self.A, self.G, self.Q, self.W, self.C, identity(self.n)))
+        return L, M
 
 
 def pencil_blocks(A: Any, G: Any, Q: Any, W: Any, C: Any, one: Any) -> Any:
@@ -425,9 +366,3 @@ def pencil_blocks(A: Any, G: Any, Q: Any, W: Any, C: Any, one: Any) -> Any:
         [of_gains.transpose(), G.transpose() * -1, of_inputs],
     ]
     return L, M
-
-
-def equation_of(game: Game, units: Units, delta: float) -> Equation:
-    """Return the Riccati equation of a game, with the arguments of `Equation`."""
-    kind = StepEquation if game.is_discrete else ContinuousEquation
-    return kind(game, units, delta)

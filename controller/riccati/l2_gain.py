@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from controller.game.zero_sum import Game
-from controller.riccati.balls import ball_matrix, identity, midpoints, norm, scaled_balls
+from controller.riccati.balls import ball_matrix, identity, midpoints, norm, scaled
 from controller.riccati.candidate import (
     MOST_CHANGES,
     MOST_STATES_IN_BITS,
@@ -24,7 +24,7 @@ from controller.riccati.candidate import (
     proposed,
 )
 from controller.riccati.enclosure import Enclosure, enclosure_of
-from controller.riccati.equation import Entries, LoopGame, Units, equation_of
+from controller.riccati.equation import Entries, Equation, LoopGame, Units
 from controller.riccati.lyapunov import FailedError, NotProvedError, loop_units
 from controller.riccati.refusal import between_eigenvalues, half_plane_eigenvalues, stabilizing
 from controller.riccati.smallest_delta import TOLERANCE
@@ -65,7 +65,7 @@ class DisturbedLoop(NamedTuple):
         for changes in (0, MOST_CHANGES):  # states in which D is nearly 1 are seldom needed
             with suppress(FailedError, NotProvedError):
                 equation, X = proposed(game, delta, units, changes)
-                for candidate in corrections(equation, ball_matrix(X)):
+                for candidate in corrections(equation, X):
                     with suppress(NotProvedError):
                         return enclosure_of(stabilizing(candidate))
         return enclosure_of(stabilizing(candidate_in_bits(game, delta)))
@@ -90,13 +90,13 @@ class DisturbedLoop(NamedTuple):
     def units(self, game: Game, delta: float) -> Units:
         """Return units in which F is balanced, and the cost has the size of F."""
         states = loop_units(midpoints(self.F))
-        size = float(norm(scaled_balls(self.C, states, states)))
+        size = float(norm(scaled(self.C, states, states)))
         power = int(np.round(0.5 * np.log2(size))) if size > 0.0 else 0
         return Units(states - power, np.zeros(1, dtype=int), disturbance_units(game, delta))
 
     def scale(self, game: LoopGame) -> float:
         """Return a gain of the size of the entries, in units of the loop."""
-        entries = equation_of(game, self.units(game, math.inf), math.inf).in_doubles.entries
+        entries = Equation(game, self.units(game, math.inf), math.inf).in_doubles.entries
         return float(math.sqrt(entries.Q.size) * entries.E.size / entries.A.size)
 
     def gain_at(self, frequencies: Sequence[float] | np.ndarray) -> float:
@@ -173,7 +173,7 @@ def _climbed(loop: DisturbedLoop, game: LoopGame, low: float, *, in_bits: bool) 
     for _ in range(MOST_STEPS if least else 0):
         with np.errstate(all="ignore"):
             level = low or least
-            equation = equation_of(game, loop.units(game, level), level)
+            equation = Equation(game, loop.units(game, level), level)
             values = half_plane_eigenvalues(equation, in_bits=in_bits)
         found = loop.gain_at(between_eigenvalues(values, is_discrete=loop.is_discrete))
         low, before = max(low, found), low

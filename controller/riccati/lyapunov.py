@@ -22,7 +22,7 @@ from controller.riccati.balls import (
     midpoints,
     norm,
     precision,
-    scaled_balls,
+    scaled,
     symmetric,
 )
 from hfa_support.matrices import balanced
@@ -232,7 +232,7 @@ def stability_of(loop: Any, *, is_discrete: bool) -> bool | None:
     loops = [loop]
     if not isinstance(loop, Near):
         units = loop_units(midpoints(loop))
-        F = scaled_balls(loop, -units, units)
+        F = scaled(loop, -units, units)
         loops = [Near.of(F), F]
     for F in loops:
         with suppress(FailedError), np.errstate(all="ignore"):
@@ -242,7 +242,7 @@ def stability_of(loop: Any, *, is_discrete: bool) -> bool | None:
             if is_positive_definite(-change_along(F, Y, is_discrete=is_discrete)):
                 is_stable = is_positive_definite(Y)
                 if is_stable is None and isinstance(Y, Near):
-                    is_stable = is_positive_definite(Y.in_balls)
+                    is_stable = is_positive_definite(ball_matrix(Y))
                 if is_stable is not None:
                     return is_stable
     return None

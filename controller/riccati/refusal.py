@@ -24,7 +24,7 @@ from controller.riccati.balls import (
     stacked,
 )
 from controller.riccati.candidate import Candidate, half_plane_in_doubles
-from controller.riccati.equation import ContinuousEquation, Equation, StepEquation
+from controller.riccati.equation import Equation
 from controller.riccati.lyapunov import NotProvedError, change_along, stability_of
 from controller.riccati.rationals import (
     MOST_STATES,
@@ -65,7 +65,9 @@ def stabilizing(candidate: Candidate) -> Stabilizing:
     """
     from flint import arb
 
-    equation, X, gains, residual, loop, Y, near = candidate
+    equation, X, gains, residual, loop, Y = candidate
+    near = (Near.of(X), Near.of(gains)) if isinstance(loop, Near) else None
+    X, gains = ball_matrix(X), ball_matrix(gains)
     try:
         judged, at = (equation, X) if near is None else (equation.in_doubles, near[0])
         sensitivity = judged.sensitivity(at, loop)
@@ -232,12 +234,11 @@ def _has_other_signs(equation: Equation, frequency: float) -> bool:
     from flint import acb, acb_mat
 
     n = equation.n
-    if isinstance(equation, StepEquation):
+    if equation.is_discrete:
         z, positive = acb(0, frequency).exp(), n + equation.B.ncols()
         A, G, Q, W, C = (equation.A, equation.G, equation.Q, equation.W, equation.C)
         blocks = [[A * 0, A, G], [A.transpose(), Q, C], [G.transpose(), C.transpose(), W]]
     else:
-        assert isinstance(equation, ContinuousEquation)
         z, positive = acb(0, frequency), n
         A, S, Q = equation.blocks()
         blocks = [[-S, A], [A.transpose(), Q]]
@@ -335,4 +336,4 @@ def has_semidefinite_weights(game: Game) -> bool:
         return True
     exact = Near(weights[np.ix_(has_weight, has_weight)])
     with precision(BITS):
-        return bool(is_positive_definite(exact) or is_positive_definite(exact.in_balls))
+        return bool(is_positive_definite(exact) or is_positive_definite(ball_matrix(exact)))

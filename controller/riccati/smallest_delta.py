@@ -18,7 +18,7 @@ from controller.riccati.candidate import (
     stable_subspace_in_doubles,
 )
 from controller.riccati.enclosure import UndecidedError, decided_at
-from controller.riccati.equation import Equation, StepEquation
+from controller.riccati.equation import Equation
 from controller.riccati.lyapunov import FailedError, Lyapunov
 from controller.riccati.rationals import disturbance_costs_nothing
 from hfa_support.errors import NoSolutionError
@@ -116,7 +116,7 @@ def minimum_delta(game: Game) -> DeltaMin:
         return DeltaMin(0.0, 0.0)
     equation, P, gains, _ = undisturbed.proved
     with precision(undisturbed.bits):
-        search = Search(equation, midpoints(P), midpoints(equation.loop(P, gains)))
+        search = Search(equation, midpoints(P), midpoints(equation.loop(gains)))
     return _bracket(search, estimate(search))
 
 
@@ -277,7 +277,7 @@ class Search:
     def __init__(self, equation: Equation, P: np.ndarray, F: np.ndarray) -> None:
         self.game, self.units, self.P, self.F = equation.game, equation.units, P, F
         self.E = midpoints(equation.E)
-        if isinstance(equation, StepEquation):
+        if equation.is_discrete:
             steps = (equation.A, equation.B, equation.Q, equation.R, equation.N)
             self.matrices = tuple(map(midpoints, steps))
         else:
@@ -316,7 +316,7 @@ class Search:
         return half_plane
 
     def of_steps(self, w: float) -> tuple[np.ndarray, ...]:
-        """Return A, G, Q, W and C of `StepEquation` at w = 1/δ², with a disturbance of weight 1."""
+        """Return A, G, Q, W and C of `Equation` at w = 1/δ², with a disturbance of weight 1."""
         A, B, Q, R, N = self.matrices
         E = math.sqrt(w) * self.E
         coupling = 0.0 * B.T @ E

@@ -10,6 +10,7 @@ from flint import arb, arb_mat
 from controller.riccati.balls import (
     BITS,
     Near,
+    Pair,
     ball_matrix,
     is_positive_definite,
     norm,
@@ -86,6 +87,36 @@ def test_balls_about_doubles_contain_all_results(error):
                 (Near.of(a / 3), a / 3),
             ):
                 assert norm(exact - ball_matrix(found.middle)) <= arb(found.error)
+
+
+@pytest.mark.parametrize("n", [1, 5, 64, 65])
+def test_balls_about_pairs_of_doubles_have_twice_the_digits(n):
+    """Sums and products of pairs are in their balls, whose radius is below 1e-28 of the factors.
+
+    The entries are all nearly as large as possible, random, or of very different size.
+    """
+    rng = np.random.default_rng(n)
+    nearly_1 = 1.0 - 2.0**-50 * rng.integers(0, 8, (n, n))
+    units = 10.0 ** rng.uniform(-40.0, 40.0, n)
+    for A in (nearly_1, rng.standard_normal((n, n)), rng.standard_normal((n, n)) * units):
+        right = rng.standard_normal((n, n)) / units[:, None] if A is not nearly_1 else nearly_1
+        with precision(700):
+            third = ball_matrix(A) / 3
+            for a, left in ((ball_matrix(A), Pair.of(A)), (third, Pair.of(third))):
+                b, other = ball_matrix(right), Pair.of(right)
+                for found, exact, size in (
+                    (left * other, a * b, norm(a) * norm(b)),
+                    (left + other, a + b, norm(a) + norm(b)),
+                    (left - other * left, a - b * a, norm(a) * (1 + norm(b))),
+                ):
+                    middle = ball_matrix(found.high) + ball_matrix(found.low)
+                    assert norm(exact - middle) <= arb(found.error) <= arb("1e-28") * size
+            wide = Pair(A, 0.0 * A, float(np.linalg.norm(A)))
+            for found, exact in (
+                (wide * other, ball_matrix(1.9 * A) * b),
+                (other * wide, b * ball_matrix(1.9 * A)),
+            ):
+                assert norm(exact - ball_matrix(found.high)) <= arb(found.error)
 
 
 GAME = Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0])

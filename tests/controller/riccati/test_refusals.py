@@ -10,7 +10,7 @@ from stored_games import KINDS, stored
 from controller.riccati.balls import BITS, precision
 from controller.riccati.candidate import first_units
 from controller.riccati.enclosure import decided, enclosed_in_bits
-from controller.riccati.equation import equation_of
+from controller.riccati.equation import Equation
 from controller.riccati.refusal import refuse_modes, why_no_value
 from hfa import Game
 
@@ -53,7 +53,7 @@ def test_a_frequency_proves_that_the_disturbance_gains_too_much(n, k, dt):
             dt=dt,
         )
         with precision(BITS):
-            equation = equation_of(game, first_units(game, game.delta), game.delta)
+            equation = Equation(game, first_units(game, game.delta), game.delta)
             # None: no enclosure is known, and only a frequency can prove it.
             assert bool(why_no_value(equation, None, in_bits=False)) == is_refused
 
