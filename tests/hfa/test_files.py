@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from cli import hfa
 from json_places import leaves
-from scipy.io import loadmat
 
 from hfa.main import DONE
 from hfa_model import STATES
@@ -68,15 +67,6 @@ def texts(data):
     return [value for _, value in leaves(data) if isinstance(value, str)]
 
 
-def plain(value):
-    """Return data read by `loadmat` as nested dictionaries, lists and scalars, as in JSON."""
-    if isinstance(value, dict):
-        return {key: plain(item) for key, item in value.items() if not key.startswith("__")}
-    if isinstance(value, (np.ndarray, list)):
-        return [plain(item) for item in value]
-    return value.item() if isinstance(value, np.generic) else value
-
-
 @pytest.mark.parametrize("name", COMMANDS)
 def test_npz_files_contain_every_number_and_name(tmp_path, name):
     """A .npz file contains exactly the numbers and texts of the JSON, and no pickled object.
@@ -102,18 +92,6 @@ def test_npz_files_contain_every_number_and_name(tmp_path, name):
         for value in array.ravel().tolist()
     ]
     assert words == texts(data)
-
-
-@pytest.mark.parametrize("name", ["full", "trim"])
-def test_mat_files_contain_every_number_and_name(tmp_path, name):
-    """A .mat file contains all keys, numbers and nonempty texts of the JSON data."""
-    path, data = written(tmp_path, name, "mat")
-    loaded = plain(loadmat(path, simplify_cells=True))
-    assert list(loaded) == list(data)
-    assert loaded["units"] == "english"
-    # JSON has null in place of inf.
-    np.testing.assert_array_equal(without_inf(numbers(loaded)), numbers(data))
-    assert [word for word in texts(loaded) if word] == [word for word in texts(data) if word]
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,6 @@
 """Exchange of files with other tools: plants, gains, and tables for pandas and polars."""
 
-import csv
 import importlib.util
-import json
-import shlex
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,48 +8,6 @@ from cli import answer, assert_refused, hfa
 from game_files import stored
 
 from hfa.main import BAD_INPUT
-
-#: Commands that write a .csv file.
-TABLES = [
-    "linearize --dihedral 10 --outputs load_factor,gamma",
-    "sweep --dihedral 5,60 --hold alpha=1,2",
-    "trim --dihedral 10",
-    "solve --dihedral 10",
-    "fly --dihedral 10 --duration 0.1",
-]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("command", TABLES)
-def test_csv_tables_are_read_by_pandas_and_polars(command, tmp_path, monkeypatch):
-    """pandas and polars read every number of a .csv table of `hfa` within 1e-15.
-
-    The first cell of the column "about" has the schema and the command.
-    """
-    hfa(*shlex.split(command), "-q", "-o", "table.csv")
-    with Path("table.csv").open(encoding="utf-8", newline="") as stream:
-        header, *rows = csv.reader(stream)
-    for library in ("pandas", "polars"):
-        table = pytest.importorskip(library).read_csv("table.csv")
-        assert list(table.columns) == header
-        for name, cells in zip(header, zip(*rows, strict=True), strict=True):
-            if any(cells) and all(map(is_number, cells)):
-                numbers = [float(cell or "nan") for cell in cells]
-                np.testing.assert_allclose(
-                    table[name].to_numpy().astype(float), numbers, rtol=1e-15, err_msg=name
-                )
-        data = json.loads(table["about"][0])
-        assert data["schema"].startswith("hfa.")
-        assert data["provenance"]["command"].startswith(f"hfa {command}")
-
-
-def is_number(cell):
-    """Return whether a cell is a number or empty."""
-    try:
-        float(cell or "nan")
-    except ValueError:
-        return False
-    return True
 
 
 @pytest.mark.parametrize("dt", [np.ones((2, 4)), -0.1, np.nan, "fast"], ids=str)

@@ -81,24 +81,3 @@ def test_no_changed_certificate_is_accepted_that_was_refused(name, inputs):
 def test_help_equals_the_stored_text(name, tmp_path):
     """The help text of a command is the stored one."""
     assert OUTPUTS["help"](cases()["help"][name], tmp_path) == stored("help")[name]
-
-
-@pytest.mark.parametrize(
-    ("now", "before", "lines"),
-    [
-        (1.0 + 0.9e-6, 1.0, 0),
-        (1.0 + 1.1e-6, 1.0, 1),
-        ([1.0, 2.0, 3.0], [1.0, 2.00001, 3.00001], 2),
-        ([1.0], [1.0, 1.0], 1),
-        ("a", "b", 1),
-        (None, 1.0, 1),
-        (True, False, 1),
-    ],
-)
-def test_a_planted_difference_is_found(now, before, lines):
-    """`difference` finds each number that differs by more than 1e-6 of it, a text, a length, a
-    missing value and a truth value, and no smaller difference.
-
-    lines: number of differences
-    """
-    assert len(difference(now, before, "path")) == lines

@@ -304,12 +304,3 @@ def test_docstring_examples_print_the_shown_results(part):
     for example in list(examples_of_docstrings().values())[part::45]:
         runner.run(example, out=failures.write)
     assert failures.getvalue() == ""
-
-
-def test_every_name_of_scripts_has_an_example():
-    """Every name of `hfa` has an example, except the two exception classes."""
-    with_example = examples_of_docstrings()
-    without = [
-        name for name, value in entries() if name.startswith("hfa.") and value not in with_example
-    ]
-    assert without == ["hfa.BadInputError", "hfa.NoSolutionError"]
