@@ -6,13 +6,13 @@ import math
 import pytest
 from cli import assert_refused, hfa, refused
 from project import ROOT
-from six_dof import KNOT, air, calibrated, equivalent
+from standard_airspeeds import KNOT, air, calibrated, equivalent
 
 import hfa as tool
 from hfa import trim
 
 UAV = f"{ROOT}/examples/uav.toml"
-#: Airspeed -> its formula of `six_dof.py`: (true airspeed in m/s, air) -> airspeed in kt, or Mach.
+#: Airspeed -> its formula: (true airspeed in m/s, air) -> airspeed in kt, or Mach.
 FORMULAS = {
     "kcas": calibrated,
     "keas": equivalent,
