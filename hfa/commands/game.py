@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from controller.game.held_game import held
 from controller.learning.law_names import DEFAULT_LAW
 from hfa.learning import LearningOptions
 from hfa.options.argument_types import whole
@@ -30,6 +31,11 @@ from hfa_support.errors import BadInputError
 from hfa_support.progress import with_progress
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.text import Table
+
+if TYPE_CHECKING:
+    from controller.game.zero_sum import Game
+    from controller.riccati.gare import Solution
+    from trim.linear.delays import Chain
 
 #: Largest number of games of a gain table. Each takes about .1 s.
 _MOST_BREAKPOINTS = 1000
@@ -110,17 +116,44 @@ def solve(request: SolveRequest, given: GivenGames) -> Outcome:
         expanded = expand(named.linear, solution, request.order).report()
         parts = (*report.parts, expanded.title, *expanded.parts)
         report = replace(report, parts=parts).with_data(expanded.data)
-    if request.delay:
-        from controller.riccati.suboptimality import price_of_delay
-
-        prompt = gare.solve(given_game(replace(request, delay=0.0)).game)
-        report = replace(
-            report, parts=(*report.parts, price_of_delay(solution.enclosure, prompt.enclosure))
-        )
+    if named.of_rates is not None:
+        report = _with_delays(report, solution, named.of_rates)
     report = replace(report, parts=(*named.sizes_line(), *report.parts))
     if reference is not None:
         report = with_tracking(report, reference, named, solution, solution.K)
     return Outcome(report=report.with_data(named), source=named.source, notes=named.warnings)
+
+
+def _with_delays(report: Report, solution: Solution, plant: Game) -> Report:
+    """Return the report of a game of samples with the price of its delay, and the further delay
+    that makes its linear loop unstable.
+
+    plant: the game in continuous time
+    """
+    from controller.riccati.gare import solve
+    from controller.riccati.suboptimality import price_of_delay
+    from trim.linear.delays import chain_of, searched_delays, text_of_further_delay
+
+    dt, (n, m) = float(solution.game.dt or 0.0), plant.B.shape
+    count = (len(solution.P) - n) // m  # commands under way, of which the gain has the oldest first
+
+    def loop(further: float) -> Chain:
+        """Return the loop with a further delay, s."""
+        return chain_of(
+            plant.A,
+            plant.B,
+            lambda x, earlier: -solution.K @ np.vstack([x, *earlier[:count][::-1]]),
+            dt,
+            count * dt + further,
+        )
+
+    further = searched_delays(loop, dt, 0.0).limit
+    parts = [text_of_further_delay(further)]
+    if count:
+        prompt = solve(held(plant, 1.0 / dt))
+        parts.insert(0, price_of_delay(solution.enclosure, prompt.enclosure))
+    report = replace(report, parts=(*report.parts, *parts))
+    return report.with_data(further_delay=further)
 
 
 def _gain_table(games: list[NamedGame], at: np.ndarray, source: Mapping[str, Any]) -> Outcome:

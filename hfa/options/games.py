@@ -279,7 +279,8 @@ def _flown(request: GameOptions, named: NamedGame) -> NamedGame:
     """Return the game of --rate and --delay."""
     if request.rate is None and not request.delay:
         return named
-    return replace(named, game=held(named.game, request.rate, request.delay), linear=None)
+    game = held(named.game, request.rate, request.delay)
+    return replace(named, game=game, linear=None, of_rates=named.game)
 
 
 def game_at(
@@ -419,6 +420,7 @@ class NamedGame(Result):
     game: the game
     warnings: notes to print with results
     linear: linear model of the aircraft, or None for a plant from a file
+    of_rates: the game in continuous time of which `game` is that of --rate and --delay
     weights_from: name of a weight -> its source (`weight_sources`)
     source: entries of the provenance on the plant
     """
@@ -426,6 +428,7 @@ class NamedGame(Result):
     game: Game
     warnings: tuple[str, ...] = ()
     linear: LinearModel | None = None
+    of_rates: Game | None = None
     weights_from: Mapping[str, str] = field(default_factory=dict)
     source: Mapping[str, Any] = field(default_factory=dict)
 

@@ -38,9 +38,25 @@ def test_the_value_of_a_delayed_game_is_the_cost_of_its_flight(count):
 
 
 def test_solve_prints_the_price_of_a_delay():
-    """Largest and mean ratio of z'Pz with and without the delay, by SciPy, without commands under way."""
-    said = run("solve", "--dihedral", "10", "--rate", "100", "--delay", "30ms").out
+    """Largest and mean ratio of z'Pz with and without the delay, by SciPy, without commands under way; and
+    the further delay from which on the loop, by SciPy, is unstable.
+    """
+    words = ["solve", "--dihedral", "10", "--rate", "100", "--delay", "30ms"]
+    said, data = run(*words).out, answer(*words, "-o", "late.json")
     linear = hfa.trim(hfa.aircraft(), dihedral=np.radians(10.0)).linearize()
+    K, (n, m) = np.array(data["K"]), linear.B.shape
+
+    def radius(further):
+        """Return the spectral radius with a further delay of 2 samples and a part of the third."""
+        x, *under_way = np.split(np.eye(n + 6 * m), range(n, n + 6 * m, m))  # the oldest first
+        own = -K @ np.vstack([x, *under_way[3:]])
+        for command, seconds in zip(under_way, (further - 0.02, 0.03 - further), strict=False):
+            step = expm(np.block([[linear.A, linear.B], [np.zeros((m, n + m))]]) * seconds)[:n]
+            x = step @ np.vstack([x, command])
+        closed = np.vstack([x, *under_way[1:], own])
+        return np.abs(np.linalg.eigvals(closed)).max()
+
+    assert radius(0.999 * data["further_delay"]) < 1.0 < radius(1.001 * data["further_delay"])
     late, prompt = (hfa.solve(hfa.game(linear, rate=100.0, delay=late)).P for late in (0.03, 0.0))
     ratios = eigh(late[: len(prompt), : len(prompt)], prompt, eigvals_only=True)
     price = f"at most {ratios.max():.4g} times the optimum without, and {ratios.mean():.4g} times"

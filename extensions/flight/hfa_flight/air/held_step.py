@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
-from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -16,76 +14,8 @@ from hfa_aircraft.layout import Layout
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_support.matrices import spectral_radius
+from trim.linear.delays import step_count
 from trim.point.operating_point import OperatingPoint
-
-#: A time this close to a whole number of samples, in samples, is that number, if it is not 0.
-_SAMPLES_TOLERANCE = 1e-6
-
-
-class Delay(NamedTuple):
-    """A delay of `whole` samples and `rest` seconds, with 0 <= rest < sample time.
-
-    The command of sample k acts from `rest` after sample k + whole on; until then the one before it
-    acts.
-    """
-
-    whole: int
-    rest: float
-
-
-def in_samples(delay: float, dt: float) -> Delay:
-    """Return a delay in samples.
-
-    delay, dt: delay and sample time, s
-    """
-    samples = delay / dt
-    nearest = round(samples)
-    # Below one sample the tolerance is relative to the delay: else a short one is rounded to 0.
-    if abs(samples - nearest) <= _SAMPLES_TOLERANCE * min(samples, 1.0):
-        return Delay(nearest, 0.0)
-    whole = math.floor(samples)
-    return Delay(whole, delay - whole * dt)
-
-
-def samples_under_way(delay: float, dt: float) -> int:
-    """Return the number of earlier commands that act after a sample."""
-    whole, rest = in_samples(delay, dt)
-    return whole + (rest > 0.0)
-
-
-class ActingCommand(NamedTuple):
-    """A delayed command that acts for a time after a sample.
-
-    samples_ago: number of samples since that of the command, 0 for the command of the sample
-    seconds: time for which it acts, s
-    """
-
-    samples_ago: int
-    seconds: float
-
-
-def acting_commands(delay: float, dt: float, seconds: float) -> list[ActingCommand]:
-    """Return the commands that act in some seconds after a sample, the earliest first.
-
-    delay, dt: delay and sample time, s
-    """
-    # The oldest command ends after the rest of the delay, and each later one a sample later.
-    whole, end_of_command = in_samples(delay, dt)
-    acting = []
-    begin = 0.0
-    for samples_ago in range(whole + 1, -1, -1):
-        end = min(end_of_command, seconds)
-        if end - begin > _SAMPLES_TOLERANCE * dt:
-            acting.append(ActingCommand(samples_ago, end - begin))
-            begin = end
-        end_of_command += dt
-    return acting
-
-
-def step_count(seconds: float, step: float) -> int:
-    """Return the least number of steps, at least 1, that last as long as a time, up to rounding."""
-    return max(1, math.ceil(seconds / step - _SAMPLES_TOLERANCE))
-
 
 #: Longest integration step, in time constants of the fastest mode. The error is 1e-6 of a
 #: deviation.

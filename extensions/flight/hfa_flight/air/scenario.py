@@ -16,7 +16,6 @@ from hfa_aircraft.servos import positions_of_servos
 from hfa_aircraft.waveform import Waveform
 from hfa_flight.air.gust_equations import in_gusts, undeclared
 from hfa_flight.air.gusts import Gust
-from hfa_flight.air.held_step import in_samples, step_count
 from hfa_flight.air.sensors import Sensor, refuse_unmeasurable, sensors_of
 from hfa_flight.air.signals import TimeVector
 from hfa_flight.air.turbulence import Turbulence
@@ -30,6 +29,7 @@ from hfa_support.errors import (
 )
 from hfa_support.public_arguments import check_fields
 from hfa_support.reporting.report import Reported
+from trim.linear.delays import in_samples, step_count
 from trim.point.operating_point import OperatingPoint
 
 #: Keys of the independent random streams of a member.

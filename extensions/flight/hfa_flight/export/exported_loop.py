@@ -15,7 +15,6 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
-from hfa_flight.air.held_step import in_samples
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.export.c_text import filter_sample, sensed_values
 from hfa_flight.policies.estimate import known_start, memory_size, memory_slices
@@ -23,6 +22,7 @@ from hfa_flight.policies.filtered_policy import FilteredPolicy
 from hfa_flight.policies.policy import Measurements, Policy
 from hfa_flight.simulate.closed_loop import FlightLoop, NonlinearPlant
 from hfa_support.errors import BadInputError
+from trim.linear.delays import in_samples
 from trim.point.operating_point import OperatingPoint
 
 #: Longest Runge-Kutta step of an exported loop, s.

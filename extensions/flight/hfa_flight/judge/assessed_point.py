@@ -13,9 +13,10 @@ from hfa_flight.judge.flight_costs import CostRatio
 from hfa_flight.judge.outcomes import Outcomes, TrimCase
 from hfa_flight.needs import ALL, is_enough
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_flight.policies.deployment.sampled_loop import Delays, Equilibrium, Margins
+from hfa_flight.policies.deployment.sampled_loop import Equilibrium, Margins
 from hfa_flight.simulate.envelope import flight_envelope
 from hfa_support.reporting.results import Result, without_empty
+from trim.linear.delays import Delays
 from trim.point.operating_point import OperatingPoint
 
 

@@ -24,17 +24,17 @@ from hfa_flight.judge.outcomes import (
 from hfa_flight.needs import ALL, SAMPLES, SHARE
 from hfa_flight.plan.problem import start_box
 from hfa_flight.policies.deployment.deployed import Deployed
+from hfa_flight.policies.deployment.deployment import MOST_SAMPLES
 from hfa_flight.policies.deployment.sampled_loop import (
-    Delays,
     EquilibriumSearch,
     chain_margins,
-    chain_of,
-    searched_delays,
+    chain_of_loop,
 )
 from hfa_flight.simulate.envelope import flight_envelope
 from hfa_flight.simulate.sampled_flights import SampledFlight
 from hfa_support.errors import NoSolutionError
 from hfa_support.progress import Progress
+from trim.linear.delays import Delays, searched_delays
 from trim.point.operating_point import OperatingPoint
 
 #: Largest duration (s) and number of samples of a flight.
@@ -179,7 +179,7 @@ class Assessor:
         if equilibrium is None:
             return TrimCase(point, widths)
         timing = self.deployed.deployment
-        loop = chain_of(equilibrium.nominal, timing.dt, timing.delay)
+        loop = chain_of_loop(equilibrium.nominal, timing.dt, timing.delay)
         return TrimCase(point, widths, equilibrium, loop)
 
     def _flight(self, cases: Sequence[TrimCase]) -> SampledFlight:
@@ -194,7 +194,8 @@ class Assessor:
         if case.equilibrium is None:
             return None
         timing, nominal = self.deployed.deployment, case.equilibrium.nominal
-        return searched_delays(partial(chain_of, nominal, timing.dt), timing.dt, timing.delay)
+        loop = partial(chain_of_loop, nominal, timing.dt)
+        return searched_delays(loop, timing.dt, timing.delay, MOST_SAMPLES)
 
     def _linear_point(self, case: TrimCase, delays: Delays | None) -> AssessedPoint:
         """Return the result of the linear loop at a trim, without flights."""

@@ -12,12 +12,13 @@ import numpy as np
 from hfa_aircraft.batch_simulation import FlightOutcome, History, is_within
 from hfa_flight.judge.flight_costs import CostRatio, SampleCost, cost_ratio
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_flight.policies.deployment.sampled_loop import Chain, Equilibrium
+from hfa_flight.policies.deployment.sampled_loop import Equilibrium
 from hfa_flight.simulate.envelope import Departure, departure, flight_envelope
 from hfa_flight.simulate.sampled_flights import SampledFlight, in_threads
 from hfa_support.errors import BadInputError
 from hfa_support.progress import Progress
 from hfa_support.reporting.results import Result
+from trim.linear.delays import Chain
 from trim.point.operating_point import OperatingPoint
 
 #: Half-widths of the ball within which a flight has converged, in half-widths of the

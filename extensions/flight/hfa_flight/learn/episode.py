@@ -14,7 +14,7 @@ import numpy as np
 from hfa_aircraft.batch_simulation import all_finite, is_within, saturated
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_flight.air.held_step import parts_of_a_sample, step_count
+from hfa_flight.air.held_step import parts_of_a_sample
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.judge.flight_costs import cost_rate, cost_weights
 from hfa_flight.judge.outcomes import refuse_edges
@@ -34,6 +34,7 @@ from hfa_support.errors import (
 from hfa_support.matrices import spectral_radius
 from hfa_support.native.bound import RowFunction
 from hfa_support.native.row_code import RowCode, row_code
+from trim.linear.delays import step_count
 from trim.linear.linearize import linearize
 from trim.point.operating_point import OperatingPoint
 

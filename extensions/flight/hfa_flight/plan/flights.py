@@ -13,7 +13,6 @@ import numpy as np
 from controller.critic.critic import Critic
 from controller.critic.features import symbols_for
 from hfa_aircraft.batch_simulation import FAR, Cost, saturated
-from hfa_flight.air.held_step import step_count
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.signals import Deviations
 from hfa_flight.plan.collocation import CandidateFlight
@@ -34,6 +33,7 @@ from hfa_flight.simulate.envelope import (
 from hfa_flight.simulate.simulation import CompiledLoop
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import spectral_abscissa
+from trim.linear.delays import step_count
 
 #: Largest growth exponent of the linear costate equations in one step of the Riccati recursion.
 _LARGEST_EXPONENT = 6.0

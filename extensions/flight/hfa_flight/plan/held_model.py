@@ -10,11 +10,11 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.batch_simulation import rk4
-from hfa_flight.air.held_step import acting_commands, in_samples
 from hfa_flight.plan.scaled import ScaledProblem, hold_of
 from hfa_flight.plan.smooth import smooth_rates
 from hfa_support.native.bound import BoundFunction
 from hfa_support.native.row_code import machine_code
+from trim.linear.delays import acting_commands, in_samples
 
 #: Largest error of the fastest mode over a hold, x^5 / 120 for each Runge-Kutta step of x time
 #: constants. The gradient of a plan at the trim is then exact to 1e-5.

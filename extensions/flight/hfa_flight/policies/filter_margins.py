@@ -10,19 +10,17 @@ import casadi as ca
 import numpy as np
 
 from hfa_flight.air.gusts import state_of
-from hfa_flight.air.held_step import samples_under_way
-from hfa_flight.policies.deployment.sampled_loop import (
-    Chain,
-    Plant,
-    chain_margins,
-    searched_delays,
-)
+from hfa_flight.policies.deployment.sampled_loop import chain_margins
 from hfa_flight.policies.kalman import KalmanFilter, near_one
 from hfa_support.matrices import spectral_radius
 from hfa_support.reporting.results import Result
-
-#: Longest unknown delay that is searched, in samples.
-_MOST_SAMPLES = 30
+from trim.linear.delays import (
+    Chain,
+    Plant,
+    samples_under_way,
+    searched_delays,
+    text_of_further_delay,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,20 +54,12 @@ class FilterMargins(Result):
                 f"{near_one(self.radius)})."
             )
         alone = "unstable" if self.compensator_radius >= 1.0 else "stable"
-        late = (
-            f"No delay of all inputs up to {_MOST_SAMPLES} samples that the filter does not know "
-            "makes it unstable."
-        )
-        if self.unknown_delay is not None:
-            late = (
-                "A further delay of all inputs, unknown to the filter, makes it unstable from "
-                f"{1e3 * self.unknown_delay:.3g} ms on."
-            )
         return (
             f"Linear loop of the gain behind the filter: gain margin {self.gain_low:.3g} to "
             f"{self.gain_high:.3g}, phase {self.phase:.3g} deg, delay "
-            f"{1e3 * self.delay:.3g} ms, the smallest of all inputs. {late} Filter and gain "
-            f"alone are {alone} (spectral radius {near_one(self.compensator_radius)})."
+            f"{1e3 * self.delay:.3g} ms, the smallest of all inputs. "
+            f"{text_of_further_delay(self.unknown_delay)} Filter and gain alone are {alone} "
+            f"(spectral radius {near_one(self.compensator_radius)})."
         )
 
 
@@ -184,5 +174,5 @@ def margins_of(loop_with: Callable[[float], FilterLoop]) -> FilterMargins:
         gain_high=min(margin.gain_high for margin in inputs),
         phase=min(margin.phase for margin in inputs),
         delay=min(margin.delay for margin in inputs),
-        unknown_delay=searched_delays(loop_with, loop.dt, 0.0, _MOST_SAMPLES).limit,
+        unknown_delay=searched_delays(loop_with, loop.dt, 0.0).limit,
     )

@@ -14,7 +14,6 @@ import numpy as np
 from hfa_aircraft.batch_simulation import saturated
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_flight.air.held_step import acting_commands, in_samples
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.deployment.policy import DeployedPolicy
 from hfa_flight.policies.estimate import (
@@ -50,6 +49,7 @@ from hfa_support.errors import (
 )
 from hfa_support.native.bound import BoundFunction
 from hfa_support.reporting.results import storable
+from trim.linear.delays import acting_commands, in_samples
 from trim.point.operating_point import OperatingPoint
 
 #: Default time in which commands are faded in, s, and that of a fast gain: one with which the

@@ -27,7 +27,6 @@ from hfa_flight.air.turbulence import (
     level_text,
     turbulence_of,
 )
-from hfa_flight.policies.deployment.sampled_loop import zero_order_hold
 from hfa_support.errors import (
     BadInputError,
     NoSolutionError,
@@ -37,6 +36,7 @@ from hfa_support.errors import (
 from hfa_support.matrices import of_step, spectral_radius
 from hfa_support.reporting.results import Result, without_empty
 from hfa_support.reporting.text import with_unit
+from trim.linear.delays import zero_order_hold
 from trim.linear.linear_model import LinearModel
 from trim.linear.modes import modes_of
 from trim.linear.nonsmooth import linearization_at

@@ -20,13 +20,13 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.servos import positions_of_servos
 from hfa_aircraft.waveform import Waveform
-from hfa_flight.air.held_step import in_samples
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.signals import CommandSteps
 from hfa_support.errors import BadInputError, numbers_in, refuse_unknown
 from hfa_support.matrices import shape_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import storable
+from trim.linear.delays import in_samples
 from trim.point.operating_point import OperatingPoint
 
 #: Times that differ by less are equal, s.

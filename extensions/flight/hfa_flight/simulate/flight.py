@@ -15,7 +15,6 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import StatesAndInputs
 from hfa_flight.air.gust_equations import in_gusts
-from hfa_flight.air.held_step import step_count
 from hfa_flight.air.scenario import MOST_STEPS, Scenario
 from hfa_flight.air.sensors import at_trim
 from hfa_flight.air.signals import Deviations, series
@@ -60,6 +59,7 @@ from hfa_support.reporting.report import Report, Reported, verdict_text
 from hfa_support.reporting.results import Entries, Result, without_empty
 from hfa_support.reporting.rows import Group, Row, with_names
 from hfa_support.reporting.text import Table, percent, short_number, shown_unit
+from trim.linear.delays import step_count
 from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:

@@ -23,10 +23,11 @@ import numpy as np
 
 from controller.critic.network.operations import RowNetwork
 from hfa_aircraft.batch_simulation import History, Over, Stepper, is_within, simulate_batch
-from hfa_flight.air.held_step import Delay, held_step, in_samples, slices_of, step_count
+from hfa_flight.air.held_step import held_step, slices_of
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_support.native.bound import RowFunction
 from hfa_support.native.row_code import row_code
+from trim.linear.delays import Delay, in_samples, step_count
 
 #: Number of samples from which on compilation to machine code is faster.
 COMPILE_FROM = 50_000

@@ -12,15 +12,16 @@ from typing import Any, Self
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_flight.air.held_step import in_samples, parts_of_a_sample
+from hfa_flight.air.held_step import parts_of_a_sample
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
-from hfa_flight.policies.deployment.sampled_loop import EquilibriumSearch, chain_of
+from hfa_flight.policies.deployment.sampled_loop import EquilibriumSearch, chain_of_loop
 from hfa_flight.policies.policy import Policy
 from hfa_support.errors import BadInputError
 from hfa_support.native.bound import BoundFunction
 from hfa_support.reporting.results import storable
+from trim.linear.delays import in_samples
 from trim.point.operating_point import OperatingPoint
 
 #: Longest step of a flight, s, and of one in moving air.
@@ -128,7 +129,7 @@ class DeployedPolicy(Policy):
         equilibrium = EquilibriumSearch(self.deployed, self.point).equilibrium()
         if equilibrium is None:
             return None
-        return chain_of(equilibrium.nominal, timing.dt, timing.delay).modes
+        return chain_of_loop(equilibrium.nominal, timing.dt, timing.delay).modes
 
     def notes(self) -> tuple[str, ...]:
         """Return contradictions between the policy's files, and what it does not use of them."""

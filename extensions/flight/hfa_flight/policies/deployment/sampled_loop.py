@@ -13,9 +13,7 @@ Systems, Section 4.3.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import casadi as ca
@@ -24,12 +22,11 @@ import numpy as np
 from controller.critic.critic import Slope, slope_at_trim
 from controller.critic.features import symbols_for
 from hfa_aircraft.limits import Limits
-from hfa_flight.air.held_step import acting_commands, in_samples, samples_under_way
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_flight.policies.deployment.deployment import MOST_SAMPLES
 from hfa_support.errors import BadInputError
-from hfa_support.matrices import balanced, spectral_radius
+from hfa_support.matrices import balanced
 from hfa_support.reporting.results import Matrix
+from trim.linear.delays import Chain, chain_of
 from trim.linear.frequency_response import System, in_continuous_time
 from trim.linear.margins import ClosedLoop, DiskMargin, LoopMargin, disk_of, single_margin
 from trim.linear.nonsmooth import linearization_at
@@ -262,151 +259,14 @@ class EquilibriumSearch:
         return tuple(name for name, clipped in zip(names, is_clipped, strict=True) if clipped)
 
 
-#: Largest delay that is searched, s.
-MOST_SECONDS = 3.0
-
-
-@dataclass(frozen=True, eq=False)
-class Chain:
-    """Sampled loop s⁺ = F s + G v with the command u = C s, closed by v = u.
-
-    F: (N, N).
-    G: (N, m).
-    C: (m, N).
-    states: number of aircraft states, the first entries of s.
-    dt: sample time, s.
-    """
-
-    F: np.ndarray
-    G: np.ndarray
-    C: np.ndarray
-    states: int
-    dt: float
-
-    @property
-    def closed(self) -> np.ndarray:
-        """Closed-loop matrix F + G C."""
-        return self.F + self.G @ self.C
-
-    @property
-    def modes(self) -> np.ndarray:
-        """Eigenvalues of the closed loop, ln(z) / dt, 1/s, without z = 0: it ends in a sample."""
-        of_samples = np.linalg.eigvals(self.closed)
-        return np.log(of_samples[of_samples != 0.0].astype(complex)) / self.dt
-
-    @cached_property
-    def radius(self) -> float:
-        """Spectral radius of the closed loop, inf if its matrix is not finite."""
-        closed = self.closed
-        return spectral_radius(closed) if np.isfinite(closed).all() else math.inf
-
-
-def zero_order_hold(A: np.ndarray, B: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the matrices of a plant with held inputs, x⁺ = Φ x + Γ u.
-
-    Φ = exp(A dt), and Γ = ∫ exp(A t) dt B over [0, dt].
-    """
-    from scipy.linalg import expm
-
-    n, m = B.shape
-    transition = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * dt)
-    return transition[:n, :n], transition[:n, n:]
-
-
-class Plant(NamedTuple):
-    """Linear plant x' = A x + B u with samples of dt seconds."""
-
-    A: np.ndarray
-    B: np.ndarray
-    dt: float
-
-    def later(
-        self, x: np.ndarray, commands: list[np.ndarray], delay: float, time: float
-    ) -> np.ndarray:
-        """Return the states some time after a sample, by the commands that act in it.
-
-        commands: of the samples until this one, the latest first
-        delay, time: s
-        """
-        for samples_ago, seconds in acting_commands(delay, self.dt, time):
-            Phi, Gamma = zero_order_hold(self.A, self.B, seconds)
-            x = Phi @ x + Gamma @ commands[samples_ago]
-        return x
-
-
-def chain_of(nominal: NominalLoop, dt: float, delay: float) -> Chain:
+def chain_of_loop(nominal: NominalLoop, dt: float, delay: float) -> Chain:
     """Return the sampled loop of a linear aircraft and policy.
 
     dt, delay: sample time and delay, s
     """
-    n, m = nominal.B.shape
-    size = n + (in_samples(delay, dt).whole + 1) * m
-    # Each row is a linear form of s and of the command u of the sample. s are the states, then the
-    # commands of earlier samples, the latest first.
-    x, *earlier, u = np.split(np.eye(size + m), range(n, size + m, m))
-    after = Plant(nominal.A, nominal.B, dt).later(x, [u, *earlier], delay, dt)
-    F, G = np.split(np.vstack([after, u, *earlier[:-1]]), [size], axis=1)
+    A, B, K, K_inputs = nominal
     # The input just before a sample is the oldest command.
-    own = nominal.K_inputs @ earlier[-1] - nominal.K @ x
-    return Chain(F, G, own[:, :size], n, dt)
-
-
-class Delays(NamedTuple):
-    """Effect of delays on a loop.
-
-    radii: spectral radius with delays of 0, 1, 2, ... samples, up to `searched`.
-    limit: first unstable delay, s, not below the deployed delay, or None if none was found up to
-        `searched`.
-    searched: longest delay that was examined, s.
-    """
-
-    radii: tuple[float, ...]
-    limit: float | None
-    searched: float
-
-
-#: Number of delays that are examined in each of the first samples, and number of these samples.
-_PARTS, _EARLY = 4, 10
-#: Number of bisections of the interval with the first unstable delay.
-_BISECTIONS = 20
-
-
-def searched_delays(
-    loop: Callable[[float], Chain], dt: float, deployed_delay: float, longest: int = MOST_SAMPLES
-) -> Delays:
-    """Return the effect of delays up to the first unstable one, which is bisected.
-
-    Examined are whole samples, and parts of the first ones. The first unstable delay is not below
-    the deployed delay. With a longer delay, the loop may be stable again. If no delay is unstable,
-    the delays reach `longest` samples, `MOST_SECONDS` or the deployed delay.
-
-    loop: function delay, s -> loop
-    dt, deployed_delay: s
-    """
-    first = samples_under_way(deployed_delay, dt)  # whole samples, not below the deployed delay
-    most = max(first, min(longest, math.ceil(MOST_SECONDS / dt)))
-    parts = {part / _PARTS for part in range(_PARTS * min(_EARLY, most))}
-    examined = sorted({*parts, *map(float, range(most + 1)), deployed_delay / dt})
-
-    def radius(samples: float) -> float:
-        """Return the spectral radius with a delay in samples."""
-        return loop(samples * dt).radius
-
-    radii: list[float] = []
-    stable = 0.0
-    for samples in examined:
-        now = radius(samples)
-        if samples.is_integer():
-            radii.append(now)
-        if samples * dt < deployed_delay or now < 1.0:
-            stable = samples
-            continue
-        unstable = samples
-        for _ in range(_BISECTIONS if samples * dt > deployed_delay else 0):
-            middle = 0.5 * (stable + unstable)
-            stable, unstable = (middle, unstable) if radius(middle) < 1.0 else (stable, middle)
-        return Delays(tuple(radii), limit=unstable * dt, searched=samples * dt)
-    return Delays(tuple(radii), limit=None, searched=most * dt)
+    return chain_of(A, B, lambda x, earlier: K_inputs @ earlier[-1] - K @ x, dt, delay)
 
 
 class Margins(NamedTuple):
