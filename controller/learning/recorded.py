@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -23,7 +23,7 @@ from hfa_aircraft.readers.matrices_file import (
 )
 from hfa_aircraft.signals import UNNAMED, PlantNames
 from hfa_support.arrays.columns import Column, Label, matched
-from hfa_support.arrays.tables import Read, read_source, sources
+from hfa_support.arrays.tables import read_source, sources
 from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shortened
 from hfa_support.matrices import LARGEST, shape_text
 from hfa_support.reporting.text import numbered
@@ -57,10 +57,11 @@ def transitions_in(data: Any, game: Game) -> Transitions:
     """
     parts: list[Transitions] = []
     names: list[str] = []  # of rows
-    for name, record in _records(data, game.names):
-        with prefix_errors(name):
-            parts.append(_transitions(record, game))
-        names += [f"{name}: {row}" for row in parts[-1].rows]
+    for source in sources(data, "data"):
+        for name, record in _records(*source, game.names):
+            with prefix_errors(name):
+                parts.append(_transitions(record, game))
+            names += [f"{name}: {row}" for row in parts[-1].rows]
     begins, ends, follows, roundings, holds, notes, rows = zip(*parts, strict=True)
     if len({(len(rounding), hold) for rounding, hold in zip(roundings, holds, strict=True)}) > 1:
         raise BadInputError(
@@ -89,7 +90,7 @@ def game_of_data(
     sizes: function of the names -> deviations of which Q and R are 1/size² (`weights_of_sizes`)
     weights: Q, R, and optionally delta and N
     """
-    name, record = next(_records(data, UNNAMED))  # of the first source
+    name, record = next(_records(*sources(data, "data")[0], UNNAMED))
     with prefix_errors(name):
         names, entries = record.names._replace(origin=name), record.entries
         n, m = len(names.states), len(names.inputs)
@@ -108,266 +109,243 @@ def game_of_data(
 class _Record(NamedTuple):
     """Samples of one file, mapping or table.
 
-    names: of its states and inputs, with the units to which they are converted
     blocks: "x", "u", "d", "x_next" and "x_rate" as far as recorded -> columns
-    units: name of a column -> unit to which it is converted; "" if unknown
     marks: columns of times and ends of episodes
     entries: single numbers and words: "dt", "time"
-    notes: sentences on what is not used or assumed
+    unused: names of what is not used
     """
 
-    names: PlantNames
-    blocks: dict[str, list[Column]]
-    units: Mapping[str, str]
-    marks: dict[str, Column]
+    blocks: Mapping[str, Sequence[Column]]
+    marks: Mapping[str, Column]
     entries: Mapping[str, Any]
-    notes: list[str]
+    unused: Sequence[str]
+
+    @property
+    def names(self) -> PlantNames:
+        """Names and units of the states and inputs."""
+        x, u = (self.blocks[key] for key in "xu")
+        names = [tuple(column.name for column in block) for block in (x, u)]
+        units = [tuple(column.unit or "" for column in block) for block in (x, u)]
+        return PlantNames(names[0], names[1], units[0], units[1])
 
 
-def _records(data: Any, names: PlantNames) -> Iterator[tuple[str, _Record]]:
-    """Yield the name and the samples of each source of data (`learn`).
+def _records(name: str, source: Any, plant: PlantNames) -> Iterator[tuple[str, _Record]]:
+    """Yield the name and the samples of a source (`learn`), or of each of its episodes (E, T, n) or
+    groups, as of Minari.
 
-    names: names of the states and inputs, which are columns. Without names, a state is a column
-        beside one of its next value or rate, such as alpha beside alpha_next
+    plant: names of the states and inputs, which are columns
 
     Raises BadInputError, which names the source, if it cannot be read.
     """
-    for name, source in sources(data, "data"):
-        with prefix_errors(name):
-            yield from _records_in(read_source(source, name), name, names)
+    groups: dict[str, Any] = {}
+    with prefix_errors(name):
+        columns, stored = read_source(source, name)
+        entries = {_ALIASES.get(key, key): values for key, values in stored.items()}
+        if np.ndim(entries.get("x", ())) == 3:
+            groups = {f"episode {at + 1}": _episode(entries, at) for at in range(len(entries["x"]))}
+        elif entries and all(isinstance(group, Mapping) for group in entries.values()):
+            groups = entries
+        else:
+            yield name, _record(columns, entries, name, plant)
+    for key, group in groups.items():
+        yield from _records(f"{name}, {key}", group, plant)
 
 
-def _records_in(read: Read, name: str, names: PlantNames) -> Iterator[tuple[str, _Record]]:
-    """Yield the name and the samples of a source, or of each of its groups, as of Minari."""
-    groups = {key: group for key, group in read.entries.items() if isinstance(group, Mapping)}
-    if groups and len(groups) == len(read.entries):
-        for key, group in groups.items():
-            of_group = f"{name}, {key}"
-            yield from _records_in(read_source(group, of_group), of_group, names)
-        return
-    entries = {_ALIASES.get(key, key): values for key, values in read.entries.items()}
-    signals = {*names.states, *names.inputs}
-    is_named = signals and signals <= {column.name for column in read.columns}
-    if "x" in entries and not is_named:  # no state x of the plant
-        yield name, _of_matrices(entries, name, names)
-    else:
-        yield name, _of_columns(read.columns, names, entries, [])
+def _episode(entries: Mapping[str, Any], place: int) -> dict[str, Any]:
+    """Return the entries of one of several episodes: arrays (E, T, ...) have one of each."""
+    return {
+        key: values[place] if np.ndim(values) > 1 and np.size(values) > 1 else values
+        for key, values in entries.items()
+    }
 
 
-def _of_matrices(entries: Mapping[str, Any], where: str, plant: PlantNames) -> _Record:
-    """Return the samples of x (N, n) or (E, T, n) and of what is beside it.
+def _record(
+    columns: Sequence[Column], entries: Mapping[str, Any], where: str, plant: PlantNames
+) -> _Record:
+    """Return the samples of columns, or of x (N, n) and other matrices.
 
-    E episodes follow each other. A last row of x alone ends the last step.
+    where: the source, for messages
     """
-    if "u" not in entries:
+    signals = {*plant.states, *plant.inputs}  # before words such as time
+    named = matched(columns, _NO_SIGNALS | dict.fromkeys(signals, ""))
+    if len(getattr(named.get("dt"), "cells", ())) == 1:
+        del named["dt"]  # an entry
+    table, names = named, plant
+    if "x" in entries and not (signals and signals <= named.keys()):  # no state x of the plant
+        table, names = _columns_of_matrices(entries, where, plant)
+    blocks = _blocks_among(table, names)
+    count, of_inputs = (len(blocks[key][0].cells) for key in "xu")
+    marks = {name: column for name, column in named.items() if name in _NO_SIGNALS}
+    for name, column in marks.items():
+        if len(column.cells) == of_inputs < count:
+            marks[name] = column._replace(cells=np.append(column.cells, np.nan))
+    lengths = {len(column.cells) for column in chain(*blocks.values(), marks.values())}
+    if lengths - {count, of_inputs}:
+        raise BadInputError("the columns differ in length; give columns of one length")
+    if "dt" in marks:
+        entries = {**entries, "dt": np.unique(marks["dt"].numbers("s"))}  # one number
+    used = {*_MATRICES, *_NO_SIGNALS, *NAME_KEYS, *NAME_ALIASES, "Ts"}
+    used |= {column.name for column in chain(*blocks.values())}
+    unused = [name for name in named if name not in used]
+    used |= {column.name for column in columns}
+    unused += [key for key in entries if Label.of(key).name not in used]
+    return _Record(blocks, marks, entries, unused)
+
+
+def _columns_of_matrices(
+    entries: Mapping[str, Any], where: str, plant: PlantNames
+) -> tuple[dict[str, Column], PlantNames]:
+    """Return the columns of the matrices x (N, n), u, ..., and the names of states and inputs, in
+    the order of the plant if they are its own. A last row of x alone ends the last step.
+    """
+    matrices = {key: numbers_in(key, entries[key]) for key in _MATRICES if key in entries}
+    if "u" not in matrices:
         raise BadInputError(f"there is no u{entries_found(entries)}; add it")
-    x = np.atleast_1d(entries["x"])
-    shape = x.shape[: max(1, x.ndim - 1)]  # (N,) or (E, T)
-    if len(shape) > 1:
-        entries = {"episode": np.indices(shape)[0], **entries}
-    blocks: dict[str, np.ndarray] = {}  # (*shape, width)
-    for key, values in entries.items():
-        array = np.asarray(values)
-        if key in _MATRICES:
-            array = np.atleast_1d(numbers_in(key, values))
-        if key == "episode":  # names, or numbers
-            array = np.unique(array, return_inverse=True)[1].reshape(array.shape)
-        if array.ndim >= len(shape) and array.dtype.kind in "iufb":
-            width = math.prod(array.shape[len(shape) :])
-            blocks[key] = array.reshape(*array.shape[: len(shape)], width)
-    names, notes = _names_of(entries, plant, blocks)
+    matrices = {key: np.atleast_2d(matrix.T).T for key, matrix in matrices.items()}
+    count, n = matrices["x"].shape
+    names = plant_names(entries)
+    names = names._replace(
+        states=names.states or plant.states or numbered("x", n),
+        inputs=names.inputs or plant.inputs or numbered("u", matrices["u"].shape[1]),
+    )
+    names = names.completed(len(names.states), len(names.inputs))
     of_states = [*zip(names.states, names.state_units, strict=True)]
     labels = {
         "x": of_states,
         "u": [*zip(names.inputs, names.input_units, strict=True)],
-        "d": [(name, "") for name in numbered("d", blocks.get("d", blocks["x"]).shape[-1])],
+        "d": [(name, "") for name in numbered("d", matrices.get("d", matrices["x"]).shape[1])],
         "x_next": [(f"{name}_next", unit) for name, unit in of_states],
         "x_rate": [(f"{name}_dot", unit and f"{unit}/s") for name, unit in of_states],
     }
-    rows, columns = range(1, math.prod(shape) + 1), []
-    for key, block in blocks.items():
-        of_key = labels.get(key, [Label.of(key)])
-        samples = np.full((*shape, len(of_key)), np.nan)
-        if block.shape in (samples.shape, samples[..., 1:, :].shape):
-            samples[..., : block.shape[-2], :] = block
-            if block.size < samples.size and key in _LAST:
-                samples[..., -2, :] = False  # x has the end of this step, too
-            cells = samples.reshape(-1, len(of_key)).T
-            columns += [
-                Column(where, name, unit or None, each, rows)
-                for (name, unit), each in zip(of_key, cells, strict=True)
-            ]
-        elif key in (*_MATRICES, *_NO_SIGNALS):
+    shortest = count - {*_SUFFIXES_OF_ENDS}.isdisjoint(matrices)
+    columns: dict[str, Column] = {}
+    for key, matrix in matrices.items():
+        wanted = (count, len(labels[key]))
+        if matrix.shape not in (wanted, (shortest, wanted[1])):
             raise BadInputError(
-                f"{key} is {shape_text(block.shape)}; give {shape_text(samples.shape)}, a row for "
-                "each sample"
+                f"{key} is {shape_text(matrix.shape)}; give {shape_text(wanted)}, a row for each "
+                "sample"
             )
-    return _of_columns(columns, plant if plant.states else names, entries, notes)
+        columns |= {
+            name: Column(where, name, unit or None, cells, range(1, count + 1))
+            for (name, unit), cells in zip(labels[key], matrix.T, strict=True)
+        }
+    is_of_plant = {*names.states, *names.inputs} == {*plant.states, *plant.inputs}
+    return columns, plant if is_of_plant else names
 
 
-def _names_of(
-    entries: Mapping[str, Any], plant: PlantNames, blocks: Mapping[str, np.ndarray]
-) -> tuple[PlantNames, list[str]]:
-    """Return the names and units of the columns of x and u, and notes.
+def _blocks_among(named: Mapping[str, Column], plant: PlantNames) -> dict[str, list[Column]]:
+    """Return columns by their names, such as alpha and alpha_next, as blocks.
 
-    Other names than those of the plant are its own, in its order, with a note.
+    The states and inputs are those of the plant. If the table has none of them, the states are the
+    columns beside one of their next value or rate, and the inputs are all other columns.
     """
-    names, notes = plant_names(entries), []
-    for key in NAME_KEYS[:2]:
-        of_data, known = getattr(names, key), getattr(plant, key)
-        if known and {*of_data} != {*known}:
-            names = names._replace(**{key: known})
-            if of_data:
-                notes.append(f"{', '.join(of_data)} of the data, taken as {', '.join(known)}")
-    n, m = len(names.states), len(names.inputs)
-    return names.completed(n or blocks["x"].shape[-1], m or blocks["u"].shape[-1]), notes
-
-
-def _of_columns(
-    columns: Sequence[Column], names: PlantNames, entries: Mapping[str, Any], notes: list[str]
-) -> _Record:
-    """Return the samples of columns, by their names, such as alpha and alpha_next.
-
-    They are in the units of the plant, if it has any, and otherwise in those of the columns.
-
-    entries: what is beside the columns
-    """
-    signals = (*names.states, *names.inputs)  # before words such as time
-    units = dict(zip(signals, (*names.state_units, *names.input_units), strict=False))
-    named = matched(columns, _NO_SIGNALS | dict.fromkeys(signals, ""))
-    states, inputs, disturbances = _signals_among(named, names)
-    if not states or not inputs:
-        missing = ", ".join(name for name in signals if name not in named)
+    states, inputs = [*plant.states], [*plant.inputs]
+    disturbances = [name for name in named if re.fullmatch(r"d\d*", name)]
+    missing = [name for name in (*states, *inputs) if name not in named]
+    if is_other := len(missing) == len(states) + len(inputs):
+        every = [*_SUFFIXES_OF_ENDS.values()]
+        states = next(filter(None, ([*_ends_among(named, named, each)] for each in every)), [])
+        ends = chain(*(_ends_among(named, states, each).values() for each in every))
+        no_inputs = {*states, *disturbances, *_NO_SIGNALS, *_NO_INPUTS, *ends}
+        inputs = [name for name in named if name not in no_inputs]
+    if (missing and not is_other) or not states or not inputs:
         raise BadInputError(
-            "the data have neither x and u nor columns of all states and inputs "
-            f"(there is no {missing or 'alpha, alpha_next, elevator'}){entries_found(named)}; name "
+            "the data have neither x and u nor columns of all states and inputs (there is no "
+            f"{', '.join(missing) or 'alpha, alpha_next, elevator'}){entries_found(named)}; name "
             "the columns so, with units as in alpha [deg], or give a plant that names them"
         )
-    units = {name: units.get(name) or named[name].unit or "" for name in (*states, *inputs)}
-    of_signals = zip("xud", (states, inputs, disturbances), strict=True)
-    blocks = {key: [named[name] for name in of_kind] for key, of_kind in of_signals if of_kind}
-    names = PlantNames(
-        tuple(states),
-        tuple(inputs),
-        tuple(units[name] for name in states),
-        tuple(units[name] for name in inputs),
-    )
+    blocks = {"x": states, "u": inputs, "d": disturbances}
     for key, suffixes in _SUFFIXES_OF_ENDS.items():
-        ends = [_end_of(named, state, states, suffixes) for state in states]
-        if {"", *states}.issuperset(ends):
+        of_states = _ends_among(named, states, suffixes)
+        if {*states}.issuperset(of_states.values()):
             continue
-        of_time = "/s" if key == "x_rate" else ""
-        for state, end in zip(states, ends, strict=True):
-            unit = f"{units[state]}{of_time}" if units[state] else ""
-            if not end or (named[end].unit and not unit):
-                label = f"{end or state + suffixes[-1]} [{unit}]".removesuffix(" []")
-                raise BadInputError(f"there is no column {label}; add it, or remove the others")
-            units[end] = unit
-        blocks[key] = [named[end] for end in ends]
-    marks = {name: column for name, column in named.items() if name in _NO_SIGNALS}
-    used = [*chain(*blocks.values())]
-    if len({len(column.cells) for column in (*used, *marks.values())}) > 1:
-        raise BadInputError("the columns differ in length; give columns of one length")
-    if "dt" in marks:
-        entries = {**entries, "dt": np.unique(marks["dt"].numbers("s"))}  # one number
-    seen = {*_MATRICES, *_NO_SIGNALS, *NAME_KEYS, *NAME_ALIASES, "Ts"}
-    seen |= {column.name for column in used}
-    unused = [name for name in named if name not in seen]
-    seen |= {column.name for column in columns}
-    unused += [key for key in entries if Label.of(key).name not in seen]
-    assumed = [
-        f"{each.name} in {units[each.name]}"
-        for each in used
-        if units.get(each.name) and not each.unit
-    ]
-    for what, listed in (
-        ("without a unit, taken in that of the plant", assumed),
-        ("not used, as no state or input of the plant", unused),
-    ):
-        if listed:
-            notes.append(f"{what}: {shortened(', '.join(listed), 200)}")
-    return _Record(names, blocks, units, marks, entries, notes)
+        for state in states:
+            if state not in of_states:
+                raise BadInputError(
+                    f"there is no column {state}{suffixes[0]}; add it, or remove the others"
+                )
+        blocks[key] = [of_states[state] for state in states]
+    return {key: [named[name] for name in block] for key, block in blocks.items() if block}
 
 
-def _end_of(
-    columns: Collection[str], state: str, states: Sequence[str], suffixes: Sequence[str]
-) -> str:
-    """Return the column of the end of a state, or "". It may be a state: pitch_rate of pitch."""
-    ends = [f"{state}{suffix}" for suffix in suffixes if f"{state}{suffix}" in columns]
-    return min(ends, key=lambda end: end in states, default="")
-
-
-def _signals_among(
-    columns: Mapping[str, Column], names: PlantNames
-) -> tuple[list[str], list[str], list[str]]:
-    """Return the names of the states, inputs and disturbances among columns.
-
-    The states are those of the plant, if the table has all of them, and otherwise the columns
-    beside one of their next value or rate, such as alpha beside alpha_next. The inputs are those of
-    the plant, if the table has all of them, and otherwise all other columns.
-    """
-    states: list[str] = []
-    for suffixes in _SUFFIXES_OF_ENDS.values():
-        states = states or [name for name in columns if _end_of(columns, name, (), suffixes)]
-    if names.states and columns.keys() >= {*names.states}:
-        states = list(names.states)
-    disturbances = [name for name in columns if re.fullmatch(r"d\d*", name)]
-    every = [suffix for suffixes in _SUFFIXES_OF_ENDS.values() for suffix in suffixes]
-    ends = {f"{state}{suffix}" for suffix in every for state in states}
-    no_inputs = {*states, *disturbances, *_NO_SIGNALS, *_NO_INPUTS, *ends}
-    inputs = [name for name in columns if name not in no_inputs]
-    if names.inputs and columns.keys() >= {*names.inputs}:
-        inputs = list(names.inputs)
-    return states, inputs, disturbances
+def _ends_among(
+    columns: Collection[str], states: Iterable[str], suffixes: Sequence[str]
+) -> dict[str, str]:
+    """Return state -> column of its end, which may be a state: pitch_rate of pitch."""
+    ends = ((state, f"{state}{each}") for each in reversed(suffixes) for state in states)
+    return {state: end for state, end in ends if end in columns}
 
 
 def _transitions(record: _Record, game: Game) -> Transitions:
     """Return the transitions of samples in the units of a game."""
-    blocks, notes, rows_of = record.blocks, record.notes, record.blocks["x"][0].rows
-    end, *others = [key for key in _SUFFIXES_OF_ENDS if key in blocks] or [""]
+    blocks, rows_of, signals = record.blocks, record.blocks["x"][0].rows, game.names
+    end, *others = [key for key in _SUFFIXES_OF_ENDS if key in blocks] or ["x"]
     if others:
         raise BadInputError("the data have x_next and x_rate; remove one of them")
     if end == "x_rate" and game.is_discrete:
         raise BadInputError("x_rate is of continuous time, the game is discrete; give x_next")
-    of_begins = [*blocks["x"], *blocks["u"], *blocks.get("d", ())]
-    for matrix, count in zip("xu", game.B.shape, strict=True):
-        if len(blocks[matrix]) != count:
-            raise BadInputError(f"{matrix} has {len(blocks[matrix])} columns; give {count}")
-    k = len(blocks.get("d", ()))
+    notes = []
+    for matrix, given, known in zip("xu", record.names, signals, strict=False):
+        if len(given) != len(known):
+            raise BadInputError(f"{matrix} has {len(given)} columns; give {len(known)}")
+        if given != known:
+            notes.append(f"{', '.join(given)} of the data, taken as {', '.join(known)}")
+    of_d = blocks.get("d", ())
+    k = len(of_d)
     if k and math.isfinite(game.delta) and k != game.E.shape[1]:
         notes.append(f"E of the game is replaced by {k} recorded disturbances")
+    of_begins = [*blocks["x"], *blocks["u"], *of_d]
+    of_game = [*signals.state_units, *signals.input_units, *[""] * k]
+    units = [unit or each.unit or "" for unit, each in zip(of_game, of_begins, strict=True)]
+    of_time = "/s" if end == "x_rate" else ""
+    units_of_ends = [unit and f"{unit}{of_time}" for unit in units[: len(game.A)]]
+    assumed = {}
+    for column, unit in zip((*of_begins, *blocks[end]), (*units, *units_of_ends), strict=True):
+        if column.unit and not unit:
+            raise BadInputError(f"{column.name} has a unit, but its state has none; add it")
+        if unit and not column.unit:
+            assumed[f"{column.name} in {unit}"] = unit
+    for what, listed in (
+        ("without a unit, taken in that of the plant", assumed),
+        ("not used, as no state or input of the plant", record.unused),
+    ):
+        if listed:
+            notes.append(f"{what}: {shortened(', '.join(listed), 200)}")
     starts = _starts(record)
     rows = np.arange(len(starts))
-    if not end:
+    after = rows
+    if end == "x":
         # The transition of a row ends at the next row, unless an episode begins there.
         rows = np.flatnonzero(~starts[1:])
-        for row in np.flatnonzero(starts & np.append(starts[1:], True)).tolist():
-            raise BadInputError(
-                f"row {rows_of[row]} is an episode of one row, which has no next state; "
-                "remove it, or give x_next"
-            )
-    begins = _numbers(of_begins, record.units, rows)
-    ends = _numbers(blocks[end or "x"], record.units, rows if end else rows + 1)
+        after = rows + 1
+        alone = starts & np.append(starts[1:], True)
+        of_begins[0].refuse(
+            alone, "has no next value, in an episode of one row; remove the row, or give x_next"
+        )
+    begins = _numbers(of_begins, units, rows)
+    ends = _numbers(blocks[end], units_of_ends, after)
     follows = np.zeros(len(rows), dtype=bool)
     if end != "x_rate":
         follows[1:] = (ends[:-1] == begins[1:, : len(game.A)]).all(axis=1)
-    factors = [column.factor(record.units.get(column.name, "")) for column in of_begins]
+    factors = [column.factor(unit) for column, unit in zip(of_begins, units, strict=True)]
+    is_apart = starts if end == "x" else ~follows
     return Transitions(
         begins=begins,
         ends=ends,
         follows=follows,
         rounding=_last_digits(begins / factors) * factors,
-        hold=None if end == "x_rate" else _time_of_hold(record, game, ~follows if end else starts),
+        hold=None if end == "x_rate" else _time_of_hold(record, game, is_apart),
         notes=tuple(notes),
         rows=[str(rows_of[row]) for row in rows.tolist()],
     )
 
 
-def _numbers(block: Sequence[Column], units: Mapping[str, str], rows: np.ndarray) -> np.ndarray:
+def _numbers(block: Sequence[Column], units: Sequence[str], rows: np.ndarray) -> np.ndarray:
     """Return some rows of columns in their units."""
     chosen = []
-    for column in block:
-        numbers = column.numbers(units.get(column.name, ""))
+    for column, unit in zip(block, units, strict=True):
+        numbers = column.numbers(unit)
         is_wrong = np.zeros(len(numbers), dtype=bool)
         is_wrong[rows] = ~(np.abs(numbers[rows]) <= LARGEST)
         column.refuse(is_wrong, "has no number; remove the row, and begin another episode there")
@@ -385,6 +363,7 @@ def _starts(record: _Record) -> np.ndarray:
     for name in {*_LAST} & {*record.marks}:
         texts = np.char.lower(np.asarray(record.marks[name].cells)[:-1].astype(str))
         starts[1:] |= ~np.isin(texts, ("false", "0", "0.0", ""))
+    starts[-1] &= len(record.blocks["u"][0].cells) == count  # else it only ends the last step
     return starts
 
 
@@ -429,13 +408,11 @@ def _step_of(time: Column, starts: np.ndarray) -> tuple[float, float]:
     steps = np.where(starts[1:], np.nan, np.diff(times))
     mean = float(np.nanmean(steps))
     # A step between two times, each rounded to half a unit of its last digit, has an error of
-    # this digit. Times such as 0, 1, 2 s, with a last digit of the size of the step, are exact
-    # up to a few floating-point spacings.
+    # this digit. Times such as 0, 1, 2 s, with a last digit of the size of the step, are exact.
     (rounding,) = _last_digits(times[np.isfinite(times), None])
     if 2.0 * rounding > mean:
-        rounding = 8.0 * float(np.spacing(np.nanmax(np.abs(times))))
-    far = np.abs(steps - np.nanmedian(steps))
-    place = int(np.nanargmin(steps) if np.nanmin(steps) <= 0.0 else np.nanargmax(far))
+        rounding = 1e-9 * mean
+    place = int(np.nanargmax(np.abs(steps - np.nanmedian(steps))))
     if steps[place] <= 0.0 or abs(steps[place] - mean) > rounding:
         raise BadInputError(
             f"the samples are not equally spaced: {steps[place]:g} s at row "

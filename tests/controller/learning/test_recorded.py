@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.io
 from cli import answer, hfa as hfa_command
 from game_samples import game_models
 
@@ -180,7 +181,10 @@ REFUSED = {
     "x is 80 x 2; give 80 x 3, a row for each sample": recorded(STEPS) | {"x": np.ones((80, 2))},
     "row 17: u1 has no number": spoiled("u", np.nan),
     "have 1 transitions; record at least 6": recorded(STEPS, 1),
-    "row 1 is an episode of one row": {"x": np.ones((1, 3)), "u": np.ones((1, 2))},
+    "row 1: x1 has no next value, in an episode of one row": {
+        "x": np.ones((1, 3)),
+        "u": np.ones((1, 2)),
+    },
     "not equally spaced: 0 s at row 4": TIMES | {"time": 0.1 * np.r_[:3, 2:60]},
     "not equally spaced: -3 s at row 31": TIMES | {"time": 0.1 * np.r_[1:31, 0:31]},
     "row 5: time has no number": TIMES | {"time": 0.1 * np.where(np.arange(61) == 4, np.nan, 1)},
@@ -223,7 +227,7 @@ def test_unusable_data_are_refused_with_the_cause(said):
 
 def test_episodes_are_read_in_each_layout():
     """Three episodes of 30 steps, as sources, arrays (E, T, n), rows with numbers or flags of their
-    last rows, and with the names of D4RL and Minari, give the exact solution. Rewards are no inputs.
+    last rows, and with the names of D4RL and Minari, in a .mat file too, give the exact solution. Rewards are no inputs.
     """
     parts = [trajectory(STEPS, 30, seed) for seed in range(3)]
     x, u = (np.array(each) for each in zip(*parts, strict=True))  # (3, 31, 3) and (3, 30, 2)
@@ -232,6 +236,7 @@ def test_episodes_are_read_in_each_layout():
     rows |= {"rewards": np.zeros(90), "terminals": np.zeros(90, bool)}
     numbered = {"episode": np.repeat([7, 8, 9], 30), "time": np.tile(0.1 * np.arange(30), 3)}
     ends = {"next_observations": x[:, 1:].reshape(-1, 3)}
+    scipy.io.savemat("rows.mat", rows | ends | {"dt": 0.1})
     for steps, data in {
         90: [
             [{"x": x, "u": u} for x, u in parts],
@@ -239,6 +244,7 @@ def test_episodes_are_read_in_each_layout():
             {"x": x, "u": u, "terminals": last},
             {f"episode_{k}": {"obs": x[k], "action": u[k], "done": last[k]} for k in range(3)},
             rows | ends,
+            "rows.mat",
         ],
         87: [rows | numbered, rows | {"timeouts": last.ravel()}],
     }.items():
