@@ -328,16 +328,6 @@ def test_the_equations_after_an_event_are_linearized(version):
         point.linearize()
 
 
-def test_both_sides_of_a_kink_are_reported():
-    """rate' has the terms -.5 rate - |rate|: the report has their slopes .5 below and -1.5 above the
-    rate 0, and the error of the linear model relative to its largest entry.
-    """
-    linear = hfa.trim(hfa.load_model(fmu("kinked"))).linearize()
-    said = unwrapped(linear.report().text())
-    assert "A(rate, rate) is 0.5 below and -1.5 above" in said
-    assert "error about 0.2 at the start values" in said  # half the jump of 2, by g / l = 4.9
-
-
 def test_differences_replace_derivatives_that_fail():
     """If the FMU's derivatives fail ("nodd"), the note has the failed call, and A and B are those of
     rate' = torque - (9.81 / 2) sin(angle) - .5 rate by differences.
@@ -453,22 +443,6 @@ def rates_of(model):
     symbols = model.layout.symbols("x", "u", "p")
     rates, _ = model.layout.expressions(symbols, ())
     return ca.Function("rates", symbols, [rates])
-
-
-@pytest.mark.parametrize("version", [2, 3])
-def test_a_derivative_that_is_not_listed_and_a_missing_unit_are_noted(version):
-    """Notes name body.angle, which is no state because ModelStructure does not list its derivative, and
-    rate, which has no unit.
-    """
-    text = description(version).replace('unit="rad/s"', "")
-    listed = {
-        2: '<Unknown index="6" dependencies="2"/>',
-        3: '<ContinuousStateDerivative valueReference="6" dependencies="1"/>',
-    }
-    text = text.replace(listed[version], "", 1)
-    notes = hfa.load_model(packed(text, version)).about.notes
-    assert any(each.endswith("does not list their derivatives: body.angle") for each in notes)
-    assert any(each.endswith("sheet of an aircraft requires: rate") for each in notes)
 
 
 @pytest.mark.parametrize("version", [2, 3])

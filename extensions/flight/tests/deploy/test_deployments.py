@@ -12,7 +12,6 @@ import casadi as ca
 import numpy as np
 import pytest
 from policy_cases import FOLDER, GTM, ZIPS, gtm_deployment, model_of, stored_deployment
-from tolerances import FEW_ROUNDINGS
 
 import hfa
 from hfa import BadInputError, Deployment, assess
@@ -109,26 +108,6 @@ def test_formulas_that_are_code_are_refused(formula):
         Deployed(deployment, model_of(GTM))
 
 
-def test_formulas_are_evaluated():
-    """The formulas of observations and actions are evaluated at a state and its trim. The output gamma
-    is pitch - alpha, too, and the action is the first observation.
-    """
-    entries = {"flow": {"formula": "pitch - alpha", "about": 0.0}, "gamma": {"about": 0.0}}
-    o = ca.SX.sym("o", 2)
-    deployment = gtm_deployment(
-        {"file": ca.Function("policy", [o], [o[0]])},
-        observation=entries,
-        action={"elevator": {"map": "trim + 0.1 * sin(a) - 2 ** 2 * pitch_rate"}},
-    )
-    deployed = Deployed(deployment, model_of(GTM))
-    X = np.array([45.0, 0.05, 0.1, 0.07])  # speed, alpha, pitch rate and pitch
-    trim = np.array([45.0, 0.05, 0.0, 0.05, 0.02, 15.0])  # these, elevator and throttle
-    observed = np.array(deployed.observe(X, trim[4:], trim)).ravel()
-    np.testing.assert_allclose(observed, [0.02, 0.02], atol=1e-15)
-    inputs = np.array(deployed.command(X, trim[4:], trim)).ravel()
-    np.testing.assert_allclose(inputs, [0.02 + 0.1 * np.sin(0.02) - 0.4, 15.0], rtol=FEW_ROUNDINGS)
-
-
 class Caller:
     """Object whose pickle calls a function when it is loaded."""
 
@@ -185,19 +164,6 @@ def test_a_zip_that_stable_baselines3_does_not_write_is_refused_and_not_run(
     assert not (folder / "made").exists()
 
 
-def test_spaces_that_are_no_flat_box_are_refused(folder):
-    """A box of two axes and limits in the wrong order are refused."""
-    spaces = pytest.importorskip("gymnasium").spaces
-    turned = spaces.Box(-1.0, 1.0, (2,))
-    turned.low = np.array([2.0, -1.0])
-    for space, said in (
-        (spaces.Box(-1.0, 1.0, (2, 2)), "has 2 axes"),
-        (turned, "has a lower limit above the upper limit"),
-    ):
-        rewrite_zip(folder, {"action_space": pickled(space)})
-        assert said in message_of(folder, DEPLOYMENT)
-
-
 @pytest.fixture
 def damaged(folder, monkeypatch):
     """Write damaged files beside the deployment file, and work in their folder."""
@@ -231,32 +197,6 @@ def test_damaged_files_are_refused(folder, damaged, file, said):
     replaced = "ppo_gtm.pkl" if file.endswith(".pkl") else "ppo_gtm.zip"
     assert said in message_of(folder, DEPLOYMENT.replace(replaced, file))
     assert not (folder / "made").exists()
-
-
-@pytest.mark.parametrize(
-    ("lost", "said"), [("clip_obs", "VecNormalize"), ("obs_rms", "no obs_rms"), ("var", "var")]
-)
-def test_a_normalizer_that_lacks_an_attribute_is_refused(folder, lost, said):
-    """The attribute `lost` of the VecNormalize is renamed in its pickle: the last letter becomes a z. In a
-    pickle, a name follows the opcode 8C and its length.
-    """
-    content = (folder / "ppo_gtm.pkl").read_bytes()
-    stored = b"\x8c" + bytes([len(lost)]) + lost.encode()
-    (folder / "ppo_gtm.pkl").write_bytes(content.replace(stored, stored[:-1] + b"z", 1))
-    assert said in message_of(folder, DEPLOYMENT)
-
-
-@pytest.mark.parametrize(
-    ("size", "said"), [(100, "this is not a readable zip"), (2**28 + 1, "unpacks to")]
-)
-def test_zips_that_state_a_wrong_size_are_refused(folder, size, said):
-    """The directory of the zip states another size of its first file than the zip has."""
-    rewrite_zip(folder, {"more": " " * 10**6})
-    zipped = bytearray((folder / "ppo_gtm.zip").read_bytes())
-    entry = zipped.index(b"PK\x01\x02")
-    zipped[entry + 24 : entry + 28] = size.to_bytes(4, "little")
-    (folder / "ppo_gtm.zip").write_bytes(zipped)
-    assert said in message_of(folder, DEPLOYMENT)
 
 
 NORMALIZED = {"mean": [0.0] * 4, "variance": [1.0] * 4}

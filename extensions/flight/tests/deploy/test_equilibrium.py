@@ -105,13 +105,3 @@ def test_a_saturated_equilibrium_fails_and_its_actions_are_named():
         assert not told.ok
         assert not point.holds
         assert "no flight was simulated" in told.first_line
-
-
-def test_clipped_observations_are_named():
-    """An observation that the normalizer clips at the equilibrium is named, on either side. It is
-    3 standard deviations off the mean.
-    """
-    for mean, clip, named in ((0.3, 2.9, ("alpha",)), (-0.3, 2.9, ("alpha",)), (0.3, 3.1, ())):
-        numbers = {"mean": [mean, 0.0], "variance": [0.01, 1.0], "clip": clip}
-        found = equilibrium(lambda o: 0.0 * o, policy={"normalizer": numbers})
-        assert found.clipped_observations == named

@@ -6,8 +6,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from cli import assert_refused, hfa as run
-from policy_cases import AIRCRAFT, FOLDER, GTM, stored_deployment, trims
+from policy_cases import AIRCRAFT, FOLDER, stored_deployment, trims
 
 from hfa.main import main
 from hfa_flight import Deployed
@@ -85,19 +84,3 @@ def test_exported_c_equals_the_deployment_file(name, tmp_path):
     header = (tmp_path / "c" / "deployed_policy.h").read_text()
     timing = deployed.deployment
     assert f"POLICY_DT {timing.dt!r}\n#define POLICY_DELAY {timing.delay!r}\n" in header
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (["-o", "policy.fmu"], "an FMU has neither the sample time nor the delay"),
-        (["--delta", "9", "-o", "c"], "--delta cannot be combined with a deployment"),
-    ],
-)
-def test_the_export_of_a_deployment_to_an_fmu_is_refused(words, named, folder):
-    """A deployment is not exported as an FMU, which has neither sample time nor delay, nor with --delta,
-    the weight of a game. Each is refused in one line, and nothing is written.
-    """
-    where = ("--policy", f"{FOLDER}/ppo_gtm.toml", "--aircraft", GTM, "--at", "45")
-    assert_refused(run("export", *where, *words), 2, named)
-    assert not [*folder.iterdir()]

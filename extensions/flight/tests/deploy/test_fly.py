@@ -83,9 +83,3 @@ def test_the_delay_of_a_filtered_deployment_is_added_once(gtm_point):
     assert (late.policy["filter"]["dt"], late.scenario["delay"]) == (0.02, 0.03)
     _, again = late.loop.policy.in_scenario(late.loop.scenario)
     assert again.delay == 0.03
-
-
-def test_a_filter_of_another_sample_time_than_the_deployment_is_refused(gtm_point):
-    """The samples of a filter are 10 ms apart by default, and those of the deployment 20 ms."""
-    with pytest.raises(BadInputError, match=r"give the filter dt=0\.02"):
-        hfa.filter(gtm_point.linearize(), SENSORS).policy(gtm_deployment())

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa
-from scipy.linalg import solve_continuous_are
 from scipy.signal import cont2discrete
 from tolerances import FEW_ROUNDINGS
 
@@ -84,25 +83,6 @@ def test_a_linear_plant_is_assessed(assessed, tmp_path):
     assert assessed(-K, A=A, B=B)[0] == 1
 
 
-def test_a_gain_is_assessed_without_a_deployment_file(folder):
-    """K.npz with --sample-time .05 has the spectral radius of a deployment file of K.npz with dt = .05 and
-    all states and inputs. So does the same gain in a file in deg and lbf ft, units.npz.
-    """
-    units = {"state_units": ["rad", "rad/s"], "input_units": ["N m"]}
-    np.savez("plant.npz", **_PLANT, **units)
-    np.savez("K.npz", **FILES["K"])
-    units = {"state_units": ["deg", "rad/s"], "input_units": ["lbf ft"]}
-    lbf_ft = 4.4482216152605 * 0.3048  # in N m
-    np.savez("units.npz", K=[[np.radians(4.24) / lbf_ft, 2.8 / lbf_ft]], **units)
-    Path("deployment.toml").write_text(DEPLOYMENT)
-    words = ("--aircraft", "plant.npz", "--samples", "0")
-    radii = []
-    for named in (("K.npz", *SAMPLED), ("deployment.toml",), ("units.npz", *SAMPLED)):
-        told = answer("assess", *named, *words)
-        radii.append(told["points"][0]["spectral_radius"])
-    assert radii[0] == radii[1] == pytest.approx(radii[2], rel=1e-12)
-
-
 def test_a_table_of_gains_has_the_loop_and_cost_of_its_gain_at_the_trim(folder):
     """At 10 deg, halfway between gains of 5 and 15 deg, the loop is that of their mean; at 20 deg there is
     no gain. The cost is that of Q and R in the files. `verify` leads to `assess`.
@@ -144,17 +124,3 @@ def test_a_file_that_is_no_sampled_policy_is_refused(files, words, said):
     """
     Path("policy.onnx").touch()
     assert_refused(hfa("assess", *words.split(), "--aircraft", "plant.npz"), 2, said)
-
-
-def test_weights_of_the_plant_file_are_those_of_the_cost(assessed):
-    """A policy that is the exact gain of Q and R in the plant file costs 1.00 times the exact cost.
-
-    Without the off-diagonal weights, or with twice the R, it would cost at least 1.3 times.
-    """
-    plant = {"A": [[-1.0, 1.0], [2.0, -0.3]], "B": [[0.0], [1.0]], "Q": [[1.0, -0.9], [-0.9, 1.0]]}
-    P = solve_continuous_are(plant["A"], plant["B"], plant["Q"], [[0.05]])
-    K = 20.0 * np.transpose(plant["B"]) @ P  # 1 / R is 20
-    code, output, _ = assessed(K, "--json", **plant, R=[[0.05]])
-    costs = json.loads(output)["points"][0]["costs"]
-    assert code == 0
-    assert costs["median"] == pytest.approx(1.0, abs=0.01)

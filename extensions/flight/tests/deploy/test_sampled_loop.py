@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from policy_cases import GTM, Q, R, gtm_deployment, model_of
 from scipy.signal import cont2discrete
-from small_plants import oscillator
 
 import hfa
 from hfa import assess
@@ -60,25 +59,3 @@ def test_margins_equal_python_control(gtm_lqr):
     disk = control.disk_margins(both, np.geomspace(0.1, math.pi / DT, 300))[0]
     assert found.disk.disk <= disk * (1.0 + 1e-9)
     assert found.disk.disk == pytest.approx(disk, rel=1e-3)
-
-
-@pytest.fixture
-def nothing(folder):
-    """Return a policy at 2 Hz that moves nothing."""
-    np.savez("K.npz", K=np.zeros((1, 2)))
-    return hfa.Deployment({"file": "K.npz"}, {"x": {}, "v": {}}, {"force": {}}, {"dt": 0.5})
-
-
-def test_limits_passed_between_two_samples_count(nothing):
-    """The sample time of .5 s is half the period of the oscillator of 1 Hz, which passes x = -1 m only
-    between samples. This departure is found.
-
-    Speeds up to 9 m/s give amplitudes up to 9 / (2 pi) = 1.44 m, and 6 m/s only .96 m: no departure.
-    """
-    passed, kept = (
-        assess(oscillator(high), nothing, samples=4, box={"x": 0.1, "v": fastest}).points[0]
-        for high, fastest in ((9.0, 9.0), (1.0, 6.0))
-    )
-    left = passed.flights.departure
-    assert (left.state, left.limit, kept.flights.departure) == ("x", -1.0, None)
-    assert -1.44 <= left.value < -1.0
