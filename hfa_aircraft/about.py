@@ -45,6 +45,9 @@ class About(_Declared):
         "R" as signal -> weight on the diagonal, "delta", and "E", the states that are disturbed;
         all in the declared units
     weights_source: where `weights` are from, in reports
+    sensors: table of sensors, the state or output that each measures -> "noise", "bias" and "every"
+        -> text with a unit, as in a file of `--sensors`
+    sensors_source: where `sensors` are from, in reports
     fault: function that returns why the last evaluation of a compiled program failed, or "". None
         for equations
     """
@@ -62,6 +65,8 @@ class About(_Declared):
     configuration: Callable[[Any, Any, Any], Mapping[str, tuple[float | str, str]]] | None = None
     weights: Mapping[str, Any] = field(default_factory=dict)
     weights_source: str = "file"
+    sensors: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    sensors_source: str = ""
     fault: Callable[[], str] | None = None
 
     def name_of(self, typed: str) -> str:

@@ -103,6 +103,17 @@ def flight_limits(x: State, p: Parameters) -> dict[str, tuple[float, float]]:
     }
 
 
+#: Sensors: a pitot tube, a vane, an inertial unit in the center, angle sensors at the hinges.
+#: Standard deviation of a sample, and size of a bias of a random sign in each flight.
+SENSORS = {
+    "airspeed": {"noise": "0.3 ft/s", "bias": "2 ft/s"},
+    "angle_of_attack": {"noise": "0.17 deg", "bias": "1 deg"},
+    "pitch": {"noise": "0.11 deg", "bias": "0.5 deg"},
+    "pitch_rate": {"noise": "0.17 deg/s", "bias": "0.5 deg/s"},
+    "dihedral": {"noise": "0.11 deg", "bias": "0.5 deg"},
+    "dihedral_rate": {"noise": "0.17 deg/s", "bias": "0.5 deg/s"},
+}
+
 #: Unit of an output -> its typical size.
 _TYPICAL = {
     "ft/s^2": 10.0,
@@ -132,6 +143,8 @@ def hfa_about(dynamics: str) -> About:
             "E": LINEAR_STATES,  # the disturbance acts on the rates of all of them
         },
         weights_source="default",
+        sensors=SENSORS,
+        sensors_source="assumed: the paper has no sensors",
         configuration=configuration,
     )
 

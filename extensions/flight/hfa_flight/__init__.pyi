@@ -14,6 +14,7 @@ from .air.turbulence import (
     scales_and_intensities as scales_and_intensities,
     turbulence_of as turbulence_of,
 )
+from .options import declared_sensors as declared_sensors
 from .policies.deployment.deployed import Deployed as Deployed
 from .policies.policy import (
     GainPolicy as GainPolicy,

@@ -289,14 +289,19 @@ def at_held_altitude(typed: Turbulence | None, hold: Mapping[str, Any]) -> Turbu
     return replace(typed, altitude=hold.get("altitude"))
 
 
+#: Word of --sensors for the table of the aircraft.
+AIRCRAFT = "aircraft"
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SensorOptions:
     """The sensors of a flight and of its filter."""
 
-    sensors: Path | None = option(
-        "table of sensors: [NAME] with noise, bias and every, as typed here",
-        "FILE.toml",
-        input_file(".toml"),
+    sensors: Path | str | None = option(
+        f"table of sensors: [NAME] with noise, bias and every, as typed here; {AIRCRAFT}: that of "
+        "the aircraft",
+        f"FILE.toml|{AIRCRAFT}",
+        lambda text: text if text == AIRCRAFT else input_file(".toml")(text),
         rare=True,
     )
     noise: Mapping[str, str] = option(
@@ -320,11 +325,37 @@ def sensors_of_options(request: SensorOptions, model: Model) -> dict[str, Sensor
 
     Raises BadInputError for a bias without noise.
     """
-    declared = {str: {"noise*": None, "bias": None, "every": None}}
-    file, tables = request.sensors, dict[str, Any]()
-    if file is not None:
-        tables = checked(str(file), read_toml(file), declared)
-    given: dict[str, Mapping[str, str]] = {"noise": request.noise, "bias": request.bias}
+    of_aircraft, tables = model.about.sensors, dict[str, Any]()
+    if isinstance(request.sensors, Path):
+        tables = read_toml(request.sensors)
+    elif request.sensors is not None:
+        if not of_aircraft:
+            raise BadInputError(
+                f"--sensors {AIRCRAFT}: {model.title} declares none; give --sensors FILE.toml"
+            )
+        warn(f"sensors of {model.title}, {model.about.sensors_source}")
+        tables = of_aircraft
+    return _sensors(model, str(request.sensors), tables, noise=request.noise, bias=request.bias)
+
+
+def declared_sensors(model: Model) -> dict[str, Sensor]:
+    """Return the sensors that an aircraft declares (`About.sensors`), in the model's units.
+
+    >>> import hfa
+    >>> import hfa_flight
+    >>> hfa_flight.declared_sensors(hfa.aircraft())["airspeed"]
+    Sensor(noise=0.3, bias=2.0, every=0.0)
+    """
+    return _sensors(model, "About.sensors", model.about.sensors)
+
+
+def _sensors(model: Model, where: str, table: Any, **given: Mapping[str, str]) -> dict[str, Sensor]:
+    """Return the sensors of a table, with other values of single entries.
+
+    where: the table, for messages
+    given: entry -> sensor -> text in place of that of the table
+    """
+    tables = checked(where, table, {str: {"noise*": None, "bias": None, "every": None}})
     sizes = {}
     for entry in ("noise", "bias", "every"):
         of_file = {name: str(table[entry]) for name, table in tables.items() if entry in table}
