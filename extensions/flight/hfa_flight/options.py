@@ -325,7 +325,8 @@ def sensors_of_options(request: SensorOptions, model: Model) -> dict[str, Sensor
 
     Raises BadInputError for a bias without noise.
     """
-    of_aircraft, tables = model.about.sensors, dict[str, Any]()
+    of_aircraft = model.about.sensors
+    tables: Mapping[str, Any] = {}
     if isinstance(request.sensors, Path):
         tables = read_toml(request.sensors)
     elif request.sensors is not None:
