@@ -1,7 +1,6 @@
 """An answer does not depend on units, which differ by factors of 2^-27 to 2^27, 1e-8 to 1e8."""
 
 import math
-import re
 
 import numpy as np
 import pytest
@@ -65,7 +64,7 @@ CASES = [
 
 @pytest.mark.parametrize(("kind", "seed"), CASES)
 def test_solutions_scale_with_the_units(kind, seed):
-    """P, K, L, delta_min, the L2 gain and the eigenvalues scale, margins and words are the same.
+    """P, K, L, delta_min, the L2 gain and the eigenvalues scale, and margins are the same.
 
     z, u, d, t and cost are the new units in one old unit, of states, inputs, disturbance, time and
     cost. Errors are relative to the sizes of P, K and L where the optimal cost is 1.
@@ -90,11 +89,6 @@ def test_solutions_scale_with_the_units(kind, seed):
     assert found.l2_gain / size == pytest.approx(expected.l2_gain, rel=1e-6, abs=1e-9)
     poles = np.sort_complex(found.poles() * t), np.sort_complex(expected.poles())
     np.testing.assert_allclose(*poles, rtol=1e-5, atol=1e-6)
-    radius = re.compile(r"radius \S+")  # of the enclosure, not of the game
-    sentences = [
-        [radius.sub("", text) for text in each.certificate.proved[1:]] for each in (found, expected)
-    ]
-    assert sentences[0] == sentences[1]
     for margins, exact in zip(found.loops, expected.loops, strict=True):
         same = margins._replace(crossover=margins.crossover * t, delay=margins.delay / t)
         assert same == pytest.approx(exact, rel=1e-5, abs=1e-7, nan_ok=True)

@@ -44,8 +44,7 @@ def browser():
             found.quit()
 
 
-def set_page_width(driver, width, medium="screen"):
-    """Set the width of the page in pixels and the medium, "screen" or "print"."""
+def set_page_width(driver, width):
+    """Set the width of the page in pixels."""
     metrics = {"width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": False}
     driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-    driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": medium})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
@@ -93,27 +92,3 @@ def run(folder, *words, number=None, after=0.0, working=0):
     finally:
         process.kill()
     return Ended(process.returncode, out, err, time.monotonic() - begun, seen)
-
-
-def result_of(folder):
-    """Return path -> content of each file of a run, with the reproducible part of JSON data.
-
-    Temporary files, and unfinished ones that may remain after SIGKILL, are left out.
-    """
-    found = {}
-    for path in sorted(folder.rglob("*")):
-        unfinished = path.suffix == ".partial" or ".hfa-" in str(path)
-        if path.is_file() and not unfinished and "temporary" not in path.parts:
-            content = path.read_bytes()
-            found[str(path.relative_to(folder))] = (
-                _reproducible(json.loads(content)) if path.suffix == ".json" else content
-            )
-    return found
-
-
-def _reproducible(value):
-    """Return JSON data without the provenance (date and command) and the hashes that contain it."""
-    if isinstance(value, dict):
-        excluded = ("provenance", "digest", "checksum")
-        return {key: _reproducible(entry) for key, entry in value.items() if key not in excluded}
-    return [_reproducible(entry) for entry in value] if isinstance(value, list) else value

@@ -63,26 +63,20 @@ LINES = (
     "report --dihedral 5",
 )
 SUFFIXES = (".json", ".npz", ".mat")
-_NETWORK = ("verify", "--model", "plant.json", "--weights", "{}", "--network", "V=")
 #: Kind of input -> command. "{}" is replaced by the corrupted file of this name.
 WAYS = {
     "command line": (),
     "parameters.toml": ("trim", *_AT, "--parameters", "{}"),
     "condition.toml": ("sweep", "--dihedral", "10,15", "--condition", "{}"),
-    "point.json": ("trim", *_AT, "--start", "{}"),
     **{f"plant{each}": ("solve", "--model", "{}") for each in SUFFIXES},
     "A.csv": ("solve", "--model", "{}", "--Q", "1,1", "--R", "1", "--delta", "inf"),
-    **{
-        f"{what}{each}": ("verify", "--model", "plant.json", "--weights", "{}")
-        for what in ("critic", "history")
-        for each in SUFFIXES
-    },
+    "critic.npz": ("verify", "--model", "plant.json", "--weights", "{}"),
     "table.json": (*_PROVED, "--weights", "{}"),
-    "table.npz": (*_PROVED, "--weights", "{}"),
-    **dict.fromkeys(("certificate.json", "sealed certificate.json"), ("prove", "--check", "{}")),
-    "network.onnx": _NETWORK,
-    "network.pt": (*_NETWORK, "--set", "activation=tanh"),
-    "network.safetensors": (*_NETWORK, "--set", "activation=tanh"),
+    "sealed certificate.json": ("prove", "--check", "{}"),
+    "network.pt": (
+        *("verify", "--model", "plant.json", "--weights", "{}", "--network", "V="),
+        *("--set", "activation=tanh"),
+    ),
     "glider.xml": ("trim", "--aircraft", "{}", "--hold", "speed=120"),
 }
 
@@ -132,7 +126,7 @@ def hostile_case(draw, way):
 def seeds():
     """Return the content of valid input files by name. Most of them are written by commands."""
     from known_models import exact_gain
-    from network_files import QUADRATIC, onnx_file, safetensors_file, torch_file
+    from network_files import torch_file
     from small_aircraft import glider
 
     from hfa.paper import default_parameters
@@ -142,34 +136,22 @@ def seeds():
         save_parameters(default_parameters(), Path("parameters.toml"), "a copy")
         Path("condition.toml").write_text(CONDITION, "utf-8")
         angles = [14.9, 15.1]
-        K = np.array([exact_gain(angle) for angle in angles])
-        np.savez("table.npz", dihedral_deg=angles, K=K)
-        text = {"dihedral_deg": angles, "K": K.tolist()}
-        Path("table.json").write_text(json.dumps(text), "utf-8")
+        K = [exact_gain(angle).tolist() for angle in angles]
+        Path("table.json").write_text(json.dumps({"dihedral_deg": angles, "K": K}), "utf-8")
         for suffix in SUFFIXES:
             small(Path(f"plant{suffix}"))
         Path("A.csv").write_text("a,b\n-0.2,1.0\n-2.0,-0.3\n", "utf-8")
         Path("B.csv").write_text("u\n0.0\n1.0\n", "utf-8")
-        commands = [
-            ("trim", *_AT, "-o", "point.json"),
-            (*_PROVED, "--weights", "table.json", "-o", "certificate.json"),
-        ]
-        quadratic = {"P": [[2.0, 0.5], [0.5, 3.0]], "ones": np.ones((2, 1))}
-        onnx_file("network.onnx", QUADRATIC, quadratic, states=2)
         layers = {"0.weight": [[0.5, 0.2]] * 3, "0.bias": [0.0] * 3, "2.weight": [[1.0] * 3]}
-        tensors = {name: np.array(values) for name, values in layers.items()}
-        torch_file("network.pt", tensors)
-        safetensors_file("network.safetensors", tensors)
+        torch_file("network.pt", {name: np.array(values) for name, values in layers.items()})
         Path("glider.xml").write_text(glider(), "utf-8")
-        for suffix in SUFFIXES:
-            commands.append(("solve", "--model", "plant.json", "-o", f"critic{suffix}"))
-            commands.append(("learn", "--model", "plant.json", "-o", f"history{suffix}"))
-        for words in commands:
+        for words in (
+            (*_PROVED, "--weights", "table.json", "-o", "sealed certificate.json"),
+            ("solve", "--model", "plant.json", "-o", "critic.npz"),
+        ):
             result = hfa(*words)
             assert result.code == 0, (words, result.err)
-        files = [path for path in sorted(Path().rglob("*")) if path.is_file()]
-        contents = {path.as_posix(): path.read_bytes() for path in files}
-        return contents | {"sealed certificate.json": contents["certificate.json"]}
+        return {path.name: path.read_bytes() for path in Path().iterdir()}
 
 
 def attempt(words, given):

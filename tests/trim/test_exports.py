@@ -47,8 +47,8 @@ def test_a_missing_package_is_named(name, point, monkeypatch):
     [("", "dihedral", 10.0), ("uav.toml", "speed", 30.0), ("navion.py:NAVION", "speed", 176.0)],
 )
 def test_rows_of_a_sheet_are_those_of_its_data_and_csv_files(file, variable, value, folder):
-    """Each row of a sheet is in its data, with value, unit and level, and in two CSV files, with angles in
-    degrees: that of the trim (`records`) and that of a list of conditions (`cells`).
+    """Each row of a sheet is in its data, with value, unit and level, and in the CSV file of a list of
+    conditions, with angles in degrees.
 
     Each entry that is compared is removed, so that at the end nothing may be left.
     """
@@ -56,22 +56,17 @@ def test_rows_of_a_sheet_are_those_of_its_data_and_csv_files(file, variable, val
     model = hfa.load_model(name) if file else hfa.aircraft()
     held = math.radians(value) if variable == "dihedral" else value
     point = hfa.trim(model, hold={variable: held})
-    report = point.report()
     Path("conditions.csv").write_text(f"{variable}\n{value}\n", "utf-8")
     words = ("trim", *(("--aircraft", name) if file else ()), "--conditions", "conditions.csv")
     assert command(*words, "-o", "matrix.csv").code == 0
     (cells,) = csv.DictReader(Path("matrix.csv").read_text("utf-8").splitlines())
-    records = dict(zip(report.records.header, report.records.rows[0], strict=True))
-    data = dict(report.data["sheet"])
+    data = dict(point.report().data["sheet"])
     # First the columns that are no rows: result, imposed value, and qualities of the worst level.
-    assert records.pop("results") == cells.pop("results")
+    assert cells.pop("results") == "trimmed"
     imposed = [each for each in cells if each.partition(" [")[0] == f"hold {variable}"]
     assert [float(cells.pop(each)) for each in imposed] == [value]
-    assert [records.pop(each, value) for each in imposed] == [value]
     del cells["about"]
-    named = point.sheet["worst level"].note
-    assert cells.pop("qualities of the worst level") == named
-    assert records.pop("qualities of the worst level") == named
+    assert cells.pop("qualities of the worst level") == point.sheet["worst level"].note
     # Then each row; an eigenvalue has a column for its real and its imaginary part.
     for row in point.sheet:
         entry, parts = data.pop(row.name), {"": row.value}
@@ -82,16 +77,15 @@ def test_rows_of_a_sheet_are_those_of_its_data_and_csv_files(file, variable, val
         found = stored, entry["unit"], entry.get("level")
         assert found == (row.value, row.unit, row.stated_level)
         unit = row.cells()[2]  # as printed
-        for columns in (records, cells):
-            assert str(columns.pop(f"{row.name} level", None)) == str(row.stated_level)
-            for part, number in parts.items():
-                cell = columns.pop(f"{row.name}{part} [{unit}]" if unit else row.name + part)
-                if isinstance(number, str):
-                    assert cell == number
-                else:
-                    shown = math.degrees(number) if "deg" in unit != row.unit else number
-                    assert float(cell) == pytest.approx(shown, rel=1e-12, abs=1e-13)
-    assert (data, records, cells) == ({}, {}, {})
+        assert str(cells.pop(f"{row.name} level", None)) == str(row.stated_level)
+        for part, number in parts.items():
+            cell = cells.pop(f"{row.name}{part} [{unit}]" if unit else row.name + part)
+            if isinstance(number, str):
+                assert cell == number
+            else:
+                shown = math.degrees(number) if "deg" in unit != row.unit else number
+                assert float(cell) == pytest.approx(shown, rel=1e-12, abs=1e-13)
+    assert (data, cells) == ({}, {})
 
 
 def test_a_sweep_in_netcdf_is_read_back(point, tmp_path):

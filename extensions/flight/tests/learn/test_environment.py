@@ -40,20 +40,6 @@ def test_the_checker_of_gymnasium_passes():
     check_env(environment(aircraft(name), stored_deployment(name), trims(name)[:1]))
 
 
-def test_the_default_sample_resolves_the_poles_of_aircraft_and_lqr():
-    """The sample is the longest of 20, 10, 5, 2 and 1 ms that moves the fastest pole by at most 1: the
-    next one is at most 2.5 times as long.
-    """
-    model = aircraft("ppo_gtm")
-    env = environment(model)
-    linear = hfa.linearize(model, env.point)
-    Q, R = (model.nominal(names) ** -2.0 for names in (model.linear, tuple(model.inputs)))
-    K = hfa.solve(hfa.game(linear, Q=Q, R=R)).K
-    poles = [np.linalg.eigvals(matrix) for matrix in (linear.A, linear.A - linear.B @ K)]
-    fastest = np.abs(poles).max()
-    assert env.dt * fastest <= 1.0 < 2.5 * env.dt * fastest
-
-
 @pytest.fixture(scope="module")
 def flexible():
     """Return the registered environment of the flexible aircraft, at its default of 15 deg."""
@@ -181,14 +167,6 @@ def test_a_limit_passed_between_two_samples_is_named():
     *_, terminated, _, info = env.step(np.array([0.0]))
     assert terminated
     assert info["left"].startswith("x below -1 m")
-
-
-def test_the_policy_to_be_trained_need_not_exist():
-    """An environment runs although the files of its policy, which the training writes, are missing."""
-    policy = {"file": "none.zip", "normalizer": "none.pkl"}
-    env = environment(aircraft("ppo_gtm"), gtm_deployment(policy, action=ACTION))
-    env.reset(seed=1)
-    assert env.step(np.array([0.0]))[1] < 0.0
 
 
 def test_options_of_a_reset_are_obeyed_or_refused():

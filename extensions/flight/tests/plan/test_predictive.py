@@ -88,25 +88,6 @@ def test_one_quadratic_program_finds_the_optimal_input_off_the_plan():
     assert (policy.samples.planned, policy.samples.refused) == (2, 0)
 
 
-def test_the_sample_time_resolves_the_fastest_pole():
-    """A filter at 50 1/s beside the cart has 0.3 to 0.7 of its time constant in a sample. The cart
-    alone has longer samples.
-    """
-    filtered = hfa.Model(
-        "cart with a filter",
-        {**CART.states, "filtered": hfa.Signal("m/s")},
-        CART.inputs,
-        lambda x, u, p, w: (
-            {"position": x.speed, "speed": u.force, "filtered": 50.0 * (x.speed - x.filtered)},
-            {},
-        ),
-        trim={"position": 0.0},
-    )
-    policy = predictive(filtered, hfa.trim(filtered), np.diag([1.0, 1.0, 1e-4]), np.eye(1))
-    slow = cart_policy()
-    assert 0.3 < 50.0 * policy.dt <= 0.7 < 50.0 * slow.dt
-
-
 @pytest.mark.parametrize(
     ("start", "horizon", "Q", "R"),
     [([30.0, 3.0], 12.0, *WEIGHTS), ([1.0, -1.5], 1.0, np.diag([1.0, 0.01]), 0.01 * np.eye(1))],
@@ -282,13 +263,6 @@ def test_limits_are_moved_and_narrowed_by_the_next_sample_that_a_filter_predicts
         x = np.array([x[0] + dt * x[1] + 0.5 * dt**2 * u, x[1] + dt * u])
         speeds.append(x[1])
     assert max(speeds) == pytest.approx(fastest, abs=1e-4)
-
-
-def test_a_long_horizon_is_cut():
-    """A horizon of a minute is cut to 10 time constants of the pendulum's growing pole."""
-    policy = predictive(PENDULUM, UPRIGHT, *WEIGHTS, horizon=60.0)
-    growing = np.linalg.eigvals(np.array(hfa.linearize(PENDULUM, UPRIGHT).A)).real.max()
-    assert 0.0 <= 10.0 / growing - policy.holds.sum() < policy.dt
 
 
 @pytest.mark.parametrize(

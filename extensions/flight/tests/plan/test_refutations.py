@@ -9,9 +9,6 @@ from known_models import game_at, model_at
 from project import ROOT
 
 import hfa
-from hfa_flight.plan.collocation import Transcription
-from hfa_flight.plan.flights import Flights
-from hfa_flight.plan.problem import MARGIN
 from hfa_flight.plan.search import BestFlights, refutation
 
 
@@ -32,17 +29,6 @@ def test_the_simulation_confirms_or_refutes_a_candidate(best):
     assert refutation(flown, candidate._replace(cost=1.05 * candidate.cost)) == ""
     wrong = candidate._replace(v=candidate.v + 0.2)
     assert refutation(flights.follow(wrong, 1.25 * best.seconds), wrong)
-
-
-def test_a_candidate_is_unfinished_if_the_linear_policy_leaves_the_limits_after_it(best):
-    """The candidate ends 0.2 m before the limit of the position, at 6 m/s, where the linear policy takes
-    over. Its cost of 1e9 is more than any flight's, so that the cost is not the reason.
-    """
-    candidate, search = best.found.candidate, BestFlights(best.problem)
-    assert search._unfinished(candidate) == ""
-    z = candidate.z.copy()
-    z[-1, -1] = [19.8, 6.0]
-    assert "leaves the limits" in search._unfinished(candidate._replace(z=z, cost=1e9))
 
 
 class Failing:
@@ -115,30 +101,6 @@ def test_initial_conditions_without_a_flight_within_the_limits_are_refused(monke
     monkeypatch.setattr(ca, "nlpsol", Failing)
     with pytest.raises(hfa.NoSolutionError, match="finds no flight within the limits"):
         best_of_cart({"position": 15.0, "velocity": 6.0})
-
-
-def test_a_candidate_whose_flight_leaves_is_solved_again_with_a_wider_margin(monkeypatch):
-    """A candidate keeps a margin to the limits. If its flight leaves them (planted: `beyond`), it is
-    solved again with 3 times the margin, and the flight of this one is the best one.
-    """
-    margins = []  # of the candidates, relative to the usual margin
-    solve, follow = Transcription.solve, Flights.follow
-
-    def noted(self, start, lengths, z, v, margin=MARGIN):
-        """Solve for a candidate, and note its margin."""
-        margins.append(margin / MARGIN)
-        return solve(self, start, lengths, z, v, margin)
-
-    def beyond(self, candidate, seconds):
-        """Fly after a candidate; with the usual margin, from far outside the limits."""
-        flown = follow(self, candidate, seconds)
-        return flown if margins[-1] > 1.0 else self.fly(self._tracking, 99.0 * candidate.start, 1.0)
-
-    monkeypatch.setattr(Transcription, "solve", noted)
-    monkeypatch.setattr(Flights, "follow", beyond)
-    best = best_of_cart({"position": 5.0})
-    assert best.reason is None
-    assert sorted(set(margins)) == pytest.approx([1.0, 3.0])
 
 
 @pytest.mark.slow
