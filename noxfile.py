@@ -17,7 +17,7 @@ import numpy as np
 nox.options.error_on_missing_interpreters = False
 PROJECT = nox.project.load_toml("pyproject.toml")["project"]
 EXTRAS = ("distributed", "page")
-TOOLS = ("pytest", "pytest-xdist", "mpmath", "setuptools>=70.1", "ambiance", "xarray")
+TOOLS = ("pytest", "pytest-xdist", "setuptools>=70.1", "ambiance", "xarray")
 #: Command -> arrays in its JSON output that are compared.
 COMMANDS = {
     "sweep --dihedral 0:20:1": ("A", "B", "operating_inputs"),

@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
-from exact_games import exact_solution
 from game_samples import failed_names
 
 from hfa import Game, from_gain, from_value, solve, verify
 
 I2 = np.eye(2)
-EPS = np.finfo(float).eps
 
 
 def test_without_cost_the_value_is_the_stabilizing_one():
@@ -30,17 +28,9 @@ def test_without_cost_the_value_is_the_stabilizing_one():
 def test_the_change_of_the_data_is_that_of_changed_last_digits():
     """The stated change of P is above that of games with changed last digits, and at most 10 times.
 
-    The largest change of twelve games is taken, which are solved with 60 digits.
+    The largest change of P of twelve games with other last digits of A and B is 5.52e-12, with 60
+    digits (by `exact_games.py` of commit 199915ecb).
     """
     A, modes = np.array([[-0.04, 0.72], [0.72, -0.46]]), np.array([[0.8, 0.6], [-0.6, 0.8]])
-    B = modes.T @ [[1e-4], [1.0]]
-    game, rng = Game(A, B, Q=I2, R=[1.0]), np.random.default_rng(0)
-    P, _ = exact_solution(game)
-    changes = []
-    for _ in range(12):
-        A_signs, B_signs = (rng.choice([-1.0, 1.0], size=matrix.shape) for matrix in (A, B))
-        changed = Game(A * (1.0 + EPS * A_signs), B * (1.0 + EPS * B_signs), Q=I2, R=[1.0])
-        change = exact_solution(changed)[0] - P
-        changes.append(np.abs(change / np.sqrt(np.outer(np.diag(P), np.diag(P)))).max())
-    declared = solve(game).certificate.data_change
-    assert 1.0 <= declared / max(changes) < 10.0
+    game = Game(A, modes.T @ [[1e-4], [1.0]], Q=I2, R=[1.0])
+    assert 1.0 <= solve(game).certificate.data_change / 5.52e-12 < 10.0
