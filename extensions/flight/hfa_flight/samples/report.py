@@ -79,7 +79,7 @@ def member_report(plan: MonteCarlo, flown: Flown, uncontrolled: Flown | None) ->
     is_unfiltered = not isinstance(plan.policy, (FilteredPolicy, OpenLoop))
     if plan.scenario.uncertainty.noise and is_unfiltered and outcomes["first_left"] is not None:
         notes.append(_UNFILTERED)
-    return Report(title, parts, notes, outcomes)
+    return Report(title, parts, notes, outcomes, _record_table(plan, flown))
 
 
 def _verdict(plan: MonteCarlo, outcomes: Mapping[str, Any]) -> str:
@@ -290,16 +290,32 @@ def _listed(counts: Mapping[str, int]) -> str:
     return ", ".join(f"{name} {count}" for name, count in counts.items() if count)
 
 
-def _quantiles(plan: MonteCarlo, flown: Flown, inside: np.ndarray) -> dict[str, Any]:
-    """Return quantity -> variable -> quantiles of the flights inside, None without such flights."""
+def _variables(plan: MonteCarlo) -> dict[str, tuple[str, ...]]:
+    """Return quantity of `fly_members` -> variables of its columns."""
     model = plan.model
-    variables: dict[str, tuple[str, ...]] = {
+    return {
         "rms_error": model.linear,
         "peak_error": model.linear,
         "effort": tuple(model.inputs),
         "final": tuple(model.states),
         "peak_deviation": tuple(name for name in plan.limits.names if name not in model.states),
     }
+
+
+def _record_table(plan: MonteCarlo, flown: Flown) -> Table:
+    """Return a row for each flight: the variable that left, time inside, and `_variables`."""
+    header, columns = ["left", "flown [s]"], [flown["flown"]]
+    for quantity, names in _variables(plan).items():
+        header += [f"{quantity} {name} [{plan.limits.model.unit(name)}]" for name in names]
+        columns.append(flown[quantity])
+    left = [(*plan.limits.names, "")[place] for place in flown["left"]]
+    rows = zip(left, np.column_stack(columns).tolist(), strict=True)
+    return Table(tuple(header), [(name, *row) for name, row in rows])
+
+
+def _quantiles(plan: MonteCarlo, flown: Flown, inside: np.ndarray) -> dict[str, Any]:
+    """Return quantity -> variable -> quantiles of the flights inside, None without such flights."""
+    variables = _variables(plan)
     if not inside.any():
         return {name: dict.fromkeys(names) for name, names in variables.items()}
     quantiles = {name: np.quantile(flown[name][inside], _QUANTILES, axis=0).T for name in variables}
