@@ -81,8 +81,10 @@ def ball_matrix(matrix: np.ndarray | list[list[arb]] | arb_mat | Near | Pair) ->
 
     if isinstance(matrix, Near):
         rows, columns = matrix.middle.shape
-        errors = [arb(0, matrix.error)] * matrix.middle.size
-        return ball_matrix(matrix.middle) + arb_mat(rows, columns, errors)
+        errors = arb_mat(rows, 1, [arb(0, matrix.error)] * rows) * ball_matrix(
+            np.ones((1, columns))
+        )
+        return ball_matrix(matrix.middle) + errors
     if isinstance(matrix, Pair):
         return ball_matrix(matrix.high) + ball_matrix(Near(matrix.low, matrix.error))
 

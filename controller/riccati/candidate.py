@@ -310,10 +310,12 @@ def half_plane_in_doubles(equation: Equation) -> np.ndarray:
 def half_plane_of_steps(
     A: np.ndarray, G: np.ndarray, Q: np.ndarray, W: np.ndarray, C: np.ndarray
 ) -> np.ndarray:
-    """Return (L + M)⁻¹ (L - M) of the pencil L - z M of the matrices of `Equation`."""
-    L, M = map(np.block, pencil_blocks(A, G, Q, W, C, np.eye(len(A))))
+    """Return the block of states and costates of (L + M)⁻¹ (L - M), with the pencil L - z M of the
+    matrices of `Equation`.
+    """
+    L, M = map(np.block, pencil_blocks(A, G, Q, W, C, np.eye(n := len(A))))
     # λ = (z - 1) / (z + 1) where L - z M is singular: the unit disk becomes the left half-plane.
-    return np.linalg.solve(L + M, L - M)
+    return np.linalg.solve(L + M, L - M)[: 2 * n, : 2 * n]
 
 
 def first_units(game: Game, delta: float) -> Units:

@@ -163,21 +163,18 @@ class Enclosure:
         if self.bits >= ATTEMPTS[-2]:
             zero_states = zero_states | _rounds_to_zero(self.P).all(1)
             zero_gains = zero_gains | _rounds_to_zero(self.K)
-        P_middle, P_radius = self.numbers("P")
+        P_middle, P_radius = _without(self.numbers("P"), zero_states | zero_states[:, None])
+        K_middle, K_radius = _without(self.numbers("K"), zero_gains)
         with np.errstate(all="ignore"):
             sizes = sizes_of(P_middle)
             has_value = sizes > np.diag(P_radius)
             if not (has_value | zero_states).all():
                 return Digits(math.inf, math.inf)
-            roots = np.sqrt(sizes[has_value])
-            kept = np.ix_(has_value, has_value)
-            of_P = _digits(P_middle[kept], P_radius[kept], np.outer(roots, roots))
-            K_middle, K_radius = (np.where(zero_gains, 0.0, each) for each in self.numbers("K"))
+            roots = np.sqrt(sizes * has_value)
+            of_P = _digits(P_middle, P_radius, np.outer(roots, roots))
             # K_ij is relative to √P_jj times the largest K_ik / √P_kk of the row.
-            scales = np.abs(K_middle)
-            rows = scales[:, has_value] / roots
-            scales[:, has_value] = rows.max(1, keepdims=True, initial=0.0) * roots
-            of_K = _digits(K_middle, K_radius, scales)
+            rows = np.where(has_value, np.abs(K_middle) / roots, 0.0).max(1, keepdims=True)
+            of_K = _digits(K_middle, K_radius, rows * roots)
         return Digits(*map(max, of_P, of_K))
 
 
@@ -203,6 +200,11 @@ class Digits(NamedTuple):
     def are_known(self) -> bool:
         """True if the midpoints, with 0 for what may be 0, are right to the last digit."""
         return self.radius < ALL_DIGITS and self.of_zeros < OF_ZEROS
+
+
+def _without(numbers: Numbers, are_zero: np.ndarray) -> Numbers:
+    """Return numbers with 0 for those that are known to be 0."""
+    return Numbers(*(np.where(are_zero, 0.0, each) for each in numbers))
 
 
 def _digits(middle: np.ndarray, radius: np.ndarray, scales: np.ndarray) -> Digits:

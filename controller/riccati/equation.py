@@ -332,14 +332,16 @@ class Equation:
         (z - 1) / (z + 1) for each z of the loop. Its stable subspace is spanned by [1; X].
 
         It is the Hamiltonian [[A - G W⁻¹C', -S], [-(Q - C W⁻¹C'), -(A - G W⁻¹C')']], in discrete
-        time (L + M)⁻¹ (L - M) of the pencil L - z M.
+        time a block of (L + M)⁻¹ (L - M) with the pencil L - z M: the columns beside it, of the
+        inputs, have the eigenvalues 1 alone.
 
         Raises ZeroDivisionError if W may be singular or, in discrete time, z = -1 may be an
         eigenvalue.
         """
         if self.is_discrete:
             L, M = self.pencil()
-            return (L + M).mid().solve((L - M).mid()).mid()
+            block = slice(2 * self.n)
+            return part((L + M).mid().solve((L - M).mid()).mid(), block, block)
         A, S, Q = self.blocks()
         return stacked([[A, -S], [-Q, -A.transpose()]]).mid()
 

@@ -115,7 +115,7 @@ def _one(matrix: Any) -> Any:
 
 def _size(matrix: Any) -> Any:
     """Return the norm of Frobenius, in doubles or as an exact ball."""
-    return np.linalg.norm(matrix) if isinstance(matrix, np.ndarray) else norm(matrix)
+    return np.vdot(matrix, matrix) ** 0.5 if isinstance(matrix, np.ndarray) else norm(matrix)
 
 
 def _inverse(matrix: Any) -> Any:

@@ -196,7 +196,6 @@ def rational_root(value: float) -> fmpq | None:
     return fmpq(of_numerator, of_denominator) if is_exact else None
 
 
-@lru_cache(maxsize=4)
 def states_without_cost(game: Game) -> np.ndarray:
     """Return which states, (n,), lead to no state with a cost and to no unstable block of A.
 
@@ -204,8 +203,13 @@ def states_without_cost(game: Game) -> np.ndarray:
     block of states that reach one another is stable.
     """
     has_cost: np.ndarray = np.asarray(game.Q.any(0) | game.Q.any(1) | game.N.any(1))
-    if has_cost.all():
-        return np.asarray(~has_cost)
+    return np.asarray(~has_cost) if has_cost.all() else _without_cost(game)
+
+
+@lru_cache(maxsize=4)
+def _without_cost(game: Game) -> np.ndarray:
+    """Return `states_without_cost` where some states have no cost of their own, (n,)."""
+    has_cost = np.asarray(game.Q.any(0) | game.Q.any(1) | game.N.any(1))
     reaches = _connected(game.A.T)  # [j, i]: state j moves state i
     has_cost = np.asarray(reaches[:, has_cost].any(1))
     for block in np.unique(reaches & reaches.T, axis=0):
