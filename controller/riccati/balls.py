@@ -102,14 +102,14 @@ def scaled(matrix: arb_mat | np.ndarray, rows: np.ndarray, columns: np.ndarray) 
     """
     from flint import arb
 
+    if not rows.any() and not columns.any():
+        return matrix
     if isinstance(matrix, np.ndarray):
         exponents = np.add.outer(rows, columns)
         scaled_doubles = np.ldexp(matrix, exponents)
         if np.array_equal(np.ldexp(scaled_doubles, -exponents), matrix):
             return scaled_doubles
         matrix = ball_matrix(matrix)
-    if not rows.any() and not columns.any():
-        return matrix
     of_rows, of_columns = ([arb(2) ** int(power) for power in powers] for powers in (rows, columns))
     scaled = [
         [entry * of_row * of_column for entry, of_column in zip(row, of_columns, strict=True)]
@@ -283,6 +283,8 @@ class Near:
 
 #: Slices of a factor in a product of `Pair`, of 22 bits with up to 256 columns, beside the rest.
 SLICES = 3
+#: Whether the product of slices i and j is rounded.
+IS_BEYOND = np.add.outer(np.arange(SLICES + 1), np.arange(SLICES + 1)) >= SLICES
 
 
 @dataclass(frozen=True, eq=False)
@@ -345,17 +347,16 @@ class Pair:
         # Slice i of an entry is an integer of at most 2^(bits - 1), or 2^bits for i = 0, times a
         # power of two that the row or column has in common, and 2^-(bits i). The sums over products
         # of slices i and j with the same i + j < 3 are below 5/4 n 2^(2 bits) <= 2^53: exact.
-        high = low = np.zeros(products.shape[2:])
-        for level in range(SLICES):
+        high, low = products[0, 0], np.zeros(products.shape[2:])
+        for level in range(1, SLICES):
             exact = sum(products[i, level - i] for i in range(level + 1))
             high, missing = _sum_and_error(high, exact)
             low = low + missing
-        is_beyond = np.add.outer(range(SLICES + 1), range(SLICES + 1)) >= SLICES
-        low = low + products[is_beyond].sum(0)
+        low = low + products[IS_BEYOND].sum(0)
         # Rounded are the last slices, these products of n terms, their sum, that with the missing
         # parts, and the sum of these: of two, each below a roundoff of |A| |B|.
         sizes = np.outer(*(np.linalg.norm(slices, axis=(1, 2)) for slices in (left, right)))
-        whole, beyond = sizes.sum(), sizes[is_beyond].sum()
+        whole, beyond = sizes.sum(), sizes[IS_BEYOND].sum()
         rounding = (n + 16) * ROUNDOFF * beyond + 6 * ROUNDOFF**2 * whole
         error = self.error * Near.of(other).size + Near.of(self).size * other.error
         return Pair(*_sum_and_error(high, low), (error + rounding) * ROUNDED_UP + UNDERFLOW)

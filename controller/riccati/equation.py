@@ -63,7 +63,7 @@ def users_units(game: Game) -> Units:
 
 class Entries(NamedTuple):
     """Matrices of a game in exact units, with the discount: √α A, √α B, √α E, and the weights, of
-    which Q and R are symmetric.
+    which Q and R are symmetric; G, H, W and C of both players as in `Equation`.
     """
 
     A: Any
@@ -72,15 +72,21 @@ class Entries(NamedTuple):
     Q: Any
     R: Any
     N: Any
+    G: Any
+    H: Any
+    W: Any
+    C: Any
 
     @classmethod
-    def of(cls, game: Game, units: Units) -> Entries:
-        """Return the matrices of a game in exact units, and in the states T y: doubles if these are
+    def of(cls, game: Game, units: Units, delta: float) -> Entries:
+        """Return the matrices in exact units, and in the states T y: pairs of doubles if these are
         exact, else balls.
 
         y are the states in units of powers of two: the user's states are z_i = 2^states_i y_i, and
         likewise inputs and disturbances. Rows of rates are therefore scaled by 2^-states, columns
         and costs by 2^states.
+
+        delta: in place of that of the game
 
         Raises ZeroDivisionError if T may be singular with the bits of `precision`.
         """
@@ -104,17 +110,31 @@ class Entries(NamedTuple):
         if game.discount != 1.0:
             root = arb(game.discount).sqrt()
             A, B, E = (ball_matrix(matrix) * root for matrix in (A, B, E))
-        return cls(A, B, E, Q, R, N)
+        matrices = A, B, E, Q, R, N
+        are_doubles = all(isinstance(matrix, np.ndarray) for matrix in matrices)
+        kind: Callable[[Any], Any] = Pair.of if are_doubles else ball_matrix
+        A, B, E, Q, R, N = map(kind, matrices)
+        if not (math.isfinite(delta) and game.E.any()):
+            return cls(A, B, E, Q, R, N, B, stacked([[A, B]]), R, N)
+        # -δ² I in the units of the disturbances: δ² is the exact sum of two doubles.
+        squares = [arb(entry) ** 2 for entry in np.ldexp(delta, disturbances)]
+        high = [float(square) for square in squares]
+        low = [float(square - double) for square, double in zip(squares, high, strict=True)]
+        of_disturbance = kind(Pair(-np.diag(high), -np.diag(low)))
+        none, coupling = kind(np.zeros(game.E.shape)), kind(np.zeros((len(game.R), len(high))))
+        W = stacked([[R, coupling], [coupling.transpose(), of_disturbance]])
+        G, H, C = (stacked([row]) for row in ([B, E], [A, B, E], [N, none]))
+        return cls(A, B, E, Q, R, N, G, H, W, C)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LoopGame(Game):
     """Game whose exact matrices are in balls. Its fields A, B, ... are rounded to doubles.
 
-    balls: the exact matrices, from which `Entries.of` makes the Riccati equation
+    balls: the exact A, B, E, Q, R and N, from which `Entries.of` makes the Riccati equation
     """
 
-    balls: Entries | None = None
+    balls: tuple[arb_mat, ...] | None = None
 
 
 class Sensitivity(NamedTuple):
@@ -133,7 +153,7 @@ class Sensitivity(NamedTuple):
 
 class Equation:
     """Riccati equation of a game in exact units, with the inputs of both players: G = [B E],
-    W = blkdiag(R, -δ² I) and C = [N 0]. Without a disturbance, E has no columns.
+    W = blkdiag(R, -δ² I), C = [N 0] and H = [A G]. Without a disturbance, E has no columns there.
 
       A'X + X A + Q - (X G + C) W⁻¹ (G'X + C') = 0,
       A'X A - X + Q - (A'X G + C) (W + G'X G)⁻¹ (G'X A + C') = 0 in discrete time.
@@ -166,19 +186,15 @@ class Equation:
 
     @cached_property
     def exact(self) -> Entries:
-        """The matrices, of which each kind is made."""
-        return Entries.of(self.game, self.units)
-
-    @cached_property
-    def entries(self) -> Entries:
-        """The matrices of the kind."""
-        return Entries(*map(self.kind, self.exact))
+        """The exact matrices, of which each kind is made."""
+        return Entries.of(self.game, self.units, self.delta)
 
     def __getattr__(self, name: str) -> Any:
-        """Return a matrix of the entries."""
-        if name in Entries._fields:
-            return getattr(self.entries, name)
-        raise AttributeError(name)
+        """Return a matrix of `exact` of the kind of the equation."""
+        if name not in Entries._fields:
+            raise AttributeError(name)
+        vars(self)[name] = self.kind(getattr(self.exact, name))
+        return vars(self)[name]
 
     @cached_property
     def in_doubles(self) -> Equation:
@@ -190,35 +206,18 @@ class Equation:
         """The same equation with `Pair` matrices."""
         return Equation(self.game, self.units, self.delta, Pair.of, self.exact)
 
-    @cached_property
-    def G(self) -> Any:
-        """[B E], (n, m + k)."""
-        return stacked([[self.B, self.E]]) if self.is_disturbed else self.B
-
-    @cached_property
-    def W(self) -> Any:
-        """Weight of the players, (m + k, m + k)."""
-        from flint import arb
-
-        if not self.is_disturbed:
-            return self.R
-        # -δ² I in the units of the disturbances: δ² is the exact sum of two doubles.
-        squares = [arb(delta) ** 2 for delta in np.ldexp(self.delta, self.units.disturbances)]
-        high = [float(square) for square in squares]
-        low = [float(square - double) for square, double in zip(squares, high, strict=True)]
-        of_disturbance = self.kind(Pair(-np.diag(high), -np.diag(low)))
-        coupling = self.kind(np.zeros((len(self.game.R), len(squares))))
-        return stacked([[self.R, coupling], [coupling.transpose(), of_disturbance]])
-
-    @cached_property
-    def C(self) -> Any:
-        """[N 0], (n, m + k)."""
-        none = self.kind(np.zeros(self.game.E.shape))
-        return stacked([[self.N, none]]) if self.is_disturbed else self.N
-
     def weight(self, X: Any) -> Any:
         """Return the weight V of the players, W, in discrete time W + G'X G, (m + k, m + k)."""
         return self.W + self.G.transpose() * (X * self.G) if self.is_discrete else self.W
+
+    @cached_property
+    def inverse_W(self) -> Any:
+        """W⁻¹, (m + k, m + k)."""
+        return self.W.inv()
+
+    def inverse_weight(self, X: Any) -> Any:
+        """Return V⁻¹ of the weight of the players, (m + k, m + k)."""
+        return self.weight(X).inv() if self.is_discrete else self.inverse_W
 
     def weights(self, X: Any) -> tuple[Any, Any]:
         """Return the weights of the inputs and of the disturbances, which must be positive: R and
@@ -259,12 +258,11 @@ class Equation:
         X: (n, n), symmetric
         """
         states, inputs = slice(self.n), slice(self.n, None)
-        H = stacked([[self.A, self.G]])
-        XH = X * H
+        XH = X * self.H
         if not self.is_discrete:
             XA = part(XH, states, states)
             return XA + XA.transpose() + self.Q, part(XH, states, inputs) + self.C, self.W
-        HXH = H.transpose() * XH
+        HXH = self.H.transpose() * XH
         of_states, coupling = part(HXH, states, states) - X, part(HXH, states, inputs)
         return of_states + self.Q, coupling + self.C, part(HXH, inputs, inputs) + self.W
 
@@ -280,7 +278,7 @@ class Equation:
         Raises ZeroDivisionError as `gains_and_residual` does.
         """
         M = self.G.transpose() * (Z * loop if self.is_discrete else Z)
-        of_gains = self.weight(X + Z).inv() * M
+        of_gains = self.inverse_weight(X + Z) * M
         return of_gains, -(M.transpose() * of_gains)
 
     def loop(self, gains: Any) -> Any:
@@ -308,7 +306,7 @@ class Equation:
 
         Raises ZeroDivisionError if the weight of the players may be singular.
         """
-        G, of_Z = norm(self.G), norm(self.weight(X).inv() * self.G.transpose())
+        G, of_Z = norm(self.G), norm(self.inverse_weight(X) * self.G.transpose())
         if not self.is_discrete:
             return Sensitivity(loop=of_Z * G, gains=of_Z, weight=of_Z * 0)
         # |F| counts for the loop only: for the gains, F'Y F <= Y bounds Z F as it bounds Z.
@@ -320,7 +318,7 @@ class Equation:
 
         Raises ZeroDivisionError if W may be singular.
         """
-        inverse, C_transposed = self.W.inv(), self.C.transpose()
+        inverse, C_transposed = self.inverse_W, self.C.transpose()
         G_over_W = self.G * inverse
         S = G_over_W * self.G.transpose()
         return self.A - G_over_W * C_transposed, S, self.Q - self.C * inverse * C_transposed

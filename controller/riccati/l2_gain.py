@@ -24,7 +24,7 @@ from controller.riccati.candidate import (
     proposed,
 )
 from controller.riccati.enclosure import Enclosure, enclosure_of
-from controller.riccati.equation import Entries, Equation, LoopGame, Units
+from controller.riccati.equation import Equation, LoopGame, Units
 from controller.riccati.lyapunov import FailedError, NotProvedError, loop_units
 from controller.riccati.refusal import between_eigenvalues, half_plane_eigenvalues, stabilizing
 from controller.riccati.smallest_delta import TOLERANCE
@@ -80,7 +80,7 @@ class DisturbedLoop(NamedTuple):
             raise FailedError("the disturbance may be 0")
         zero, one = np.zeros((len(F), 1)), np.eye(1)
         none = ball_matrix(zero)
-        balls = Entries(self.F, none, self.E, self.C, identity(1), none)
+        balls = (self.F, none, self.E, self.C, identity(1), none)
         dt = True if self.is_discrete else None
         try:
             return LoopGame(F, zero, E=E, Q=(C + C.T) / 2.0, R=one, dt=dt, balls=balls)
@@ -96,8 +96,8 @@ class DisturbedLoop(NamedTuple):
 
     def scale(self, game: LoopGame) -> float:
         """Return a gain of the size of the entries, in units of the loop."""
-        entries = Equation(game, self.units(game, math.inf), math.inf).in_doubles.entries
-        return float(math.sqrt(entries.Q.size) * entries.E.size / entries.A.size)
+        near = Equation(game, self.units(game, math.inf), math.inf).in_doubles
+        return float(math.sqrt(near.Q.size) * near.E.size / near.A.size)
 
     def gain_at(self, frequencies: Sequence[float] | np.ndarray) -> float:
         """Return the gain of one disturbance at one of these frequencies, rounded down; 0 without
