@@ -2,88 +2,93 @@
 
 from __future__ import annotations
 
-import ast
+import builtins
 import inspect
-import os
 import sys
-from collections.abc import Callable, Collection, Iterator
+from collections import ChainMap
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import fields
-from functools import cache, wraps
+from functools import wraps
 from itertools import chain
-from types import EllipsisType, FunctionType, UnionType
-from typing import Any, NamedTuple, get_args
+from pathlib import Path
+from types import FunctionType, NoneType, UnionType
+from typing import Any, Literal, Union, get_args, get_origin
 
 import numpy as np
 
 from hfa_support.errors import OWN, BadInputError, numbers_in
+from hfa_support.progress import Progress
+from hfa_support.public_names import origins_in
 
-#: Names of arrays in annotations.
-_ARRAYS = {"ArrayLike", "np.ndarray"}
-#: Types of texts, which are iterable and are no lists.
-_TEXTS = str | bytes
-#: Name in an annotation, of kinds that are not classes of the project -> the word of a refusal, and
-#: whether a type of arguments is of this kind.
-_KINDS: dict[str, tuple[str, Callable[[type], bool]]] = {
-    "Any": ("", lambda kind: True),
-    **dict.fromkeys(("None", "NoneType"), ("None", lambda kind: kind is type(None))),
-    "str": ("a text", lambda kind: issubclass(kind, str)),
-    "Path": ("a path", lambda kind: issubclass(kind, os.PathLike)),
-    "int": ("a whole number", lambda kind: kind is not bool and _has(kind, "__index__")),
-    "bool": ("True or False", lambda kind: kind.__name__ == "bool"),  # also that of NumPy
-    "float": ("a number", lambda kind: kind is not bool and _has(kind, "__float__")),
-    "Mapping": ("a dictionary", lambda kind: _has(kind, "keys")),
-    **dict.fromkeys(("Callable", "Progress"), ("a function", lambda kind: _has(kind, "__call__"))),
-    **dict.fromkeys(
-        (*_ARRAYS, "ca.SX"),  # a number and a sequence are converted
-        (
-            "an array",
-            lambda kind: (
-                not issubclass(kind, _TEXTS) and _has(kind, "__array__", "__float__", "__iter__")
-            ),
-        ),
-    ),
-    **dict.fromkeys(
-        ("Sequence", "Collection", "Iterable", "tuple"),
-        ("a list", lambda kind: not issubclass(kind, _TEXTS) and _has(kind, "__iter__")),
-    ),
+#: Kind in an annotation -> the word of a refusal, and methods of which its objects have one.
+_KINDS: dict[Any, tuple[str, tuple[str, ...]]] = {
+    NoneType: ("None", ()),
+    str: ("a text", ()),
+    bool: ("True or False", ()),
+    int: ("a whole number", ("__index__",)),
+    float: ("a number", ("__float__",)),
+    Path: ("a path", ("__fspath__",)),
+    Mapping: ("a dictionary", ("keys",)),
+    **dict.fromkeys((Callable, Progress), ("a function", ("__call__",))),
+    np.ndarray: ("an array", ("__array__", "__float__", "__iter__")),  # others are converted
+    **dict.fromkeys((Sequence, Collection, Iterable, tuple), ("a list", ("__iter__",))),
 }
 
 
-class _Alternative(NamedTuple):
-    """One kind of a union in an annotation.
+class _Unloaded(type):
+    """Class without objects, for one of a package that is not loaded, or such a package."""
 
-    name: name of the kind, "Sequence" of Sequence[str]
-    elements: kind of its elements, "str" of Sequence[str] and of tuple[str, ...], else ""
-    arguments: number of the arguments of a function, 2 of Callable[[Any, Any], float], else None
+    def __getattr__(cls, name: str) -> _Unloaded:
+        return _Unloaded(name, (), {})
+
+
+class _Names(ChainMap[str, Any]):
+    """Names of a module, with those that it imports for annotations alone."""
+
+    def __missing__(self, name: str) -> Any:
+        module, name_there = origins_in(self["__file__"]).get(name, ("", ""))
+        if module not in sys.modules:
+            return _Unloaded(name, (), {})
+        return getattr(sys.modules[module], name_there) if name_there else sys.modules[module]
+
+
+def _alternatives(annotation: str, module: str) -> tuple[Any, ...]:
+    """Return the kinds in an annotation, "ArrayLike | None", one of which a value must have.
+
+    module: name of the module with the annotation
     """
+    names = _Names({"ArrayLike": np.ndarray}, vars(sys.modules[module]), vars(builtins))
+    kind = eval(annotation, {}, names)
+    return get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
 
-    name: str
-    elements: str = ""
-    arguments: int | None = None
 
-    @property
-    def word(self) -> str:
-        """What a refusal calls the kind, "a list of texts"."""
-        what = " of texts" if self.elements == "str" else ""
-        if self.arguments is not None:
-            what = " of 1 argument" if self.arguments == 1 else f" of {self.arguments} arguments"
-        of_class = self.name.rpartition(".")[2]  # "a LinearModel": a class of the project
-        of_class = f"{'an' if of_class[0] in 'AEIO' else 'a'} {of_class}"
-        return _KINDS.get(self.name, (of_class,))[0] + what
+def _is_of(value: Any, annotated: Any) -> bool:
+    """Return whether a value is of one kind in an annotation."""
+    kind, of_value = get_origin(annotated) or annotated, type(value)
+    if kind in (Any, Literal):  # words are the function's to check
+        return True
+    if kind is bool:
+        return of_value.__name__ == "bool"  # also that of NumPy
+    if kind in (int, float) and (of_value is bool or getattr(value, "ndim", 0) > 0):
+        return False  # an array of one number is not a number
+    word, methods = _KINDS.get(kind, ("", ()))
+    if not methods:
+        return isinstance(value, kind)
+    if word in ("an array", "a list") and isinstance(value, str | bytes):
+        return False
+    # By its class: a class itself has the `__call__` of its type.
+    has_method = any(name in vars(base) for base in of_value.__mro__ for name in methods)
+    has_texts = word == "a list" and str in get_args(annotated) and isinstance(value, Collection)
+    return has_method and not (has_texts and any(not isinstance(each, str) for each in value))
 
-    def accepts(self, value: Any, module: str) -> bool:
-        """Return whether a value is of this kind.
 
-        module: name of the module with the annotation, which may import the kind
-        """
-        if not _is_of(type(value), self.name, module):
-            return False
-        if self.name in ("int", "float"):
-            return getattr(value, "ndim", 0) == 0  # an array of one number is not a number
-        if self.arguments is not None:
-            return _takes(value, self.arguments)
-        has_texts = self.elements == "str" and isinstance(value, Collection)
-        return not has_texts or all(isinstance(element, str) for element in value)
+def _word(annotated: Any) -> str:
+    """Return what a refusal calls a kind, "a list of texts"."""
+    kind = get_origin(annotated) or annotated
+    name = getattr(kind, "__name__", "")
+    article = "an" if name[:1] in "AEIO" else "a"  # "a LinearModel": a class of the project
+    word, _ = _KINDS.get(kind, (f"{article} {name}", ()))
+    return f"{word} of texts" if word == "a list" and str in get_args(annotated) else word
 
 
 def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Callable[..., Any]:
@@ -97,7 +102,9 @@ def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Calla
 
     The returned function raises BadInputError for an argument of another kind.
     """
-    accepted: dict[str, set[Any]] = {}  # argument -> kinds that need no further check
+    signature = inspect.signature(function)
+    # Argument -> kinds that need no further check.
+    accepted: dict[str, set[Any]] = {name: set() for name in signature.parameters}
 
     @wraps(function)
     def called(*args: Any, **options: Any) -> Any:
@@ -105,8 +112,6 @@ def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Calla
         caller = sys._getframe(1).f_globals.get("__name__", "")
         if caller.startswith(OWN):
             return function(*args, **options)
-        if not accepted:
-            accepted.update({name: set() for name in inspect.signature(function).parameters})
         for name, value in chain(zip(accepted, args, strict=False), options.items()):
             is_array = type(value) is np.ndarray
             kind = value.dtype if is_array else type(value)
@@ -116,10 +121,14 @@ def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Calla
                 if is_array or kind is str or not isinstance(value, Collection):
                     accepted[name].add(kind)
         try:
-            made = function(*args, **options)
+            signature.bind(*args, **options)
         except TypeError as error:
-            _refuse_other_arguments(function, args, options, makers, str(error))
-            raise
+            missing = [name for name in accepted if f"'{name}'" in str(error)]
+            hints = (str(function.__annotations__.get(name, "Any")) for name in missing)
+            kinds = (_alternatives(hint, function.__module__) for hint in hints)
+            advice = _advice(chain(*kinds), makers)
+            raise BadInputError(f"{function.__name__}: {error}{advice}") from None
+        made = function(*args, **options)
         if type(made) not in _checking_classes:
             check_methods(type(made), makers)
         return made
@@ -127,30 +136,9 @@ def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Calla
     return called
 
 
-def _refuse_other_arguments(
-    function: Callable[..., Any],
-    args: tuple[Any, ...],
-    options: dict[str, Any],
-    makers: Callable[[str], str],
-    reason: str,
-) -> None:
-    """Raise BadInputError if a function has no such arguments, or requires others.
-
-    reason: message of Python
-    """
-    signature = inspect.signature(function)
-    try:
-        signature.bind(*args, **options)
-    except TypeError:
-        given = [*signature.parameters][: len(args)]
-        missing = (
-            kind
-            for name, parameter in signature.parameters.items()
-            if parameter.default is parameter.empty and name not in given and name not in options
-            for kind in _alternatives(str(parameter.annotation))
-        )
-        how = "".join(f"; {text}" for kind in missing if (text := makers(kind.name)))
-        raise BadInputError(f"{reason}{how}") from None
+def _advice(kinds: Iterable[Any], makers: Callable[[str], str]) -> str:
+    """Return the end of a message: how objects of kinds are made."""
+    return "".join(f"; {text}" for kind in kinds if (text := makers(getattr(kind, "__name__", ""))))
 
 
 def check_methods(kind: type, makers: Callable[[str], str]) -> None:
@@ -210,16 +198,18 @@ def _check(
     owner: the function, or the class of a field, for the message
     makers: name of a class -> advice on how an object of this class is made, or ""
     """
-    kinds = _alternatives(annotation)
-    accepting = {kind.name for kind in kinds if kind.accepts(value, owner.__module__)}
+    kinds = _alternatives(annotation, owner.__module__)
+    accepting = [kind for kind in kinds if _is_of(value, kind)]
     # The function itself reads the labels of a frame, which has `loc`.
-    if accepting and accepting <= _ARRAYS and not hasattr(value, "loc"):
+    if accepting and {*accepting} <= {np.ndarray} and not hasattr(value, "loc"):
         numbers_in(name, value)
     if accepting:
         return
-    known = " or ".join(kind.word for kind in kinds if kind.name != "None")
-    how = "".join(f"; {text}" for text in (makers(kind.name) for kind in kinds) if text)
-    raise BadInputError(f"{owner.__name__}: {name} is of type {_type_of(value)}; give {known}{how}")
+    known = " or ".join(_word(kind) for kind in kinds if kind is not NoneType)
+    raise BadInputError(
+        f"{owner.__name__}: {name} is of type {_type_of(value)}; give {known}"
+        f"{_advice(kinds, makers)}"
+    )
 
 
 def _type_of(value: Any) -> str:
@@ -229,75 +219,3 @@ def _type_of(value: Any) -> str:
         return kind
     others = {type(element).__name__ for element in value if not isinstance(element, str)}
     return f"{kind} of {min(others)}" if others else kind
-
-
-@cache
-def _alternatives(annotation: str) -> tuple[_Alternative, ...]:
-    """Return the kinds in an annotation, "ArrayLike | None", one of which a value must have."""
-    return (*_kinds_in(ast.parse(annotation, mode="eval").body),)
-
-
-def _kinds_in(annotation: ast.expr) -> Iterator[_Alternative]:
-    """Yield the kinds of a union, from left to right."""
-    match annotation:
-        case ast.BinOp(left=left, op=ast.BitOr(), right=right):
-            yield from _kinds_in(left)
-            yield from _kinds_in(right)
-        case ast.Subscript(slice=ast.Name(id="Quantity")):  # State[Quantity] may have symbols
-            yield _Alternative("Any")
-        case ast.Subscript(
-            value=kind,
-            slice=ast.Name(id=elements)  # Sequence[str]
-            | ast.Tuple(elts=[ast.Name(id=elements), ast.Constant(value=EllipsisType())]),
-        ):  # tuple[str, ...]
-            yield _Alternative(ast.unparse(kind), elements)
-        case ast.Subscript(
-            value=kind, slice=ast.Tuple(elts=[ast.List(elts=arguments), _])
-        ):  # Callable[[Any], float]
-            yield _Alternative(ast.unparse(kind), arguments=len(arguments))
-        case ast.Subscript(value=kind):  # Mapping[str, float]
-            yield _Alternative(ast.unparse(kind))
-        case _:
-            yield _Alternative(ast.unparse(annotation))
-
-
-def _takes(function: Any, count: int) -> bool:
-    """Return whether a function takes this number of arguments; True if it has no signature."""
-    try:
-        inspect.signature(function).bind(*range(count))
-    except ValueError:  # no signature
-        return True
-    except TypeError:
-        return False
-    return True
-
-
-def _is_of(kind: type, name: str, module: str) -> bool:
-    """Return whether a type is of the kind that a name in an annotation states.
-
-    Classes are known by their names, so that they need not be imported. Of other objects of this
-    name only a union is examined: a protocol, or a list of words, is the function's to check.
-
-    module: name of the module with the annotation
-    """
-    if name in _KINDS:
-        _, is_of_kind = _KINDS[name]
-        return is_of_kind(kind)
-    if any(base.__name__ == name.rpartition(".")[2] for base in kind.__mro__):
-        return True
-    own = (each for title, each in [*sys.modules.items()] if title.startswith(OWN))
-    modules = [vars(each) for each in (sys.modules[module], *own)]
-    annotated = next((each[name] for each in modules if name in each), type)
-    if isinstance(annotated, UnionType):
-        return any(_is_of(kind, each.__name__, module) for each in get_args(annotated))
-    meant = getattr(annotated, "__name__", name)
-    if annotated is not type and meant != name:  # another name of a class
-        return _is_of(kind, meant, module)
-    return not isinstance(annotated, type) or getattr(annotated, "_is_protocol", False)
-
-
-def _has(kind: type, *attributes: str) -> bool:
-    """Return whether objects of a type have one of some attributes by their class: `hasattr` would
-    say that a type has `__call__` if the type itself can be called.
-    """
-    return any(name in vars(base) for base in kind.__mro__ for name in attributes)

@@ -54,10 +54,10 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         """
         if name == "__all__":
             return installed()
-        if name not in _origins(stub):
+        if name not in origins_in(stub):
             message = f"module {package!r} has no attribute {name!r}"
             raise AttributeError(message, name=name, obj=sys.modules[package])
-        module_name, name_there = _origins(stub)[name]
+        module_name, name_there = origins_in(stub)[name]
         try:
             module = import_module(module_name, package)
         except ModuleNotFoundError as error:
@@ -95,23 +95,25 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
 
     def installed() -> list[str]:
         """Return the public names that can be imported, because their packages are installed."""
-        packages = {name: module.partition(".")[0] for name, (module, _) in _origins(stub).items()}
+        packages = {
+            name: module.partition(".")[0] for name, (module, _) in origins_in(stub).items()
+        }
         return [name for name, other in packages.items() if not other or find_spec(other)]
 
     return get, installed
 
 
 @cache
-def _origins(stub: str) -> dict[str, tuple[str, str]]:
-    """Return public name -> (module that defines it, its name in the module). This name is "" if
-    the public name is that of the module itself.
+def origins_in(path: str) -> dict[str, tuple[str, str]]:
+    """Return name -> (module that defines it, its name in the module), for the names that a file
+    imports. The second is "" for a module itself.
     """
     import ast
 
     origins = {}
-    with open(stub, encoding="utf-8") as file:
-        statements = ast.parse(file.read()).body
-    for statement in statements:
+    with open(path, encoding="utf-8") as file:
+        tree = ast.parse(file.read())
+    for statement in ast.walk(tree):
         if isinstance(statement, ast.ImportFrom):
             dots = "." * statement.level
             for alias in statement.names:
@@ -120,7 +122,6 @@ def _origins(stub: str) -> dict[str, tuple[str, str]]:
                     origins[public] = (dots + alias.name, "")
                 else:
                     origins[public] = (dots + statement.module, alias.name)
-        elif isinstance(statement, ast.Assign):  # other = known, a second name
-            other, known = statement.targets[0], statement.value
-            origins[other.id] = origins[known.id]  # type: ignore[attr-defined]  # names
+        elif isinstance(statement, ast.Import):
+            origins |= {alias.asname or alias.name: (alias.name, "") for alias in statement.names}
     return origins
