@@ -31,7 +31,7 @@ from hfa_support.files import Number, regular_file, unpacked
 Tensors = Mapping[str, np.ndarray]
 
 
-class Layout(NamedTuple):
+class LibraryLayout(NamedTuple):
     """Layout of the policies of a library.
 
     algorithm: algorithm and library
@@ -54,7 +54,7 @@ class Layout(NamedTuple):
     activation: str | None = None
 
 
-_CLEANRL = Layout(
+_CLEANRL = LibraryLayout(
     "TD3 or DDPG of CleanRL",
     r"(?P<root>(.*\.)?)fc_mu\.weight",
     "{}fc1+{}fc2+{}fc_mu",
@@ -62,7 +62,7 @@ _CLEANRL = Layout(
     squash="tanh",
     has_box=True,
 )
-_SB3 = Layout(
+_SB3 = LibraryLayout(
     "SAC of Stable-Baselines3",
     r"(?P<root>(.*\.)?)latent_pi\.0\.weight",
     "{}latent_pi+{}mu",
@@ -122,7 +122,7 @@ def words_in(words: str, tensors: Tensors) -> str:
     )
 
 
-def _root(layout: Layout, tensors: Tensors) -> str | None:
+def _root(layout: LibraryLayout, tensors: Tensors) -> str | None:
     """Return what precedes the names of a layout's layers in a file, or None for another layout."""
     own = [found for name in tensors if (found := re.fullmatch(layout.own_name, name))]
     has_required = any(re.search(layout.required, name) for name in tensors)
@@ -151,7 +151,7 @@ def _names_of_box(root: str) -> tuple[str, str]:
     return f"{root}action_scale", f"{root}action_bias"
 
 
-def _action_of(layout: Layout, root: str, tensors: Tensors) -> ActionBox:
+def _action_of(layout: LibraryLayout, root: str, tensors: Tensors) -> ActionBox:
     """Return the way from the output of a checkpoint's network to the action."""
     if not layout.has_box:
         return ActionBox(layout.squash)
@@ -159,9 +159,9 @@ def _action_of(layout: Layout, root: str, tensors: Tensors) -> ActionBox:
     return ActionBox(layout.squash, middle - half_width, middle + half_width)
 
 
-def _layout(algorithm: str, words: str, activation: str, squash: str) -> Layout:
+def _layout(algorithm: str, words: str, activation: str, squash: str) -> LibraryLayout:
     """Return the layout of a class of Stable-Baselines3, with its default activation and squash."""
-    return Layout(algorithm, own_name="", words=words, squash=squash, activation=activation)
+    return LibraryLayout(algorithm, own_name="", words=words, squash=squash, activation=activation)
 
 
 _ON_POLICY = _layout("A2C", "shared_net+policy_net+action_net", "tanh", "")
@@ -260,7 +260,7 @@ def _settings_of(data: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _action_box(
-    of_class: Layout, actions: _Box, data: Mapping[str, Any], settings: Mapping[str, Any]
+    of_class: LibraryLayout, actions: _Box, data: Mapping[str, Any], settings: Mapping[str, Any]
 ) -> ActionBox:
     """Return the way from the output of a policy's network to its action."""
     uses_sde = settings.get("use_sde", data.get("use_sde"))  # state-dependent exploration
@@ -276,7 +276,7 @@ def _action_box(
     return ActionBox(squash, actions.low, actions.high, clip_mean or math.inf)
 
 
-def _class_of(data: Mapping[str, Any], tensors: Tensors) -> Layout:
+def _class_of(data: Mapping[str, Any], tensors: Tensors) -> LibraryLayout:
     """Return the class of a policy. Raises BadInputError for one that is not supported."""
     names = " ".join(tensors)
     if "features_extractor." in names:
@@ -298,7 +298,9 @@ def _class_of(data: Mapping[str, Any], tensors: Tensors) -> Layout:
     return _LAYOUT_OF_CLASS[policy_class]
 
 
-def _algorithm(of_class: Layout, data: Mapping[str, Any], settings: Mapping[str, Any]) -> str:
+def _algorithm(
+    of_class: LibraryLayout, data: Mapping[str, Any], settings: Mapping[str, Any]
+) -> str:
     """Return the name of the algorithm that trained a policy of a class."""
     if of_class is _ON_POLICY:  # of PPO and TRPO, which store an entry of their own, and of A2C
         return next((name for key, name in _ALGORITHM_OF_ENTRY.items() if key in data), "A2C")

@@ -35,7 +35,7 @@ from hfa_aircraft.model import Model
 from hfa_model import choice
 from hfa_model.variants import variant_named
 from hfa_page.flights import load_flights
-from hfa_page.job_report import critic_picture, main_report, page, plotly_script, sections_of
+from hfa_page.job_report import computed_sections, critic_picture, main_report, page, plotly_script
 from hfa_page.main_job import (
     ASKED,
     MOST_ASKED,
@@ -121,7 +121,7 @@ def report(request: ReportRequest) -> Outcome:
     swept = _swept(request, asked.model, hold)
     job = (_own_job if request.aircraft else _paper_job)(request, asked, swept)
     source = asked.source(asked.common_condition(hold), hold)
-    sections = sections_of(job)
+    sections = computed_sections(job)
     whole = with_provenance(request, main_report(job, sections), source)
     lines = []
     if place is not None:

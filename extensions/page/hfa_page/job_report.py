@@ -100,7 +100,7 @@ class Sections(NamedTuple):
     others: tuple[Report, ...]
 
 
-def sections_of(job: MainJob) -> Sections:
+def computed_sections(job: MainJob) -> Sections:
     """Return the sections of the page. A flight of the paper's aircraft is simulated for one of
     them.
     """
