@@ -56,7 +56,14 @@ def test_advice_of_a_point_mass_is_the_steepest_climb_and_no_fall(folder):
 
 
 @pytest.mark.parametrize(
-    ("verb", "airspeed"), [("trim", "kcas"), ("linearize", "keas"), ("solve", "ktas")]
+    ("verb", "airspeed"),
+    [
+        ("linearize", "kcas"),
+        *(
+            pytest.param(*each, marks=pytest.mark.slow)
+            for each in (("trim", "keas"), ("solve", "ktas"))
+        ),
+    ],
 )
 def test_an_airspeed_without_a_trim_has_the_reason_of_the_trim(verb, airspeed):
     """The error contains that of `hfa.trim` after its reason, and its advice leads to a trim at the full thrust of

@@ -127,7 +127,10 @@ def test_the_command_learns_from_data_with_and_without_a_plant():
     assert hfa_command("verify", "--model", "plant.npz", "--weights", "own.json").code == DONE
 
 
-@pytest.mark.parametrize(("game", "hold"), [(STEPS, None), (RATES.with_delta(9.0), 0.1)])
+@pytest.mark.parametrize(
+    ("game", "hold"),
+    [(STEPS, None), pytest.param(RATES.with_delta(9.0), 0.1, marks=pytest.mark.slow)],
+)
 def test_bands_contain_the_exact_entries_in_95_percent(game, hold):
     """The 95 % bands of P and K from 40 noisy records contain 90 to 99 % of the exact entries: the
     entries of a record are correlated, so that their share scatters.
