@@ -176,8 +176,9 @@ class Planter:
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         """Plant the errors one by one, and print those that no test catches."""
         for path in self.texts:  # also what only functions import
-            root = max((each for each in sys.path if path.startswith(each + os.sep)), key=len)
-            module = ".".join(Path(path).relative_to(root).with_suffix("").parts)
+            file = Path(path)
+            top = [each for each in file.parents if (each / "__init__.py").exists()][-1]
+            module = ".".join(file.relative_to(top.parent).with_suffix("").parts)
             importlib.import_module(module.removesuffix(".__init__"))
         lines = in_child(lambda: self._traced(session.items), 3600)
         if lines is None:
