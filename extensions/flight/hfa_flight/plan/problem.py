@@ -19,7 +19,7 @@ from controller.game.linear_game import (
 from controller.riccati.gare import solve
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_flight.policies.policy import deviations_of
+from hfa_flight.policies.policy import deviations_of, input_limits
 from hfa_flight.simulate.envelope import flight_envelope
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from hfa_support.reporting.results import Matrix
@@ -168,9 +168,8 @@ class FlightProblem:
     @cached_property
     def input_limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest values of v, (m,) each."""
-        limits = Limits.of(self.model, tuple(self.model.inputs))
-        trim = self.point.u
-        return (limits.lowest - trim)[self.moved], (limits.highest - trim)[self.moved]
+        lowest, highest = input_limits(self.point)
+        return lowest[self.moved], highest[self.moved]
 
     @cached_property
     def state_limits(self) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,6 @@ import casadi as ca
 import numpy as np
 
 from hfa_aircraft.batch_simulation import saturated
-from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.policies.deployment.policy import DeployedPolicy
@@ -39,6 +38,7 @@ from hfa_flight.policies.policy import (
     Policy,
     SampledPolicy,
     deviations_of,
+    input_limits,
 )
 from hfa_support.errors import (
     BadInputError,
@@ -486,8 +486,7 @@ def after_command(
     """Return what acts of the command of the law, faded in and within the control limits, (m,), and
     the memory of the next sample, which this command and those under way predict.
     """
-    limits, trim = Limits.of(policy.point.model, tuple(policy.point.model.inputs)), policy.point.u
-    u = saturated(now.share * command, ca.DM(limits.lowest - trim), ca.DM(limits.highest - trim))
+    u = saturated(now.share * command, *map(ca.DM, input_limits(policy.point)))
     x, Phi = _predicted(policy, now.x, [*under_way, u], policy.dt)
     return u, propagated(policy.filter, now, x, Phi).packed()
 

@@ -16,6 +16,7 @@ from hfa_flight.air.gust_equations import in_gusts, seen_in_air
 from hfa_flight.air.gusts import state_of
 from hfa_flight.air.sensors import (
     Sensor,
+    at_trim,
     measurable,
     measured,
     refuse_unmeasurable,
@@ -217,9 +218,7 @@ class KalmanFilter(Result):
     @cached_property
     def at_trim(self) -> np.ndarray:
         """Measured values at the trim, (p,)."""
-        point, names = self.point, tuple(self.sensors)
-        _, y = in_gusts(point.model).layout.expressions((point.x, point.u, point.model.p), names)
-        return np.asarray(ca.DM(y)).ravel()
+        return at_trim(self.point, tuple(self.sensors))
 
     @cached_property
     def P_at_begin(self) -> np.ndarray:
@@ -369,13 +368,8 @@ def _sensed(
     U = ca.SX.sym("U", len(model.inputs))
     winds = ca.vertsplit(ca.mtimes(ca.DM(air.W), x[len(linear) :]))
     by_name = dict(zip(air.winds, winds, strict=True))
-    values = dict(
-        zip(
-            sensors,
-            ca.vertsplit(measured(point, tuple(sensors), X, U, model.p, by_name)),
-            strict=True,
-        )
-    )
+    y = measured(point, tuple(sensors), X, U, model.p, by_name)
+    values = dict(zip(sensors, ca.vertsplit(y), strict=True))
     for name, value in values.items():
         if ca.depends_on(value, U):
             raise BadInputError(

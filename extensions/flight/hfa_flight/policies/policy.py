@@ -239,10 +239,13 @@ def function_policy(
     function: π, z (k,) -> u (m,)
     declared: what the file of the policy states
     """
+    return FunctionPolicy(name, function, *input_limits(point), declared)
+
+
+def input_limits(point: OperatingPoint) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lowest and highest inputs, (m,), as deviations from a trim."""
     limits = Limits.of(point.model, tuple(point.model.inputs))
-    trim = point.u
-    lowest, highest = limits.lowest - trim, limits.highest - trim
-    return FunctionPolicy(name, function, lowest, highest, declared)
+    return limits.lowest - point.u, limits.highest - point.u
 
 
 @dataclass(frozen=True, eq=False, repr=False)

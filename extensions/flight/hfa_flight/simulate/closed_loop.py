@@ -22,7 +22,13 @@ from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.held_step import slices_of
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.sensors import at_trim, measured
-from hfa_flight.policies.policy import SAME_TIME, GainPolicy, Measurements, Policy
+from hfa_flight.policies.policy import (
+    SAME_TIME,
+    GainPolicy,
+    Measurements,
+    Policy,
+    input_limits,
+)
 from hfa_flight.simulate.envelope import in_moving_air
 from hfa_support.errors import BadInputError
 from trim.linear.nonsmooth import linearization_at
@@ -269,8 +275,7 @@ class FlightLoop:
 
         u = _delayed_command(t, inputs.delay) if inputs.delay.numel() else command
         if positions_of_servos(model):  # what a servo receives
-            limits, trim = Limits.of(model, tuple(model.inputs)), plant.point.u
-            u = saturated(u, limits.lowest - trim, limits.highest - trim)
+            u = saturated(u, *input_limits(plant.point))
         moved = x, u, winds, inputs.parameters
         plant_rate = plant.at(*moved)
         limited = plant.measured(self.limits.names, *moved)
