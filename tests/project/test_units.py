@@ -1,9 +1,15 @@
-"""Public functions do not depend on units: each answer about an aircraft is that about its twins, the
-same aircraft in other units. Functions `of_...` ask about a twin: name -> answer in SI units.
+"""No public function depends on units: each answer about an aircraft is that about its twins, the
+same aircraft in other units.
+
+`ANSWERS` has for each public function of trim, controller, verification and hfa one that asks it
+about a twin: twin -> name -> answer in SI units. `WITHOUT` has the other public functions by the
+reason.
 """
 
 import functools
+import inspect
 import math
+from itertools import chain
 
 import casadi as ca
 import numpy as np
@@ -13,6 +19,7 @@ from twins import SI, STATES, named, scaled
 import controller
 import hfa
 import trim
+import verification
 
 #: Name -> function that returns a twin, given whether its unit of time is the second.
 TWINS = {
@@ -130,10 +137,35 @@ def of_linear(twin):
     }
 
 
+def of_modes(twin):
+    modes = trim.modes_of(linear_of(twin).A, STATES, SI.model.modes)
+    return {
+        "names": ",".join(mode.name for mode in modes),
+        "eigenvalues": np.array([mode.eigenvalue for mode in modes]) / twin.second,
+        "participation": [[*mode.participation.values()] for mode in modes],
+    }
+
+
 def of_sweep(twin):
     found = hfa.sweep(twin.model, speed=np.array([40.0, 50.0, 60.0]) / twin.sizes["speed"])
     rates = twin.z[:, None] / twin.second
     return {"A": found.A * rates / twin.z, "eigenvalues": found.eigenvalues / twin.second}
+
+
+def of_points(twin):
+    speeds = np.array([[40.0], [60.0]]) / twin.sizes["speed"]
+    found = trim.trim_points(twin.model, ("speed",), speeds)
+    return {"inputs": found.inputs * twin.u}
+
+
+def of_condition(twin):
+    condition = trim.release(
+        trim.usual_condition(twin.model),
+        hold=twin.typed(speed=45.0),
+        limits={"thrust": tuple(np.array([0.0, 2000.0]) / twin.sizes["thrust"])},
+    )
+    point = hfa.trim(twin.model, condition)
+    return {"inputs": [point["elevator"], point["thrust"]] * twin.u}
 
 
 def of_solution(twin, solution=None):
@@ -146,6 +178,12 @@ def of_solution(twin, solution=None):
         "gains": np.array([solution.delta_min, solution.l2_gain]) / size,
         "crossover": [each.crossover / twin.second for each in solution.loops],
     }
+
+
+def of_lqr(twin):
+    linear, (weight, of_inputs) = linear_of(twin), weights_of(twin)
+    solution = hfa.lqr(linear.A, linear.B, weight, of_inputs)
+    return {"K": gain_of(twin, solution.K)}
 
 
 def of_margins(twin):
@@ -181,6 +219,12 @@ def of_value(twin):
     return critic_answers(twin, hfa.from_value(game_of(twin), 1.01 * hfa.solve(game_of(twin)).P))
 
 
+def of_weights(twin):
+    P = hfa.solve(game_of(twin)).P
+    weights = [1.01 * P[i, j] * (1.0 if i == j else 2.0) for i in range(4) for j in range(i, 4)]
+    return critic_answers(twin, hfa.from_weights(game_of(twin), weights))
+
+
 def of_gain(twin):
     """Return the verdict on a gain that is 1 % off, and the reasons for one column of another."""
     game, K = game_of(twin), hfa.solve(game_of(twin)).K
@@ -214,6 +258,11 @@ def of_expansion(twin):
         "V": float(expansion.V(z)) * twin.cost,
         "u": np.array(expansion.policy(z)).ravel() * twin.u,
     }
+
+
+def of_radii(twin):
+    expansion = hfa.expand(linear_of(twin), hfa.solve(game_of(twin, math.inf)), 3)
+    return {"c": [radius.c * twin.cost for radius in controller.radii_of(expansion)]}
 
 
 def of_tracking(twin):
@@ -327,6 +376,13 @@ def deployment(twin):
     )
 
 
+def of_plant(twin):
+    plant = verification.nonlinear_plant(linear_of(twin))
+    z = np.array([3.0, 0.05, -0.04, 0.1]) / twin.z
+    rates = np.array(plant.rates(z, np.zeros(2))).ravel()
+    return {"rates": rates * twin.z / twin.second}
+
+
 def of_assessment(twin):
     found = hfa.assess(
         twin.model, deployment(twin), [55.0 / twin.sizes["speed"]], samples=2, box=started(twin)
@@ -369,14 +425,114 @@ def of_sheet(twin):
     }
 
 
-#: Questions with times in seconds by definition (samples, the drift of a state): the equations of their
-#: twins keep the second as the unit of time.
-TIMES_IN_SECONDS = (of_servos, of_filter, of_inside, of_assessment, of_environment, of_predictive)
-#: Those that take more than a second.
-SLOW = (
-    *(of_best_flight, of_predictive, of_assessment, of_record, of_state_dependent, of_inside),
-    *(of_environment, of_network),
+#: Public function -> what it says of a twin, in SI units.
+ANSWERS = {
+    "hfa.trim": of_trim,
+    "hfa.linearize": of_linear,
+    "hfa.sweep": of_sweep,
+    "hfa.game": of_solution,
+    "hfa.solve": of_solution,
+    "hfa.lqr": of_lqr,
+    "hfa.margins": of_margins,
+    "hfa.learn": of_learning,
+    "hfa.verify": of_gain,
+    "hfa.from_gain": of_gain,
+    "hfa.from_value": of_value,
+    "hfa.from_weights": of_weights,
+    "hfa.from_network": of_network,
+    "hfa.expand": of_expansion,
+    "hfa.track": of_tracking,
+    "hfa.filter": of_filter,
+    "hfa.fly": of_flight,
+    "hfa.state_dependent": of_state_dependent,
+    "hfa.keep_inside": of_inside,
+    "hfa.predictive": of_predictive,
+    "hfa.optimize": of_best_flight,
+    "trim.modes_of": of_modes,
+    "trim.trim_points": of_points,
+    "trim.release": of_condition,
+    "trim.usual_condition": of_condition,
+    "controller.minimum_delta": of_smallest_delta,
+    "controller.radii_of": of_radii,
+    "verification.nonlinear_plant": of_plant,
+    "hfa.assess": of_assessment,
+    "hfa.environment": of_environment,
+    "hfa.identify": of_record,
+    "hfa.with_servos": of_servos,
+    "trim.sheet_of": of_sheet,
+    "trim.graded": of_sheet,
+}
+#: Why public functions have no answer about a twin -> their names.
+WITHOUT = {
+    "reads a file, or makes an aircraft of a table": (
+        "hfa.read_critic",
+        "hfa.conditions",
+        "hfa.load_model",
+        "hfa.from_derivatives",
+        "controller.critic_in",
+        "controller.load_game",
+        "trim.load_condition",
+    ),
+    "has a function of hfa for users": ("trim.linearize", "trim.sweep"),
+    "about the paper's aircraft": (
+        "hfa.aircraft",
+        "trim.compare",
+        "trim.entry_bands",
+        "verification.regenerate_all",
+    ),
+    "shows a result as text or figure": (
+        "trim.trim_report",
+        "trim.linear_model_report",
+        "trim.trim_figure",
+        "trim.draw_bode",
+        "controller.expansion_report",
+        "controller.solution_report",
+        "verification.verdict_figure",
+        "verification.verdict_report",
+    ),
+    "has no aircraft among its arguments": ("controller.basis",),
+    "compares two arrays": ("verification.relative_error",),
+}
+#: Functions compared with twins in named units alone: their rows depend on the unit's name.
+NAMED_UNITS_ONLY = ("trim.sheet_of", "trim.graded")
+#: Functions with times in seconds by definition (samples, the drift of a state): the equations of
+#: their twins keep the second as the unit of time.
+TIMES_IN_SECONDS = (
+    "hfa.with_servos",
+    "hfa.filter",
+    "hfa.keep_inside",
+    "hfa.assess",
+    "hfa.environment",
+    "hfa.predictive",
 )
+#: Functions that take more than a second.
+SLOW = (
+    "hfa.optimize",
+    "hfa.predictive",
+    "controller.radii_of",
+    "hfa.assess",
+    "hfa.identify",
+    "hfa.state_dependent",
+    "hfa.keep_inside",
+    "hfa.environment",
+    "hfa.from_network",
+)
+
+
+def public_functions():
+    """Yield each public function once, by its first name."""
+    seen = set()
+    for package in (hfa, trim, controller, verification):
+        for name in dir(package):
+            found = getattr(package, name)
+            if callable(found) and not inspect.isclass(found) and found not in seen:
+                seen.add(found)
+                yield f"{package.__name__}.{name}"
+
+
+def test_each_public_function_has_an_answer_or_a_reason():
+    """Each public function is once in `ANSWERS` or in `WITHOUT`."""
+    assert sorted([*ANSWERS, *chain(*WITHOUT.values())]) == sorted(public_functions())
 
 
 def differences(found, expected):
@@ -398,22 +554,26 @@ def differences(found, expected):
 
 
 def cases():
-    """Yield questions with the twins that are asked; rows of a sheet depend on the names of units."""
-    for name, ask in globals().items():
-        if name.startswith("of_"):
-            for twin in TWINS:
-                slow = ask in SLOW or not twin.endswith("0")
-                if ask is not of_sheet or twin.startswith("named"):
-                    yield pytest.param(ask, twin, marks=[pytest.mark.slow] * slow)
+    """Yield public functions with the twins whose answers are compared."""
+    for name, answers in ANSWERS.items():
+        if name != next(each for each, other in ANSWERS.items() if other == answers):
+            continue  # the same answers by another name
+        for twin in TWINS:
+            if twin.startswith("scaled") and name in NAMED_UNITS_ONLY:
+                continue
+            slow = name in SLOW or not twin.endswith("0")
+            yield pytest.param(name, twin, marks=[pytest.mark.slow] * slow)
 
 
-answers_in_si = functools.cache(lambda ask: ask(SI))
+@functools.cache
+def answers_in_si(name):
+    return ANSWERS[name](SI)
 
 
-@pytest.mark.parametrize(("ask", "twin"), [*cases()])
-def test_an_answer_does_not_depend_on_units(ask, twin):
+@pytest.mark.parametrize(("name", "twin"), cases())
+def test_an_answer_does_not_depend_on_units(name, twin):
     """A public function has the same answers about the aircraft in SI units and about its twin, the
     same aircraft in other units; answers are converted to SI units.
     """
-    in_other_units = TWINS[twin](seconds=ask in TIMES_IN_SECONDS)
-    assert differences(ask(in_other_units), answers_in_si(ask)) == []
+    in_other_units = TWINS[twin](seconds=name in TIMES_IN_SECONDS)
+    assert differences(ANSWERS[name](in_other_units), answers_in_si(name)) == []

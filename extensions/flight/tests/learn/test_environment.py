@@ -277,26 +277,3 @@ def test_episodes_with_equal_seeds_have_equal_turbulence():
         runs.append([env.step(still)[0] for _ in range(20)])
     np.testing.assert_array_equal(runs[0], runs[1])
     assert np.abs(np.subtract(runs[0], runs[2])).max() > 1e-3
-
-
-@pytest.mark.filterwarnings("ignore:turbulence without")
-def test_turbulence_in_a_sample_is_the_mean_of_the_winds_at_its_ends():
-    """x' is the wind, so that x moves in a sample of 1 s by its mean wind, (begin + end) / 2. Winds at
-    different ends are nearly independent, and neighbouring samples share one: their means correlate by
-    1/2.
-    """
-    model = hfa.Model(
-        "drifting",
-        {"x": hfa.Signal("ft", nominal=10.0), "speed": hfa.Signal("ft/s", start=100.0)},
-        {"thrust": hfa.Signal("ft/s^2", nominal=1.0, start=100.0)},
-        lambda x, u, p, w: ({"x": w.headwind, "speed": u.thrust - x.speed}, {}),
-        disturbances={"headwind": hfa.Signal("ft/s")},
-        trim={"x": 0.0, "speed": 100.0},
-    )
-    # Intensity 1 ft/s and scale 10 ft, .1 s at 100 ft/s: winds 1 s apart are nearly independent.
-    env = environment(model, dt=1.0, seconds=1000.0, turbulence=Turbulence((1.0, 10.0)))
-    env.reset(seed=2, options={"state": env.point.x})
-    still = env.action_space.low * 0.0
-    places = [env.step(still)[4]["X"][0] for _ in range(1000)]
-    winds = np.diff(places)
-    assert np.corrcoef(winds[1:], winds[:-1])[0, 1] == pytest.approx(0.5, abs=0.07)
