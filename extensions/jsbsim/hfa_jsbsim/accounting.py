@@ -14,23 +14,21 @@ from hfa_support.errors import BadInputError, shortened
 
 
 def of_engine_files(parts: Parts) -> Iterator[str]:
-    """Yield sentences on the engine files that may explain missing power, each once."""
-    reasons: dict[str, None] = {}
+    """Yield sentences on the engine files that may explain missing power."""
     for file in parts.engines:
         own_name = file.engine.attributes.get("name", "")
         name = own_name or file.mount.attributes.get("file", "an engine")
         if file.dry_of:
             empty = f"the file leaves the {file.dry_of} tank of {name} empty"
-            reasons[f"{empty}: unless --hold fills it, the trim is a glide"] = None
+            yield f"{empty}: unless --hold fills it, the trim is a glide"
         if file.kind == "turbine_engine" and file.has_propeller:
             what = f"{name} is a turbine engine on a propeller"
-            reasons[f"{what}; its thrust is interpreted as power"] = None
-    yield from reasons
+            yield f"{what}; its thrust is interpreted as power"
 
 
 #: Element -> elements in it that affect the forces and that no code here reads.
 _UNSUPPORTED = {
-    "fdm_config": ("planet",),
+    "fdm_config": ("planet", "buoyant_forces"),
     "rocket_engine": ("thrust_table",),
     "tank": ("grain_config",),
     "thruster": ("pointing",),
@@ -75,8 +73,7 @@ _NO_BURN = "omitted: fuel burn, so tank contents are constant"
 def notes_on_omitted(parts: Parts, equations: Equations) -> list[Note]:
     """Return notes for the user on elements that are omitted and on unusual uses of properties.
 
-    Raises BadInputError, with file and line, for an unsupported element, attribute or property that
-    affects the forces.
+    Raises BadInputError, with file and line, for a property that affects the forces.
     """
     notes = [*_notes_on_writers(parts, equations), *_notes_on_constants(equations)]
     if any(file.feeds and file.kind != "electric_engine" for file in parts.engines):
@@ -86,8 +83,6 @@ def notes_on_omitted(parts: Parts, equations: Equations) -> list[Note]:
         subject = f"<{component.name}> {name}: {what}"
         statement = _ALWAYS_OMITTED if is_always else _HOW_TO_MAKE_STATES
         notes.append(Note(statement, subject, component.where, MOTION))
-    for root in parts.folders.documents:
-        _refuse_unsupported(root)
     return notes
 
 
@@ -105,10 +100,10 @@ def _notes_on_constants(equations: Equations) -> list[Note]:
     return notes
 
 
-def _refuse_unsupported(element: Element) -> None:
+def refuse_unsupported(element: Element) -> None:
     """Raise BadInputError if an element within one is not read, and affects the forces."""
     for child in element.children:
-        _refuse_unsupported(child)
+        refuse_unsupported(child)
         if child.name in _UNSUPPORTED.get(element.name, ()):
             fault = f"<{child.name}> in <{element.name}> affects the forces"
             raise child.error(f"{fault} and is not supported; remove this element")

@@ -57,7 +57,6 @@ from hfa_jsbsim.surfaces import (
     reach_throttles,
     use_surface_positions,
 )
-from hfa_jsbsim.time_of_flight import without_time
 from hfa_jsbsim.xml_file import Element
 from hfa_support.errors import BadInputError, shortened
 
@@ -77,6 +76,8 @@ _TURNED_BY = {"roll_rate": "aileron", "pitch_rate": "elevator", "yaw_rate": "rud
 _NAME_OF_COMMAND = re.compile("(cmd|command)[^/]*$")
 #: JSBSim's properties that are 0 until a file or a pilot sets them.
 _ZERO_UNTIL_SET = ("fcs/", "gear/tailhook", "gear/wing-fold")
+#: Times late in a flight, s, without a common period.
+_LATE = tuple(1e5 * math.sqrt(prime) for prime in (2, 3, 5, 7, 11))
 #: Most rates in a sentence.
 _MOST_RATES = 3
 #: Levers with constant positions, by default 0. A gear position of 1 means down.
@@ -128,7 +129,8 @@ class Equations:
         self.motion = motion_of(x, self._winds(gusty), self.parameters[ISA])
         self._define_motion(x)
         self._define_commands()
-        self._define_winds()
+        for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
+            self.properties.define(f"atmosphere/wind-{axis}-fps", self.parameters[name])
         self._define_masses()
         self._define_functions()
         commands = (given_input.symbol for given_input in self.inputs.values())
@@ -296,11 +298,6 @@ class Equations:
             north, east, up = (self.gusts[name] for name in GUSTS)
             gusts = ca.vertcat(north, east, -up)
         return Winds(ca.vertcat(*(self.parameters[name] for name in WINDS)), gusts)
-
-    def _define_winds(self) -> None:
-        """Define the properties of wind and gusts."""
-        for axis, name in zip(("north", "east", "down"), WINDS, strict=True):
-            self.properties.define(f"atmosphere/wind-{axis}-fps", self.parameters[name])
 
     def _define_commands(self) -> None:
         """Define the properties of commands, levers and chosen inputs, and of what is constant."""
@@ -613,19 +610,18 @@ class Equations:
             for writer in (each for each in writers if each.is_of_file):
                 if "/malfunction/" in name and writer.component is None:
                     continue  # JSBSim ignores the value of a <property>
-                conditions = [writer.is_on()] if writer.is_on else []
+                on = 1.0 if writer.is_on is None else writer.is_on()
                 if of_component(name):  # 0: no failure
-                    conditions.append(properties.value_of(writer, name, writer.where))
-                off = next((on for on in conditions if is_zero(properties.in_files(on))), None)
-                if off is None:
+                    on = on * properties.value_of(writer, name, writer.where)
+                if not is_zero(properties.in_files(on)):
                     in_files.append(writer)
-                else:
-                    inside = symbols_of(off)
-                    properties.frozen |= {
-                        full_name
-                        for full_name, constant in properties.constants.items()
-                        if key_of(constant.symbol) in inside
-                    }
+                    continue
+                inside = symbols_of(on)
+                properties.frozen |= {
+                    full_name
+                    for full_name, constant in properties.constants.items()
+                    if key_of(constant.symbol) in inside
+                }
             if in_files:
                 yield name, in_files
 
@@ -652,9 +648,9 @@ class Equations:
             if unknown.symbol is self._time:
                 self.fault_of_time = self._fault(unknown)
                 self._replacements.append((self._time, ca.SX(0.0)))
-                self._set_values(without_time(self._values, self._time))
-                statement = "no trim is where a force depends on simulation/sim-time-sec"
-                self.notes.append(Note(statement))
+                self._set_values(self._late_values())
+                statement = "no trim is where a force differs between {} times late in a flight"
+                self.notes.append(Note(statement.format(len(_LATE))))
             elif properties.hide(self._values, unknown):
                 self._freeze()
                 used = self.used_symbols()
@@ -662,6 +658,18 @@ class Equations:
                 faults.append(self._fault(unknown))
         if faults:
             raise BadInputError("; ".join(dict.fromkeys(faults)))
+
+    def _late_values(self) -> list[ca.SX]:
+        """Return time derivatives and outputs late in a flight, nan at the states at which they
+        differ between the times `_LATE`.
+        """
+        others = [each for each in ca.symvar(self._values) if not ca.is_equal(each, self._time)]
+        # `parts` replaces the operations that do not depend on the time.
+        values, symbols, parts = ca.extract_parametric(self._values, ca.vertcat(*others))
+        first, *later = (ca.substitute(values, self._time, time) for time in _LATE)
+        differs = sum(value != first for value in later)
+        late = ca.if_else(differs, math.nan, first)
+        return ca.vertsplit(ca.substitute(late, ca.vertcat(*symbols), ca.vertcat(*parts)))
 
     def _fault(self, unknown: Unknown) -> str:
         """Return the refusal of an unknown, with what it changes and by which path."""

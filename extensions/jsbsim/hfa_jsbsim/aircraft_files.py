@@ -23,30 +23,36 @@ def choices_of(text: str) -> Choices:
     for word in text.split("&") if text else []:
         name, _, value = word.partition("=")
         if name == "inputs" and value:
-            made["inputs"] = tuple(dict.fromkeys(map(canonical, value.split(","))))
-            continue
-        if _CHOICES.get(name) != value:
+            made[name] = tuple(dict.fromkeys(map(canonical, value.split(","))))
+        elif name == "folder" and value:
+            made[name] = value
+        elif _CHOICES.get(name) == value:
+            made[name] = True
+        else:
             known = ", ".join(f"{key}={only}" for key, only in _CHOICES.items())
-            known += " or inputs=PROPERTY,PROPERTY"
+            known += ", inputs=PROPERTY,PROPERTY or folder=FOLDER"
             raise BadInputError(
                 f"{shortened(word)} is not an option of a JSBSim aircraft; use {known}"
             )
-        made[name] = True
     return Choices(**made)
 
 
-def find_aircraft(text: str) -> tuple[Path, Folders]:
-    """Return the path of an aircraft's file, and the folders of further files."""
+def find_aircraft(text: str, folder: str) -> tuple[Path, Folders]:
+    """Return the path of an aircraft's file, and the folders of further files.
+
+    folder: folder of the aircraft's other files, "" for that of its file
+    """
     root = data_folder()
     if text.startswith("jsbsim:"):
         path = _in_data(text.removeprefix("jsbsim:"), root)
     else:
         path = resolved(text)
     data = None if root is None else resolved(root)
-    shared = [path.parent.parent.parent]  # of ROOT/aircraft/NAME/NAME.xml
+    own = resolved(folder) if folder else path.parent
+    shared = [own.parent.parent]  # of ROOT/aircraft/NAME/NAME.xml
     if data is not None and data not in shared:
         shared.append(data)
-    return path, Folders(path.parent, tuple(shared), data)
+    return path, Folders(own, tuple(shared), data)
 
 
 def _in_data(name: str, root: Path | None) -> Path:

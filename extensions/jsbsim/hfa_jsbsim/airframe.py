@@ -100,27 +100,17 @@ class Tank:
         """True if the contents in the file exceed the unusable part."""
         return self.contents > self.unusable
 
-    def place(self, contents: Any) -> list[Any]:
-        """Return the center of gravity of given contents of the tank, structural frame, inches.
+    def body(self, contents: Any) -> Body:
+        """Return given contents, lb, as a part of the aircraft (`FGTank::CalculateInertias`).
 
-        contents: lb
+        The inertia is that of a solid sphere, 2/5 m r², times a factor of the file.
         """
         filled = contents / self.capacity
-        return [
+        center = [
             low + filled * (high - low) for low, high in zip(self.drain, self.full, strict=True)
         ]
-
-    def moments(self, contents: Any) -> list[Any]:
-        """Return three moments of inertia, slug ft², of contents, lb (`FGTank::CalculateInertias`).
-
-        They are those of a solid sphere, 2/5 m r², times a factor of the file.
-        """
-        return [contents / SLUG_TO_LB * self.inertia_factor * 0.4 * self.radius**2] * 3
-
-    def body(self, contents: Any) -> Body:
-        """Return given contents, lb, as a part of the aircraft."""
-        inertia = ca.diag(ca.vertcat(*self.moments(contents)))
-        return Body(contents, self.place(contents), inertia)
+        moment = contents / SLUG_TO_LB * self.inertia_factor * 0.4 * self.radius**2
+        return Body(contents, center, ca.diag(ca.vertcat(moment, moment, moment)))
 
 
 @dataclass(frozen=True)
@@ -237,11 +227,6 @@ _FUELS = {
 }
 
 
-def read_point_masses(element: Element) -> list[PointMass]:
-    """Return the point masses of <mass_balance>."""
-    return [_point_mass(child) for child in element.all("pointmass")]
-
-
 def read_empty(element: Element) -> Body:
     """Return the empty aircraft given by <mass_balance>."""
     places = {child.attributes.get("name"): child.vector("IN") for child in element.all("location")}
@@ -272,13 +257,17 @@ def _column(values: Any) -> ca.SX:
     return ca.vertcat(*(ca.SX(value) for value in values))
 
 
-def mass_in_file(element: Element, tanks: Sequence[Tank], points: Sequence[PointMass]) -> Mass:
+def mass_in_file(
+    element: Element, empty: Body, tanks: Sequence[Tank], points: Sequence[PointMass]
+) -> Mass:
     """Return the mass for the tank contents and point masses in the file, in numbers.
+
+    element: <mass_balance>
+    empty: the empty aircraft
 
     Raises BadInputError if the weight is not positive and finite, or if the inertia matrix is not
     finite and positive definite.
     """
-    empty = read_empty(element)
     bodies = [Body(point.weight, point.location, point.inertia) for point in points]
     bodies += [tank.body(tank.contents) for tank in tanks]
     weight = empty.weight + sum(body.weight for body in bodies)
@@ -313,7 +302,7 @@ def _inertia(element: Element) -> np.ndarray:
     )
 
 
-def _point_mass(element: Element) -> PointMass:
+def read_point_mass(element: Element) -> PointMass:
     """Return the point mass of an element, with the inertia of <form> or ixx ... iyz."""
     weight = element.need("weight").number("LBS")
     location = element.need("location").vector("IN")

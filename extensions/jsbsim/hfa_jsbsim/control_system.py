@@ -233,11 +233,8 @@ def _clipped(component: Element, properties: Properties, value: Any) -> Any:
         fault = "a cyclic <clipto> has no steady-state value; remove this <clipto>"
         return properties.unknown(limits.error(fault))
     low, high = (parameter(limits, name, properties, 0.0) for name in ("min", "max"))
-    clipped = saturated(ca.SX(value), low, high)
-    if is_constant(low) and is_constant(high):
-        return clipped if float(low) <= float(high) else value
     # JSBSim does not clip if the limits are exchanged.
-    return ca.if_else(low <= high, clipped, value)
+    return ca.if_else(low <= high, saturated(ca.SX(value), low, high), value)
 
 
 def _summer(component: Element, properties: Properties) -> Any:

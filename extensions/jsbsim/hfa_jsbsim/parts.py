@@ -9,7 +9,7 @@ from hfa_jsbsim.airframe import (
     mass_in_file,
     read_empty,
     read_metrics,
-    read_point_masses,
+    read_point_mass,
     read_tanks,
 )
 from hfa_jsbsim.engines import EngineFile, read_engine
@@ -36,12 +36,14 @@ class Choices:
     engines: whether the lags of engines are states. Otherwise engines follow their throttles at
         once.
     inputs: properties that are inputs of the model, in addition to the pilot's commands.
+    folder: folder of the aircraft's other files, "" for that of its file.
     """
 
     filters: bool = False
     throttles: bool = False
     engines: bool = False
     inputs: tuple[str, ...] = ()
+    folder: str = ""
 
 
 class Parts:
@@ -69,16 +71,13 @@ class Parts:
             is_first = self.section(child.name) is None
             if child.name in LOADED and (is_first or child.name == "system"):
                 self.sections.append(folders.merged(child))
-        gas = self.section("buoyant_forces")
-        if gas is not None:
-            raise gas.error("<buoyant_forces> is not supported; remove the gas cells")
         propulsion = self.section("propulsion")
         self.wings = read_metrics(self._needed("metrics"))
         self.tanks = read_tanks(propulsion)
         balance = self._needed("mass_balance")
         self.empty = read_empty(balance)
-        self.points = read_point_masses(balance)
-        self.mass = mass_in_file(balance, self.tanks, self.points)
+        self.points = [read_point_mass(child) for child in balance.all("pointmass")]
+        self.mass = mass_in_file(balance, self.empty, self.tanks, self.points)
         mounts = propulsion.all("engine") if propulsion else ()
         self.engines: list[EngineFile] = [
             read_engine(number, mount, folders.opened, self.tanks)

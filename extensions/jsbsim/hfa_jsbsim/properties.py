@@ -8,6 +8,7 @@ import re
 from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import chain, count
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -590,12 +591,8 @@ def identifier(full_name: str, kind: str, taken: Collection[str]) -> str:
     name = "_".join(words) or kind
     if name[0].isdigit() or keyword.iskeyword(name) or name in _TAKEN:
         name = f"{kind}_{name}"
-    number = 2
-    unique = name
-    while unique in taken:
-        unique = f"{name}_{number}"
-        number += 1
-    return unique
+    numbered = (f"{name}_{number}" for number in count(2))
+    return next(each for each in chain([name], numbered) if each not in taken)
 
 
 def lower_dashes(name: str) -> str:

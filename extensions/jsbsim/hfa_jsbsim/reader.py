@@ -21,15 +21,15 @@ from hfa_aircraft.rigid.aircraft import (
     inertia_warning,
 )
 from hfa_aircraft.rigid.atmosphere import SEA_LEVEL, air_at
-from hfa_aircraft.signals import ISA, Signal, usual_begin
-from hfa_jsbsim.accounting import notes_on_omitted, of_engine_files
+from hfa_aircraft.signals import ISA, Signal, usual_begin, usual_modes
+from hfa_jsbsim.accounting import notes_on_omitted, of_engine_files, refuse_unsupported
 from hfa_jsbsim.aircraft import GUSTS, LEVERS, WINDS, Equations
 from hfa_jsbsim.aircraft_files import choices_of, find_aircraft
 from hfa_jsbsim.airframe import SLUG_TO_LB
 from hfa_jsbsim.engines import EngineFile
 from hfa_jsbsim.equations import EquationsOfMotion
 from hfa_jsbsim.parts import Parts
-from hfa_jsbsim.properties import FORCE, Note, grouped
+from hfa_jsbsim.properties import FORCE, Note, grouped, key_of, symbols_of
 from hfa_support.errors import BadInputError, shortened
 
 #: Outputs that are surface positions: name -> property, in rad.
@@ -72,8 +72,6 @@ _ARGUMENTS = {
     "velocities/mach": ("mach", 1.0),
     "aero/qbar-psf": ("dynamic_pressure", 1.0),
 }
-#: Option of a CasADi function whose expression may contain symbols besides its arguments.
-_WITH_FREE = {"allow_free": True}
 #: Initial advance ratio V / (n D) in the search for a propeller's speed.
 _ADVANCE_RATIO = 0.72
 #: Number of speeds at which the windmilling speed of a propeller is searched, and the largest,
@@ -83,27 +81,24 @@ _FASTEST = 3.0
 #: Number of nodes from which common subexpressions are not searched (`ca.cse`), because their table
 #: would be too large.
 _TOO_LARGE_FOR_CSE = 200_000
-_MODES = {
-    "short period": ("alpha", "pitch_rate"),
-    "phugoid": ("speed", "pitch"),
-    "dutch roll": ("beta", "yaw_rate"),
-    "roll": ("roll_rate",),
-    "spiral": ("roll",),
-}
 
 
 def read_model(text: str) -> Model:
     """Return the `Model` of "jsbsim:NAME" or of an aircraft's XML file.
 
     Options may follow a question mark: "jsbsim:737?engines=states&throttles=each". With
-    "inputs=fcs/a,fcs/b", these properties are inputs in addition to the pilot's commands.
+    "inputs=fcs/a,fcs/b", these properties are inputs in addition to the pilot's commands; "folder="
+    names the folder of the aircraft's other files.
 
     Raises BadInputError for an unknown aircraft or option, and, with file and line, for an element
     that is not supported.
     """
     name, _, chosen = text.partition("?")
-    path, folders = find_aircraft(name)
-    parts = Parts(path, folders, choices_of(chosen))
+    choices = choices_of(chosen)
+    path, folders = find_aircraft(name, choices.folder)
+    parts = Parts(path, folders, choices)
+    for root in folders.documents:
+        refuse_unsupported(root)
     equations = Equations(parts)
     declaration = _Declaration(parts, equations)
     notes = [*equations.notes, *notes_on_omitted(parts, equations)]
@@ -131,7 +126,12 @@ class _Declaration:
         self.equations = equations
         used = equations.used_symbols()
         self.inputs = equations.used_inputs()
-        self._refuse_chosen()
+        for full_name, name in equations.chosen.items():
+            if name not in self.inputs:
+                raise BadInputError(
+                    f"{parts.path}: inputs={shortened(full_name)}: no force depends on this "
+                    "property, or a component sets it; remove it from ?inputs="
+                )
         self.parameters = {
             name: symbol
             for name, symbol in equations.parameters.items()
@@ -149,18 +149,6 @@ class _Declaration:
         for name, (first, second) in self._splits().items():
             difference = equations.inputs[second].symbol - equations.inputs[first].symbol
             equations.outputs[name] = difference
-
-    def _refuse_chosen(self) -> None:
-        """Raise BadInputError if no force depends on a property that the user made an input."""
-        equations = self.equations
-        idle = [
-            full_name for full_name, name in equations.chosen.items() if name not in self.inputs
-        ]
-        if idle:
-            raise BadInputError(
-                f"{self.parts.path}: inputs={shortened(idle[0])}: no force depends on this "
-                f"property, or a component sets it; remove it from ?inputs="
-            )
 
     def model(self, source: Source, notes: list[Note]) -> Model:
         """Return the model of the aircraft."""
@@ -189,7 +177,7 @@ class _Declaration:
             steady=steady,
             linear=linear,
             schedule="speed",
-            modes=_MODES | self._engine_modes(),
+            modes=usual_modes(states) | self._engine_modes(),
             source=source,
             domain=Domain(self._table_ranges()),
             about=About(
@@ -231,31 +219,18 @@ class _Declaration:
         values = configuration(x, [0.0] * len(self.inputs), p)
         xx, yy, zz, xz = (values[name][0] for name in ("Ixx", "Iyy", "Izz", "Ixz"))
         inertia = inertia_matrix((xx, yy, zz), (0.0, xz, 0.0))
-        yield from of_engine_files(self.parts)
+        yield from dict.fromkeys(of_engine_files(self.parts))
         yield from filter(None, (inertia_warning(inertia), self._warning_of_throttle(x, p)))
 
     def _warning_of_throttle(self, x: list[float], p: list[float]) -> str:
-        """Return a sentence with what stops the engines, if no throttle changes a rate."""
+        """Return a sentence if no throttle changes a rate, for states x and parameters p."""
         throttles = self._throttles()
-
-        def is_moved(values: list[float]) -> bool:
-            """Return whether a rate differs between idle and full throttle, for parameters p."""
-            idle, full = (
-                self._in_still_air(x, [end * (name in throttles) for name in self.inputs], values)
-                for end in (0.0, 1.0)
-            )
-            return not ca.is_equal(idle[0], full[0])  # [0]: the rates
-
-        if not throttles or is_moved(p):
-            return ""
-        full_names = {name: full_name for full_name, name in self.equations.constants.items()}
-        for place, name in enumerate(self.parameters):
-            switched = 1.0 - p[place]  # 0 for 1, 1 for 0
-            may_be_switch = name in full_names or name.startswith("engine")
-            if may_be_switch and is_moved([*p[:place], switched, *p[place + 1 :]]):
-                switch = full_names.get(name, name)
-                return f"the throttle moves no thrust: --hold {switch}={switched:g}"
-        return "the throttle moves no thrust"
+        idle, full = (
+            self._in_still_air(x, [end * (name in throttles) for name in self.inputs], p)
+            for end in (0.0, 1.0)
+        )
+        is_idle = bool(throttles) and ca.is_equal(idle[0], full[0])  # [0]: the rates
+        return "the throttle moves no thrust" * is_idle
 
     def _configuration(self) -> Callable[..., dict[str, tuple[float, str]]]:
         """Return the function (x, u, p) -> mass, center of gravity, inertias, sizes with units."""
@@ -427,12 +402,10 @@ class _Declaration:
         name = f"fcs/{lever}-pos-deg"
         if properties.writer(name) is None:
             return 0.0
-        position = ca.Function(
-            "position", [symbol], [self.equations.resolved(properties.read(name, ""))], _WITH_FREE
-        )
-        if position.has_free():  # it depends on other signals too
+        position = self.equations.resolved(properties.read(name, ""))
+        if symbols_of(position) - {key_of(symbol)}:  # it depends on other signals too
             return 0.0
-        at_half, at_full = (float(position(value)) for value in (0.5, 1.0))
+        at_half, at_full = (float(ca.substitute(position, symbol, end)) for end in (0.5, 1.0))
         return at_full if at_full > 0.0 and 2.0 * at_half == at_full else 0.0
 
     def _outputs(self) -> dict[str, Signal]:
@@ -567,13 +540,9 @@ class _Declaration:
         if {"aileron", "rudder"} <= set(self.inputs):
             imposed["beta"] = 0.0
         starts = self.equations.starts
-        imposed |= {name: starts[name] for name in self._commands().values()}
+        commands = self.equations.constants.values()  # of the files, that are inputs
+        imposed |= {name: starts[name] for name in commands if name in self.inputs}
         return imposed | dict.fromkeys(self._spool_errors(), 0.0)
-
-    def _commands(self) -> dict[str, str]:
-        """Return the constants of the files that are inputs, which the default trim imposes."""
-        constants = self.equations.constants
-        return {full_name: name for full_name, name in constants.items() if name in self.inputs}
 
     def _positions(self) -> Iterator[str]:
         """Yield the names of outputs that are positions of surfaces moved by pilot commands."""

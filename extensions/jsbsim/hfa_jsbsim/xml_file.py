@@ -295,5 +295,5 @@ class Folders:
                 return path
         raise element.error(
             f"the file {shortened(name)} is not in {', '.join(map(str, folders))}; move the file "
-            "into such a folder"
+            "into such a folder, or add ?folder=FOLDER to the aircraft's name"
         )
