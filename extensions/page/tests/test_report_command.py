@@ -50,17 +50,27 @@ def test_the_page_states_the_reason_for_a_missing_flight_in_turbulence(monkeypat
 
 
 def test_values_of_at_are_the_trims_of_these_values(folder):
-    """With --at 35,30 and --sweep, the numbers are the trims, models, games and sweep of the commands
+    """With --at 35,30,100 and --sweep, the numbers are the trims, models, games and sweep of the commands
     that compute them alone, in the order of the speeds; the folder has page, pictures and numbers.
+
+    At each position of the slider the page has the modes, A and the used share of the 60 N of thrust; at
+    100 m/s, the reason why there is no trim.
     """
     weights = ("--Q", ",".join("1" * 8), "--R", ",".join("1" * 4))
-    words = ("--aircraft", UAV, "--outputs", "load_factor", "--at", "35,30", "--sweep", "28:30:1")
+    words = ("--aircraft", UAV, "--outputs", "load_factor", "--at", "35,30,100", "--sweep", "29,30")
     data = answer("report", *words, *weights, "-o", "pages")
     assert data == json.loads(Path("pages", "numbers.json").read_text("utf-8"))
     assert data["ok"]
-    assert data["sweep"]["grid"]["speed"]["values"] == [28.0, 29.0, 30.0, 35.0]
+    assert data["sweep"]["grid"]["speed"]["values"] == [29.0, 30.0, 35.0, 100.0]
     page = page_of(Path("pages", "report.html"))
-    for found, speed in zip(data["angles"], (30.0, 35.0), strict=True):
+    *trimmed, beyond = data["angles"]
+    sections = re.findall(
+        r'<section class="point" data-value="([^"]*)".*?>(.*?)</section>', page, re.S
+    )
+    shown = {at: "".join(text for each, text in sections if each == at) for at, _ in sections}
+    assert [*shown] == ["29 m/s", "30 m/s", "35 m/s", "100 m/s"]
+    assert f"No trim: {beyond['reason']}" in shown["100 m/s"]
+    for found, speed in zip(trimmed, (30.0, 35.0), strict=True):
         assert found["scheduled"] == {"speed": speed}
         held = ("--aircraft", UAV, "--hold", f"speed={speed}")
         states = found["trim"]["operating_point"]["states"]
@@ -68,12 +78,16 @@ def test_values_of_at_are_the_trims_of_these_values(folder):
         linear = answer("linearize", *held, "--outputs", "load_factor")
         for matrix in "ABCD":
             np.testing.assert_allclose(found["model"][matrix], linear[matrix], rtol=1e-6, atol=1e-9)
+        for number in (linear["A"][0][1], *(mode["damping"] for mode in linear["modes"])):
+            assert f">{number:.4f}<" in shown[f"{speed:g} m/s"]
+        assert str(found["trim"]["operating_point"]["inputs"]["thrust"] / 0.6)[:8] in page
         solved = answer("solve", *held, *weights)
         np.testing.assert_allclose(found["solution"]["K"], solved["K"], rtol=1e-6, atol=1e-9)
         assert f"Speed {speed:g} m/s: model, game" in page
         assert f'game at {speed:g} m/s certified</th><td class="words good">PASS' in page
     assert "<h2>Modes over speed<" in page
     assert {path.suffix for path in Path("pages").iterdir()} == {".html", ".json", ".png"}
+    assert all(path.stat().st_size > 9999 for path in Path("pages").iterdir())
 
 
 @pytest.mark.slow
