@@ -355,7 +355,7 @@ class Pair:
         low = low + products[IS_BEYOND].sum(0)
         # Rounded are the last slices, these products of n terms, their sum, that with the missing
         # parts, and the sum of these: of two, each below a roundoff of |A| |B|.
-        sizes = np.outer(*(np.linalg.norm(slices, axis=(1, 2)) for slices in (left, right)))
+        sizes = np.outer([*map(_size, left)], [*map(_size, right)])
         whole, beyond = sizes.sum(), sizes[IS_BEYOND].sum()
         rounding = (n + 16) * ROUNDOFF * beyond + 6 * ROUNDOFF**2 * whole
         error = self.error * Near.of(other).size + Near.of(self).size * other.error

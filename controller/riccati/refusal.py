@@ -48,7 +48,7 @@ class Stabilizing(NamedTuple):
     """Ball that contains the stabilizing solution P: the loop of both players is stable.
 
     P: (n, n)
-    gains: of P, (m, n), in discrete time (m + k, n)
+    gains: of P, of both players, (m + k, n)
     near: P and the gains, `Near`, if the proof is by doubles
     """
 

@@ -119,6 +119,17 @@ def test_balls_about_pairs_of_doubles_have_twice_the_digits(n):
                 assert norm(exact - ball_matrix(found.high)) <= arb(found.error)
 
 
+def test_a_product_of_tiny_and_large_pairs_is_in_its_ball():
+    """The ball of a product contains it where the squares of the entries of a factor underflow."""
+    with precision(700):
+        tiny, large = (
+            Pair.of(ball_matrix(np.array([[size]])) / 3).mid() for size in (1e-170, 1e140)
+        )
+        for found in (tiny * large, large * tiny):
+            exact = ball_matrix(tiny) * ball_matrix(large)
+            assert norm(exact - ball_matrix(found.mid())) <= arb(found.error)
+
+
 GAME = Game([[1.0]], [[1.0]], Q=[1.0], R=[1.0])
 
 
