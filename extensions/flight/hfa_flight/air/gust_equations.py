@@ -182,11 +182,11 @@ def relative_to_air(model: Model) -> dict[str, str]:
     A declared output of another unit is another quantity.
     """
     outputs, standard = in_gusts(model).outputs, _standard_states(model)
-    states = {output: standard[name].name for output, name in IN_AIR.items() if name in standard}
     return {
-        state: output
-        for output, state in states.items()
-        if output in outputs and outputs[output].unit == model.unit(state)
+        state.name: output
+        for output, name in IN_AIR.items()
+        if (state := standard.get(name)) and output in outputs
+        if outputs[output].unit == model.unit(state.name)
     }
 
 

@@ -78,11 +78,9 @@ def measured(
     p: parameters of the model
     winds: disturbance of `in_gusts(model)` -> value
     """
-    model, places = point.model, point.model.state_places
-    outputs = tuple(name for name in names if name not in model.states)
-    values = {name: x[places((name,))] for name in names if name not in outputs}
-    if outputs:
-        moving = in_gusts(model)
+    values = dict(zip(point.model.states, ca.vertsplit(ca.SX(x)), strict=True))
+    if outputs := tuple(name for name in names if name not in values):
+        moving = in_gusts(point.model)
         w = [winds.get(name, 0.0) for name in moving.disturbances]
         at = ca.DM(point.x) + x, ca.DM(point.u) + u, p
         _, in_air = moving.layout.expressions(at, outputs, w or None)
