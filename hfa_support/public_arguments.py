@@ -58,7 +58,8 @@ def _alternatives(annotation: str, module: str) -> tuple[Any, ...]:
     module: name of the module with the annotation
     """
     names = _Names({"ArrayLike": np.ndarray}, vars(sys.modules[module]), vars(builtins))
-    kind = eval(annotation, {}, names)
+    # An array of symbols is converted from other arrays.
+    kind = eval(annotation.replace("ca.SX", "ArrayLike"), {}, names)
     return get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
 
 
@@ -102,9 +103,7 @@ def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Calla
 
     The returned function raises BadInputError for an argument of another kind.
     """
-    signature = inspect.signature(function)
-    # Argument -> kinds that need no further check.
-    accepted: dict[str, set[Any]] = {name: set() for name in signature.parameters}
+    accepted: dict[str, set[Any]] = {}  # argument -> kinds that need no further check
 
     @wraps(function)
     def called(*args: Any, **options: Any) -> Any:
@@ -112,23 +111,28 @@ def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Calla
         caller = sys._getframe(1).f_globals.get("__name__", "")
         if caller.startswith(OWN):
             return function(*args, **options)
+        if not accepted:
+            accepted.update({name: set() for name in inspect.signature(function).parameters})
         for name, value in chain(zip(accepted, args, strict=False), options.items()):
             is_array = type(value) is np.ndarray
             kind = value.dtype if is_array else type(value)
             if name in accepted and kind not in accepted[name]:
-                _check(name, value, function.__annotations__.get(name, "Any"), function, makers)
+                _check(name, value, function.__annotations__.get(name, "object"), function, makers)
                 # Another list may have elements of other types, and is checked again.
                 if is_array or kind is str or not isinstance(value, Collection):
                     accepted[name].add(kind)
         try:
-            signature.bind(*args, **options)
-        except TypeError as error:
-            missing = [name for name in accepted if f"'{name}'" in str(error)]
-            hints = (str(function.__annotations__.get(name, "Any")) for name in missing)
-            kinds = (_alternatives(hint, function.__module__) for hint in hints)
-            advice = _advice(chain(*kinds), makers)
-            raise BadInputError(f"{function.__name__}: {error}{advice}") from None
-        made = function(*args, **options)
+            made = function(*args, **options)
+        except TypeError:
+            try:
+                inspect.signature(function).bind(*args, **options)
+            except TypeError as error:
+                missing = [name for name in accepted if f"'{name}'" in str(error)]
+                hints = (str(function.__annotations__.get(name, "object")) for name in missing)
+                kinds = (_alternatives(hint, function.__module__) for hint in hints)
+                advice = _advice(chain(*kinds), makers)
+                raise BadInputError(f"{function.__name__}: {error}{advice}") from None
+            raise
         if type(made) not in _checking_classes:
             check_methods(type(made), makers)
         return made

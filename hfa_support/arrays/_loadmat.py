@@ -10,19 +10,15 @@ from __future__ import annotations
 import pickle
 import sys
 import warnings
-import zlib
-from pathlib import Path
-from typing import Any, Literal
+from contextlib import suppress
+from typing import Any
 
 import numpy as np
 from scipy.io.matlab import loadmat
 from scipy.sparse import issparse
 
-#: Type of a compressed element of a .mat file, and bytes of the header before the first element.
-_COMPRESSED, _HEADER_SIZE = 15, 128
-#: Byte order in the header -> that of Python.
-_BYTE_ORDERS: dict[bytes, Literal["little", "big"]] = {b"IM": "little", b"MI": "big"}
-_PIECE_SIZE = 2**20
+#: Largest memory of this process, bytes, where the system can limit it.
+_MEMORY = 2**32
 
 
 def content(value: Any) -> Any:
@@ -59,67 +55,32 @@ def _is_text(cell: Any) -> bool:
     return isinstance(cell, np.ndarray) and (cell.dtype.kind == "U" or cell.size == 0)
 
 
-def _full_size(value: Any) -> int:
-    """Return the size of the arrays in a value as SciPy reads it, bytes; sparse matrices count as
-    full ones, which `content` makes of them.
-    """
-    if issparse(value):
-        return int(np.prod(value.shape, dtype=object)) * int(value.dtype.itemsize)
-    if not isinstance(value, np.ndarray):
-        return 0
-    if value.dtype.hasobject:
-        entries = value.ravel().tolist()  # of a structure, tuples of its fields
-        fields = [field for entry in entries for field in entry] if value.dtype.names else entries
-        return sum(map(_full_size, fields))
-    return value.nbytes
-
-
-def _unpacked_size(file: bytes, largest: int) -> int:
-    """Return the unpacked size of all compressed elements of a .mat file, bytes; counting ends
-    above the largest permitted size. A file of MATLAB 4, which has no byte order, has no such
-    elements.
-    """
-    order = _BYTE_ORDERS.get(file[_HEADER_SIZE - 2 : _HEADER_SIZE])
-    size, place = 0, _HEADER_SIZE
-    while order and place + 8 <= len(file) and size <= largest:
-        kind, length = (int.from_bytes(file[at : at + 4], order) for at in (place, place + 4))
-        place += 8
-        if kind == _COMPRESSED:
-            unpacker, rest = zlib.decompressobj(), file[place : place + length]
-            while rest and not unpacker.eof and size <= largest:
-                size += len(unpacker.decompress(rest, _PIECE_SIZE))
-                rest = unpacker.unconsumed_tail
-        place += length
-    return size
-
-
-def _refuse_larger(size: int, largest: int) -> None:
-    """Raise ValueError if a size exceeds the largest permitted one, both in bytes."""
-    if size > largest:
-        raise ValueError(f"the file unpacks to more than {largest >> 20} MiB")
-
-
 def main(path: str, largest: int) -> None:
     """Read a .mat file and write its content to standard output, pickled.
 
-    Raises ValueError if the content needs more than `largest` bytes.
+    Raises MemoryError if the content needs more than `largest` bytes.
     """
+    with suppress(ImportError, ValueError):  # on Windows; a limit that is smaller already
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     warnings.simplefilter("ignore")
-    _refuse_larger(_unpacked_size(Path(path).read_bytes(), largest), largest)
     variables = {
         name: value
         for name, value in loadmat(path, appendmat=False).items()
         if not name.startswith("__")
     }
-    _refuse_larger(sum(map(_full_size, variables.values())), largest)
     pickled = pickle.dumps(content(variables) or {})
-    _refuse_larger(len(pickled), largest)
+    if len(pickled) > largest:
+        raise MemoryError
     sys.stdout.buffer.write(pickled)
 
 
 if __name__ == "__main__":
     try:
         main(sys.argv[1], int(sys.argv[2]))
+    except MemoryError:
+        sys.exit(f"the file unpacks to more than {int(sys.argv[2]) >> 20} MiB")
     except NotImplementedError:
         sys.exit("MATLAB 7.3 files cannot be read; save with the option -v7")
     except Exception as error:  # a damaged file makes SciPy raise nearly anything

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import pickle
-import re
 import subprocess
 import sys
 import warnings
@@ -18,51 +17,14 @@ from hfa_support.arrays.columns import Column, Label, columns_of_text, is_number
 from hfa_support.errors import BadInputError, file_faults, prefix_errors, shortened
 from hfa_support.files import LARGEST, read_json, regular_file, unpacked
 
-#: Matrix -> its sides that belong to the states.
-_SIDES_OF_STATES = {
-    **dict.fromkeys("AQP", ("rows", "columns")),
-    **dict.fromkeys("BE", ("rows",)),
-    "K": ("columns",),
+#: Matrix -> what its rows and its columns are.
+_SIDES = {
+    **dict.fromkeys("AQP", ("state", "state")),
+    **dict.fromkeys("BN", ("state", "input")),
+    "E": ("state",),
+    "R": ("input", "input"),
+    "K": ("input", "state"),
 }
-
-
-#: Columns of a table of P and K with a row for each entry, as `hfa solve` and `hfa learn` write it.
-_ENTRY = ("matrix", "row", "column", "value", "unit")
-#: Unit of an entry of K: unit of the input, unit of the state.
-_UNIT_OF_GAIN = re.compile(r"\((.*)\)/\((.*)\)")
-
-
-def _matrices_of_entries(columns: Mapping[str, Column]) -> dict[str, Any]:
-    """Return the matrices of a table with a row for each entry.
-
-    The names of states and inputs, and units if each entry states them, are those of K.
-
-    columns: those of `_ENTRY` by name
-
-    Raises BadInputError for a value that is no number, and ValueError for a missing entry.
-    """
-    names, rows, places, units = (
-        columns[each].cells for each in ("matrix", "row", "column", "unit")
-    )
-    values = columns["value"].numbers()
-    stored: dict[str, Any] = {}
-    for matrix in dict.fromkeys(names):
-        entries = {(rows[at], places[at]): at for at, name in enumerate(names) if name == matrix}
-        outputs, signals = ([*dict.fromkeys(each)] for each in zip(*entries, strict=True))
-        if len(entries) != len(outputs) * len(signals):
-            raise ValueError(f"{matrix} lacks an entry; give a row for each")
-        order = np.array([[entries[row, place] for place in signals] for row in outputs])
-        stored[matrix] = values[order]
-        if matrix != "K":
-            continue
-        stored |= {"inputs": outputs, "states": signals}
-        # The first column of K has the units of all inputs, the first row those of all states.
-        of_gains = [_UNIT_OF_GAIN.fullmatch(units[at]) for at in order.flat]
-        pairs = [found.groups() for found in of_gains if found]
-        if len(pairs) == order.size:
-            stored["input_units"] = [unit for unit, _ in pairs[:: len(signals)]]
-            stored["state_units"] = [unit for _, unit in pairs[: len(signals)]]
-    return stored
 
 
 class _Table(NamedTuple):
@@ -93,31 +55,26 @@ def _table(name: str, columns: Sequence[Column]) -> _Table:
 def _names_and_units(tables: Mapping[str, _Table]) -> dict[str, list[str]]:
     """Return "states", "inputs", "state_units" and "input_units", as far as .csv files state them.
 
-    The names of a plant are those of A and of the columns of B, and those of a critic are in P and
-    K. Units are returned only if each state, or each input, has a unit.
+    Units are returned only if each state, or each input, has a unit.
 
-    Raises ValueError if a matrix has the states in another order.
+    Raises ValueError if a matrix has the states or inputs in another order.
     """
-    A, B, P, K = (tables.get(matrix, _Table(np.empty(0), [], [])) for matrix in "ABPK")
-    states = (A.rows, A.columns, P.rows, P.columns, K.columns)
-    stored = {}
-    for kind, sides in (("state", states), ("input", (B.columns, K.rows))):
-        # The first labels with units, or else the first ones.
-        labels = max(sides, key=lambda side: (len(side) > 0, all(label.unit for label in side)))
-        if labels:
-            stored[f"{kind}s"] = [label.name for label in labels]
-        if labels and all(label.unit for label in labels):
-            stored[f"{kind}_units"] = [label.unit for label in labels]
-
-    state_names = stored.get("states", [])
+    stored: dict[str, list[str]] = {}
     for matrix, table in tables.items():
-        for side in _SIDES_OF_STATES.get(matrix, ()):
-            names = [label.name for label in getattr(table, side)]
-            if names != state_names and sorted(names) == sorted(state_names):
+        sides = zip(_SIDES.get(matrix, ()), ("rows", "columns"), strict=False)
+        for kind, side in sides:
+            labels: list[Label] = getattr(table, side)
+            if not labels:
+                continue
+            names = [label.name for label in labels]
+            known = stored.setdefault(f"{kind}s", names)
+            if names != known and sorted(names) == sorted(known):
                 raise ValueError(
-                    f"the {side} of {matrix} are {', '.join(names)}, but the states are "
-                    f"{', '.join(state_names)}; give them in this order"
+                    f"the {side} of {matrix} are {', '.join(names)}, but the {kind}s are "
+                    f"{', '.join(known)}; give them in this order"
                 )
+            if all(label.unit for label in labels):
+                stored.setdefault(f"{kind}_units", [label.unit for label in labels])
     return stored
 
 
@@ -133,33 +90,24 @@ def matrices(path: Path) -> dict[str, Any]:
 
     - a file named A: the result also contains the other matrices of the plant in the same folder
     - a .csv file: the result also contains the names and units of states and inputs in the file
-    - a .csv table of `hfa solve`: P and K
     - a .npy file that is not named after a matrix of a plant or critic: its matrix has the name
       `UNKNOWN`
 
     Raises BadInputError as `_matrix_files` does.
     """
     is_csv = path.suffix.lower() == ".csv"
-    read = _columns(path) if is_csv else []
-    columns = {column.name: column for column in read}
-    if columns.keys() >= {*_ENTRY}:
-        return _matrices_of_entries(columns)
     is_named = path.stem in (*PLANT, *CRITIC)
     arrays, tables = {}, {}
     for name, file in (_matrix_files(path) if is_csv or is_named else {UNKNOWN: path}).items():
         with file_faults(file):
             if is_csv:
-                tables[name] = _table(name, read if file == path else _columns(file))
+                content = regular_file(file).read_bytes()
+                columns = columns_of_text(str(file), content, has_headings=False)
+                tables[name] = _table(name, columns)
                 arrays[name] = tables[name].matrix
             else:
                 arrays[name] = np.load(regular_file(file), allow_pickle=False)
     return _names_and_units(tables) | arrays
-
-
-def _columns(path: Path) -> list[Column]:
-    """Return the columns of a .csv file, which may have no headings."""
-    with file_faults(path):
-        return columns_of_text(str(path), regular_file(path).read_bytes(), has_headings=False)
 
 
 def _matrix_files(path: Path) -> dict[str, Path]:

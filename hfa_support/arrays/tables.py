@@ -98,7 +98,13 @@ def _columns_of_arrays(where: str, entries: Mapping[str, Any], no_unit: str | No
     unit_of = {str(signal): str(unit) for signal, unit in labels}
     columns = []
     for text, values in entries.items():
-        label, cells = Label.of(str(text)), np.asarray(getattr(values, "values", values))
+        label = Label.of(text)
+        try:
+            cells = np.asarray(getattr(values, "values", values))
+        except ValueError as error:
+            raise BadInputError(
+                f"{where}: {text} does not consist of rows of equal length"
+            ) from error
         if cells.dtype.kind in "mM":  # dates, or durations
             label, cells = Label(label.name, "s"), (cells - cells[:1]) / np.timedelta64(1, "s")
         if cells.ndim and max(cells.shape) == cells.size and text not in _NAMES:
