@@ -20,14 +20,12 @@ proc = pytest.mark.skipif(
 class Ended(NamedTuple):
     """Result of a run that was ended by a signal.
 
-    seconds: duration of the run
     workers: process numbers of its workers
     """
 
     code: int
     out: str
     err: str
-    seconds: float
     workers: set[str]
 
     def workers_have_ended(self):
@@ -62,33 +60,28 @@ def until(holds, seconds=120.0):
     return holds()
 
 
-def run(folder, *words, number=None, after=0.0, working=0):
+def run(folder, *words, number, after, working):
     """Run a command in a folder, end it by a signal, and return the result.
 
-    number: signal, or None to let the run finish
+    number: signal
     after: delay in seconds between the start of the workers and the signal
     working: number of workers to wait for before the delay
 
     Ctrl-C is sent to all processes of the run, as a terminal does. Other signals are sent only to
     the first process. The temporary files of the run are in folder/temporary.
     """
-    (folder / "temporary").mkdir(parents=True, exist_ok=True)
+    (folder / "temporary").mkdir(parents=True)
     environment = {**os.environ, "TMPDIR": str(folder / "temporary")}
-    begun = time.monotonic()
-    seen = set[str]()
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     process = subprocess.Popen(
         [SCRIPT, *words], cwd=folder, env=environment, text=True, start_new_session=True, **streams
     )
     try:
-        if number is not None:
-            assert until(lambda: len(workers(process.pid)) >= working)
-            end = time.monotonic() + after
-            until(lambda: process.poll() is not None or time.monotonic() > end, after + 1.0)
-            seen = workers(process.pid)
-            if process.poll() is None:
-                (os.killpg if number == signal.SIGINT else os.kill)(process.pid, number)
+        assert until(lambda: len(workers(process.pid)) >= working)
+        time.sleep(after)
+        seen = workers(process.pid)
+        (os.killpg if number == signal.SIGINT else os.kill)(process.pid, number)
         out, err = process.communicate(timeout=120)
     finally:
         process.kill()
-    return Ended(process.returncode, out, err, time.monotonic() - begun, seen)
+    return Ended(process.returncode, out, err, seen)

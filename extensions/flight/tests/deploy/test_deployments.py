@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from policy_cases import FOLDER, GTM, ZIPS, gtm_deployment, model_of, stored_deployment
+from tolerances import FEW_ROUNDINGS
 
 import hfa
 from hfa import BadInputError, Deployment, assess
@@ -106,6 +107,26 @@ def test_formulas_that_are_code_are_refused(formula):
     deployment = gtm_deployment({"file": FOLDER / "ppo_raw.zip"}, observation=observation)
     with pytest.raises(BadInputError, match=r"formula|unknown name|calls|arithmetic"):
         Deployed(deployment, model_of(GTM))
+
+
+def test_formulas_are_evaluated():
+    """The formulas of observations and actions are evaluated at a state and its trim. The output gamma
+    is pitch - alpha, too, and the action is the first observation.
+    """
+    entries = {"flow": {"formula": "pitch - alpha", "about": 0.0}, "gamma": {"about": 0.0}}
+    o = ca.SX.sym("o", 2)
+    deployment = gtm_deployment(
+        {"file": ca.Function("policy", [o], [o[0]])},
+        observation=entries,
+        action={"elevator": {"map": "trim + 0.1 * sin(a) - 2 ** 2 * pitch_rate"}},
+    )
+    deployed = Deployed(deployment, model_of(GTM))
+    X = np.array([45.0, 0.05, 0.1, 0.07])  # speed, alpha, pitch rate and pitch
+    trim = np.array([45.0, 0.05, 0.0, 0.05, 0.02, 15.0])  # these, elevator and throttle
+    observed = np.array(deployed.observe(X, trim[4:], trim)).ravel()
+    np.testing.assert_allclose(observed, [0.02, 0.02], atol=1e-15)
+    inputs = np.array(deployed.command(X, trim[4:], trim)).ravel()
+    np.testing.assert_allclose(inputs, [0.02 + 0.1 * np.sin(0.02) - 0.4, 15.0], rtol=FEW_ROUNDINGS)
 
 
 class Caller:

@@ -25,16 +25,11 @@ dt = 0.05
 """
 SAMPLED = ("--sample-time", "0.05")
 _PLANT = {"A": np.array([[0.0, 1.0], [2.0, -0.3]]), "B": np.array([[0.0], [1.0]])}
-#: Files of gains, plants and matrices, name -> entries. The gain K stabilizes the plant.
+#: Files of gains and of a plant, name -> entries. The gain K stabilizes the plant.
 FILES = {
     "K": {"K": [[4.24, 2.8]]},
     "steps_of_K": {"K": [[4.24, 2.8]], "dt": 0.1},
     "plant": _PLANT,
-    "A": {"A": _PLANT["A"]},
-    "steps": {**_PLANT, "time": "discrete"},
-    "nan": {**_PLANT, "A": _PLANT["A"] * np.nan},
-    "Q": {**_PLANT, "Q": np.eye(3), "R": np.eye(1)},
-    "N": {**_PLANT, "Q": np.eye(2), "R": np.eye(1), "N": np.ones((2, 1))},
 }
 
 

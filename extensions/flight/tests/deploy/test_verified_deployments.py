@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import assert_refused, hfa
-from policy_cases import FOLDER, GTM, aircraft, stored_deployment, trims
+from cli import answer, assert_refused, hfa
+from policy_cases import FOLDER, GTM, ROOT, aircraft, stored_deployment, trims
 
 import hfa as toolchain
 from hfa import BadInputError
-from hfa.main import BAD_INPUT
+from hfa.main import BAD_INPUT, FAILED
 
 PPO_FILE = FOLDER / "ppo_hfa.toml"
 #: Observation -> scale in this file, and moved input -> factor of its map, in the order of the file.
@@ -44,6 +44,20 @@ def test_a_deployment_file_is_read_as_a_critic_of_deviations_and_inputs_in_their
     z = np.zeros(6)
     slope = np.array([(critic.u(z + e) - critic.u(z - e)) / 2e-6 for e in 1e-6 * np.eye(6)]).T
     assert pytest.approx(-slope, rel=1e-6, abs=1e-5) == critic.K
+
+
+def test_a_weight_of_an_option_replaces_that_of_the_deployment(folder):
+    """A typed R replaces that of the deployment file, whose Q remains."""
+    np.savez("K.npz", K=[[2.0, 0.6]])
+    Path("stated.toml").write_text(
+        "[policy]\nfile = 'K.npz'\n[observation]\nangle = {}\nrate = {}\n"
+        "[action]\ntorque = {}\n[timing]\ndt = 0.02\n"
+        "[cost]\nQ = {angle = 2.0}\nR = {torque = 3.0}\n"
+    )
+    plant = f"{ROOT}/examples/pendulum.py:PENDULUM"
+    words = ("--aircraft", plant, "--hold", "angle=0", "--weights", "stated.toml", "--R", "5")
+    data = answer("verify", *words, code=FAILED)
+    assert (data["Q"], data["R"]) == ([[2.0, 0.0], [0.0, 0.0]], [[5.0]])
 
 
 @pytest.mark.parametrize(
