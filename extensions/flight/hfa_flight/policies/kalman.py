@@ -76,7 +76,6 @@ class KalmanFilter(Result):
     P: covariance of the error of the predicted states x.
     L: gain, (n, p).
     residual: residual of the Riccati equation of P, relative to P, in balanced units.
-    unobservable: dominant states of decaying modes that the sensors do not observe.
     winds: names of the model's disturbances w = W x_air that the turbulence sets.
     W: (w, n - k).
     """
@@ -98,7 +97,6 @@ class KalmanFilter(Result):
     P: np.ndarray
     L: np.ndarray
     residual: float
-    unobservable: tuple[str, ...]
     winds: tuple[str, ...]
     W: np.ndarray
 
@@ -160,7 +158,7 @@ class KalmanFilter(Result):
         scale = np.append([*_sizes(point, sensors).values()], np.sqrt(np.diag(air.covariance)))
         units, drifts = np.outer(scale, scale), np.append([*drift.values()], np.zeros(len(air.A)))
         A_in_units, C_in_units = A * scale / scale[:, None], C * scale / sigma[:, None]
-        unobservable = _unobservable(
+        _refuse_unobservable(
             A_in_units[of_linear, of_linear],
             C_in_units[:, of_linear],
             tuple(drift),
@@ -196,7 +194,6 @@ class KalmanFilter(Result):
             P=P * units,
             L=L * scale[:, None] / sigma,
             residual=residual,
-            unobservable=unobservable,
             winds=air.winds,
             W=air.W,
         )
@@ -287,7 +284,6 @@ class KalmanFilter(Result):
             "residual": self.residual,
             "spectral_radius": self.radius,
             "estimation_error": self.estimated,
-            "unobservable": list(self.unobservable),
         }
 
     def text(self) -> str:
@@ -498,30 +494,24 @@ def _reaching(A: np.ndarray, C: np.ndarray) -> np.ndarray:
     return np.flatnonzero(reaching)
 
 
-def _unobservable(
+def _refuse_unobservable(
     A: np.ndarray, C: np.ndarray, states: tuple[str, ...], sensors: tuple[str, ...]
-) -> tuple[str, ...]:
-    """Return the dominant states of the aircraft's decaying modes that the sensors do not observe.
+) -> None:
+    """Raise BadInputError for a mode that does not decay, and that the sensors do not observe.
 
     A, C: of the linear states, in the units in which the filter is computed
-
-    Raises BadInputError for such a mode that does not decay.
     """
     size = np.linalg.norm(A, 2)
-    names = []
     for mode in modes_of(A, states):
         # A mode s is observable unless [A - s I; C] has a zero singular value (Popov, Hautus). C
         # times the size of A is comparable with A.
         shifted = A - mode.eigenvalue * np.eye(len(A))
         observed = np.linalg.svd(np.vstack([shifted, size * C]), compute_uv=False)[-1]
-        if observed > _LEAST_OBSERVABILITY * size:
-            continue
-        if mode.eigenvalue.real >= -_LEAST_OBSERVABILITY * size:
+        is_decaying = mode.eigenvalue.real < -_LEAST_OBSERVABILITY * size
+        if observed <= _LEAST_OBSERVABILITY * size and not is_decaying:
             unmeasured = [name for name in states if name not in sensors]
             best = max(unmeasured, key=mode.participation.__getitem__)
             raise BadInputError(
                 f"the sensors {', '.join(sensors)} do not observe a mode of {best}, which does not "
                 f"decay; add a sensor of {best}"
             )
-        names.append(max(states, key=mode.participation.__getitem__))
-    return tuple(names)
