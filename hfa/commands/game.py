@@ -120,7 +120,7 @@ def solve(request: SolveRequest, given: GivenGames) -> Outcome:
         report = _with_delays(report, solution, named.of_rates)
     report = replace(report, parts=(*named.sizes_line(), *report.parts))
     if reference is not None:
-        report = with_tracking(report, reference, named, solution, solution.K)
+        report = with_tracking(report, reference, named, solution)
     return Outcome(report=report.with_data(named), source=named.source, notes=named.warnings)
 
 

@@ -17,15 +17,12 @@ from hfa.options.argument_types import listed_names, number, positive, whole
 from hfa.options.command import Outcome, ProgressLine, Request, command, picture_option
 from hfa.options.games import (
     CONTINUOUS_ONLY,
-    REFERENCE,
     GameOptions,
     NamedGame,
     ReadingOptions,
     critic_path,
     given_game,
     reading_of,
-    reference_of,
-    with_tracking,
 )
 from hfa.options.parser import option, refuse
 from hfa_support.errors import BadInputError, prefix_errors
@@ -109,7 +106,6 @@ class VerifyRequest(Request, GameOptions, ReadingOptions):
         partial(number, declared=Number(0.0)),
         default=SECONDS,
     )
-    reference: Mapping[str, str] = REFERENCE
 
 
 class GivenCritics(NamedTuple):
@@ -142,7 +138,7 @@ def given_critics(request: VerifyRequest) -> GivenCritics:
         notes.append(f"{first} moves {', '.join(moved)}; the other inputs stay at the trim")
     named = replace(named, warnings=tuple(notes))
     if named.game.is_discrete:
-        refuse(request, ("discount", "dt", "reference"), CONTINUOUS_ONLY)
+        refuse(request, ("discount", "dt"), CONTINUOUS_ONLY)
     game = named.game
     dt, discount = request.dt, request.discount
     if dt is None and not game.is_discrete:
@@ -167,12 +163,6 @@ def _with_assumption(critic: Critic, named: NamedGame) -> Critic:
 
 def _refuse_unused(request: VerifyRequest, files: Mapping[str, CriticFile]) -> None:
     """Raise BadInputError if an option has no effect or contradicts another option."""
-    if len(files) > 1:
-        refuse(
-            request,
-            ("reference",),
-            "requires a single critic; remove it, or give a single file with --weights",
-        )
     if not any(file.is_network for file in files.values()):
         refuse(
             request,
@@ -181,8 +171,6 @@ def _refuse_unused(request: VerifyRequest, files: Mapping[str, CriticFile]) -> N
         )
     if (request.discount is None) != (request.dt is None):
         raise BadInputError("--discount and --dt require each other; give both options")
-    if request.discount is not None:
-        refuse(request, ("reference",), "applies only to continuous time; remove it or --discount")
 
 
 @command(VerifyRequest, given_critics)
@@ -191,7 +179,6 @@ def verify(request: VerifyRequest, given: GivenCritics) -> Outcome:
 
     The exit code is 0 if every check passes or the cost is within --limit-cost, and 1 otherwise."""
     files, named, game = given
-    reference = reference_of(request.reference, named) if request.reference else None
     reading = reading_of(request, named.linear)
     verdicts = {}
     for path, file in with_progress([*files.items()], ProgressLine("compare")):
@@ -208,16 +195,12 @@ def verify(request: VerifyRequest, given: GivenCritics) -> Outcome:
                 progress=ProgressLine("verify"),
             )
     report = _report(request, named, verdicts)
-    if reference is not None:  # there is a single critic
-        (verdict,) = verdicts.values()
-        report = with_tracking(report, reference, named, verdict.exact, verdict.critic.K)
-    figure = partial(verdicts_figure, verdicts)
     return Outcome(
         report=report,
         ok=all(verdict.holds(request.limit_cost) for verdict in verdicts.values()),
         source=named.source,
         notes=named.warnings,
-        figure=figure,
+        figure=partial(verdicts_figure, verdicts),
     )
 
 

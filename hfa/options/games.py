@@ -23,7 +23,6 @@ from controller.game.linear_game import (
 )
 from controller.game.zero_sum import Game
 from controller.hfa_game import plant_names
-from controller.riccati.lyapunov import stabilizes
 from controller.tracking import tracked
 from hfa.options.advice import trimmed
 from hfa.options.argument_types import (
@@ -506,22 +505,17 @@ def reference_of(texts: Mapping[str, str], named: NamedGame) -> dict[str, Wavefo
 
 
 def with_tracking(
-    report: Report, reference: Mapping[str, Waveform], named: NamedGame, solution: Solution, K: Any
+    report: Report, reference: Mapping[str, Waveform], named: NamedGame, solution: Solution
 ) -> Report:
-    """Return a report with a section on tracking.
+    """Return a report with a section on tracking with the exact gain.
 
     reference: state -> signal, as of `reference_of`
     named: game of an aircraft
     solution: exact solution of the game
-    K: gain of the feedback, (m, n)
     """
     assert named.linear is not None  # `reference_of` requires it
-    if not stabilizes(solution.game, K):  # the tracking errors grow
-        abscissa = solution.closed_loops.poles(K).real.max()
-        said = f"Tracking: no late errors, A - B K has abscissa {abscissa:+.4g} 1/s"
-        return replace(report, parts=(*report.parts, said))
     commands = stacked(reference, named.linear.states)
-    tracking = tracked(named.linear, solution, K, commands)
+    tracking = tracked(named.linear, solution, solution.K, commands)
     section = tracking.report()
     parts = (*report.parts, section.title, *section.parts)
     return replace(report, parts=parts).with_data(tracking=tracking)
