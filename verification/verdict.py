@@ -41,8 +41,7 @@ class CounterExample(NamedTuple):
     """A flight that shows that a policy is not near the optimum.
 
     start: initial state in the box, (n,)
-    what: "diverges", "stays there" (another equilibrium), "stays away from the equilibrium" or
-        "costs more"
+    what: "diverges", "ends at another equilibrium" or "costs more"
     """
 
     start: np.ndarray

@@ -94,9 +94,9 @@ def findings_of(
             checks.append(error_check(f"searched_{name}_error", error, limit, what))
     proof, flown = Proof(why="the critic is not finite"), FlightResults()
     if critic.is_finite:
-        equilibrium = equilibrium_of(exact, critic, b)
-        if equilibrium is not None and not np.any(critic.u(np.zeros(len(b)))):
-            equilibrium = np.zeros(len(b))
+        trim = np.zeros(len(b))
+        is_there = not np.any(critic.u(trim))
+        equilibrium = trim if is_there else equilibrium_of(exact, critic, b, trim)
         checks.append(equilibrium_check(equilibrium, exact.P, b, limit))
         proof = Proof(why="no equilibrium near the trim is found")
         if equilibrium is not None:

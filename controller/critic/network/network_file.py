@@ -283,15 +283,22 @@ def _network_of(contents: _Contents, asked: Asked, parts: Mapping[str, str]) -> 
         if len(layers) == 1 and is_only_layer and inputs == asked.basis_size:
             return  # the weights of a basis, with an input for each function
         check_width(inputs, asked.states)
-        # Nothing else acts on layers that the user names, or on all observations that a zip states.
-        if not is_named and inputs != declared.inputs:
-            of_network = {layer.name for layer in layers}
-            others = {
-                name: array
-                for name, array in tensors.items()
-                if _layer(name) not in of_network and not has_word(name, all_words)
-            }
-            refuse_others(others, inputs, layers[-1].outputs)
+        if inputs == declared.inputs:  # a zip states all observations
+            return
+        # Nothing else acts on layers that the user names, but for a normalizer of the states.
+        of_network = {layer.name for layer in layers}
+        others = {
+            name: array
+            for name, array in tensors.items()
+            if _layer(name) not in of_network
+            and not has_word(name, all_words)
+            and (
+                not is_named
+                or (array.ndim == 2 and name.endswith("weight"))
+                or (asked.of_states and array.size == inputs)
+            )
+        }
+        refuse_others(others, inputs, layers[-1].outputs)
 
     networks = {
         kind: layers_of(tensors, kind, part, contents.is_ordered, partial(check, kind), asked.sizes)

@@ -19,25 +19,28 @@ OF_CRITIC = chain(("critic.0", "critic.2", "critic.4"), (STATES, 8, 8, 1), RANDO
     "more",
     [
         {"obs_norm.mean": np.zeros(STATES)},
-        {"action_scale": np.ones(ACTIONS)},
         {"norm.weight": np.ones(STATES), "norm.bias": np.ones(STATES)},
         {"log_std": np.ones(STATES)},
+        {"action_scale": np.ones(ACTIONS)},
         {"skip.weight": np.ones((ACTIONS, STATES))},
-        {"std": np.ones(STATES)},
     ],
 )
 def test_a_tensor_of_unknown_function_is_refused_or_named_as_not_used(more):
     """A tensor beside actor and critic that may act on the actor is refused, unless the user names
-    the actor: then a note says that the tensor is not used.
+    the actor: then a note says that the tensor is not used. One with an entry for each state may
+    normalize them, and is refused in any case.
 
     The refusal proposes this name. A deviation log_std of 6 entries is one of the states, not of
     the 2 actions.
     """
     path = torch_file("a.pt", OF_ACTOR | OF_CRITIC | more)
     options = {"inputs": ACTIONS, "activation": "tanh"}
-    unknown = next(iter(more))
+    unknown, values = next(iter(more.items()))
     said = refusal(path, network="policy=", **options)
     assert unknown in said
+    if values.size == STATES:
+        assert "may act on the" in refusal(path, network="policy=actor", **options)
+        return
     assert 'network="policy=actor"' in said
     policy = read(path, network="policy=actor", **options)
     x = RANDOM.normal(size=(3, STATES))
