@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -33,7 +33,7 @@ from verification.verdict import CounterExample
 _DECAY, _TICKS = 5.0, 100
 #: Largest number of steps of a simulation, LSODA's or those of a discrete loop, and number of the
 #: latter in a tick.
-_STEPS, _STEPS_PER_TICK = 20_000, 100
+_STEPS, _STEPS_PER_TICK = 10_000, 100
 #: Largest number of Newton steps to an equilibrium, and its largest distance, in boxes.
 _NEWTON_STEPS = 30
 _FARTHEST_EQUILIBRIUM = 100.0
@@ -46,12 +46,8 @@ _LONGEST_STEP = 2e-3
 _SETTLED_STEP = 1e-12
 #: Distance of another equilibrium, relative to the box.
 _ELSEWHERE = 1e-6
-#: Distances of starts beside one, relative to the box.
-_BESIDE = (-1e-7, 1e-7)
-
-#: Rows [z, cost] (N, n + 1), their time, s or steps, and the steps left -> rows after a tick, and
-#: the number of its steps: 0 if it needs more.
-_Tick = Callable[[np.ndarray, float, int], tuple[np.ndarray, int]]
+#: Distance of starts beside one, relative to the box.
+_BESIDE = 1e-7
 
 
 class End(NamedTuple):
@@ -59,14 +55,12 @@ class End(NamedTuple):
 
     z: last deviations from the equilibrium, (N, n)
     costs: (N,)
-    time: s or steps
     failed: number of a flight that diverges or has not converged, or None if all converge
     diverges: whether it diverges
     """
 
     z: np.ndarray
     costs: np.ndarray
-    time: float
     failed: int | None = None
     diverges: bool = False
 
@@ -101,54 +95,21 @@ def simulated(
         return ~(quadratic_forms(rows[:, :-1], exact.P) <= FAR_OF_VALUE * size)  # or nan
 
     def steps(rows: np.ndarray, time: float, most: int) -> tuple[np.ndarray, int]:
-        """Return the rows after a tick of z⁺ = f(z), and the number of its steps."""
+        """Return the rows after a tick of z⁺ = f(z), and the number of its steps, 0 of too many."""
         for step in range(_STEPS_PER_TICK):
             after = rates(rows[:, :-1])
             after[:, -1] = rows[:, -1] + game.discount ** (time + step) * after[:, -1]
             rows = after
         return rows, _STEPS_PER_TICK
 
-    period, longest = float(_STEPS_PER_TICK), float(_STEPS)
-    after: _Tick = steps
-    if not game.is_discrete:
-        period = _DECAY / abs(spectral_abscissa(game.A - game.B @ K))
-        longest, after = (
-            _TICKS * period,
-            _flow(rates, is_far, np.append(b, size), period, longest_step),
-        )
-    rows = np.column_stack([starts - equilibrium, np.zeros(len(starts))])
-    flying = np.arange(len(starts))  # rows of flights that have not converged
-    initial, time, left = quadratic_forms(rows[:, :-1], exact.P), 0.0, _STEPS
-    with np.errstate(all="ignore"):
-        while flying.size and left > 0 and time < longest:
-            rows[flying], taken = after(rows[flying], time, left)
-            if (far := is_far(rows)).any():
-                return End(rows[:, :-1], rows[:, -1], time, int(np.argmax(far)), diverges=True)
-            left = left - taken if taken else 0
-            time += period
-            now = quadratic_forms(rows[flying, :-1], exact.P)
-            flying = flying[~has_decayed(now, initial[flying], OF_VALUE)]
-    return End(rows[:, :-1], rows[:, -1], time, int(flying[0]) if flying.size else None)
-
-
-def _flow(
-    rates: Callable[[np.ndarray], np.ndarray],
-    is_far: Callable[[np.ndarray], np.ndarray],
-    sizes: np.ndarray,
-    period: float,
-    longest_step: float,
-) -> _Tick:
-    """Return the tick of z' = f(z), by LSODA with error control.
-
-    sizes: of the states and of the cost, to which errors are relative, (n + 1,)
-    """
-
-    def after(rows: np.ndarray, time: float, most: int) -> tuple[np.ndarray, int]:
+    def flow(rows: np.ndarray, time: float, most: int) -> tuple[np.ndarray, int]:
+        """Return the rows after a tick of z' = f(z), by LSODA, and the number of its steps."""
         from scipy.integrate import odeint
 
         # The distance of each flight, in boxes: tolerances decrease with a flight that converges.
+        sizes = np.append(b, size)
         distances = np.abs(rows / sizes).max(axis=1, keepdims=True)
-        half_bandwidth = rows.shape[1] - 1  # of a block-diagonal Jacobian: flights are independent
+        band = len(b)  # of a block-diagonal Jacobian: flights are independent
 
         def flat(numbers: np.ndarray, _: float) -> np.ndarray:
             """Return the rates; a flight that diverges stops."""
@@ -156,13 +117,13 @@ def _flow(
             return np.where(is_far(now)[:, None], 0.0, rates(now[:, :-1])).ravel()
 
         with warnings.catch_warnings(action="ignore"):  # of LSODA when it fails
-            (_, reached), report = odeint(
+            (*_, reached), report = odeint(
                 flat,
                 rows.ravel(),
                 [0.0, period],
                 full_output=True,
-                ml=half_bandwidth,
-                mu=half_bandwidth,
+                ml=band,
+                mu=band,
                 rtol=_RELATIVE_ACCURACY,
                 atol=(_ACCURACY_IN_BOX * distances * sizes).ravel(),
                 hmax=longest_step * period,
@@ -172,7 +133,26 @@ def _flow(
             return rows, 0
         return reached.reshape(rows.shape), int(report["nst"][-1])
 
-    return after
+    after, period, longest = steps, float(_STEPS_PER_TICK), math.inf
+    if not game.is_discrete:
+        period = _DECAY / abs(spectral_abscissa(game.A - game.B @ K))
+        after, longest = flow, _TICKS * period
+    rows = np.column_stack([starts - equilibrium, np.zeros(len(starts))])
+    flying = np.arange(len(starts))  # rows of flights that have not converged
+    initial, time, left = quadratic_forms(rows[:, :-1], exact.P), 0.0, _STEPS
+    with np.errstate(all="ignore"):
+        while flying.size and left > 0 and time < longest:
+            rows[flying], taken = after(rows[flying], time, left)
+            if (far := is_far(rows)).any():
+                return End(rows[:, :-1], rows[:, -1], int(np.argmax(far)), diverges=True)
+            left = left - taken if taken else 0
+            time += period
+            now = quadratic_forms(rows[flying, :-1], exact.P)
+            flying = flying[~has_decayed(now, initial[flying], OF_VALUE)]
+    failed = None
+    if flying.size:
+        failed = int(flying[np.argmax(quadratic_forms(rows[flying, :-1], exact.P))])
+    return End(rows[:, :-1], rows[:, -1], failed)
 
 
 def equilibrium_of(
@@ -201,20 +181,13 @@ class FlightResults(NamedTuple):
 
     flights: number of initial conditions, or 0 if nothing was simulated.
     cost_above_optimum_flown_percent: largest cost above V*, in percent of the `reference_cost`; inf
-        if a simulation diverges or there is another equilibrium, nan if one is not decided at the
-        end of its clock.
-    undecided_at: end of the clock of the simulation that is not decided, s or steps, or None.
+        if a simulation diverges or ends at another equilibrium, nan if one is not decided.
     worst: the flight with the largest cost, or None if nothing was simulated or is not decided.
-    rest_point: (n,), equilibrium of the policy on the linear plant, or None.
-    equilibrium_cost: cost of the equilibrium per second, or per discrete step; 0 at the trim.
     """
 
     flights: int = 0
     cost_above_optimum_flown_percent: float = math.inf
-    undecided_at: float | None = None
     worst: CounterExample | None = None
-    rest_point: np.ndarray | None = None
-    equilibrium_cost: float = 0.0
 
 
 def equilibrium_check(
@@ -240,6 +213,7 @@ def equilibrium_check(
     return at_most("rest_point", share, 100.0 * limit**2, reason, kind="rest")
 
 
+@np.errstate(over="ignore")  # where P is 0
 def fly(
     exact: Solution,
     critic: Critic,
@@ -269,33 +243,38 @@ def fly(
         """Return the end of flights, the number of that which fails or costs most, and its cost."""
         end = simulated(exact, critic, b, equilibrium, starts, longest_step)
         if end.failed is not None:
-            return end, end.failed, math.nan
+            return end, end.failed, math.inf
         # Near 0, the error of a network is absolute: what counts is the optimum of the box.
         optima = np.maximum(quadratic_forms(starts, reference), reference[0, 0] * b[0] ** 2)
-        with np.errstate(over="ignore"):  # where P is 0
-            above = 100.0 * end.costs / optima
+        above = 100.0 * end.costs / optima
         return end, int(np.argmax(above)), float(above.max())
 
-    chosen = [worst] if np.any(np.nan_to_num(worst)) else []
+    def repeated(start: np.ndarray) -> FlightResults:
+        """Return the result of one flight, in short steps."""
+        end, _, cost = flown(start[None], _LONGEST_STEP)
+        what = "diverges" if end.diverges else "costs more"
+        if end.failed is not None and not end.diverges:
+            what = "ends at another equilibrium"
+            if other_near(end.z[0]) is None:
+                return FlightResults(flights, math.nan)
+        return FlightResults(flights, cost, CounterExample(start, what))
+
+    beside, chosen = [], [worst] if np.any(np.nan_to_num(worst)) else []
     for violator in violators:
-        chosen.append(np.clip(equilibrium + violator, -b, b))
+        chosen.append(equilibrium + violator)
         if (other := other_near(violator)) is not None:
-            chosen += [np.clip(other + side * b, -b, b) for side in _BESIDE]
-    starts = np.vstack([*chosen, starts_in(b, flights)])[:flights]
+            beside += [other - _BESIDE * b, other + _BESIDE * b]
     # Common steps of many flights are too long for a thin error that acts on few of them.
-    groups = [group for group in np.split(starts, [len(chosen)]) if len(group)]
-    shown, most = starts[0], -math.inf
-    for group in groups:
+    starts = np.vstack([*chosen, *beside, starts_in(b, flights)])[:flights].clip(-b, b)
+    places = np.cumsum([len(chosen), len(beside)])
+    shown, most = worst, -math.inf
+    for group in filter(len, np.split(starts, places)):
         end, place, cost = flown(group)
-        if not cost <= most:  # or nan
-            shown, most = group[place], cost
         if end.failed is not None:
-            break
-    again, _, cost = flown(shown[None], _LONGEST_STEP)
-    if again.diverges:
-        return FlightResults(flights, worst=CounterExample(shown, "diverges"))
-    if again.failed is not None and other_near(again.z[0]) is not None:
-        return FlightResults(flights, worst=CounterExample(shown, "ends at another equilibrium"))
-    if math.isnan(cost + most):
-        return FlightResults(flights, math.nan, undecided_at=max(end.time, again.time))
-    return FlightResults(flights, cost, worst=CounterExample(shown, "costs more"))
+            found = repeated(group[place])
+            if math.isinf(found.cost_above_optimum_flown_percent):
+                return found
+            most = math.nan
+        elif cost > most:
+            shown, most = group[place], cost
+    return FlightResults(flights, math.nan) if math.isnan(most) else repeated(shown)

@@ -93,6 +93,7 @@ def findings_of(
             what = f"{_NOUNS[name]} in the box"
             checks.append(error_check(f"searched_{name}_error", error, limit, what))
     proof, flown = Proof(why="the critic is not finite"), FlightResults()
+    equilibrium = None
     if critic.is_finite:
         trim = np.zeros(len(b))
         is_there = not np.any(critic.u(trim))
@@ -103,19 +104,14 @@ def findings_of(
             proof = proof_of(exact, critic.policy, equilibrium, b, NEAR / 100.0, seconds)
             if flights and not proof.excess <= NEAR / 100.0:
                 flown = fly(exact, critic, worst, b, flights, equilibrium, proof.violators)
-            z_and_u = np.append(equilibrium, critic.u(equilibrium))
-            cost = float(z_and_u @ exact.game.weights @ z_and_u)
-            flown = flown._replace(rest_point=equilibrium, equilibrium_cost=cost)
-    period = "step" if exact.game.is_discrete else "second"
     if flown.flights:
-        why = "not all flights from the box converge"
-        if flown.undecided_at is not None:
-            clock = f"{flown.undecided_at:.3g} {'steps' if exact.game.is_discrete else 's'}"
-            why = f"a flight from the box is not decided within {clock}"
         costs = flown.cost_above_optimum_flown_percent
+        why = "not each flight from the box converges"
+        if math.isnan(costs):
+            why = "a flight from the box neither converges nor diverges"
         # Every finite cost passes: only flights that do not converge have none.
         checks.append(below("cost_above_optimum_flown_percent", costs, math.inf, why, kind="cost"))
-    section = nonlinear_section(critic, exact, b, largest, proof, flown, period)
+    section = nonlinear_section(critic, exact, b, largest, proof, flown, equilibrium)
     return Findings(checks, proof, flown, section, SEARCHED if critic.network else 0)
 
 
@@ -157,14 +153,14 @@ def nonlinear_section(
     largest: tuple[LargestError, ...],
     proof: Proof,
     flown: FlightResults,
-    period: str,
+    equilibrium: np.ndarray | None,
 ) -> Section:
     """Return the section of the report on a critic that is not quadratic.
 
     largest: largest errors found in the box
     proof: what is proved
     flown: results of the simulations
-    period: unit of the time of a cost, "second" or "step"
+    equilibrium: of the policy, or None
     """
     functions: Any = critic.network or {"V": critic.value}  # of weights that are not quadratic
     outputs = [name for name in FUNCTIONS if name in functions]
@@ -172,7 +168,6 @@ def nonlinear_section(
         outputs.remove("gradient")  # its derivative
     output = " and ".join(outputs)
     value = np.array(functions[outputs[0]](b)).ravel()
-    constant = f", V(0) = {critic.constant:.4g}" if "V" in outputs else ""
     kind = f"Network of {output}" if critic.weights is None else "Polynomial V"
     errors = "; ".join(f"{_NOUNS[name]} {error:.3g} at ({_row(at)})" for name, error, at in largest)
     name = {"V": "V", "gradient": "dV/dz", "policy": "u"}[outputs[0]]
@@ -182,7 +177,7 @@ def nonlinear_section(
         above = percent(bound, 3, up=True)
         proved = f"Proved: stable, at most {above} above the optimum ({proof.boxes} boxes)"
     lines = [
-        f"{kind}, {critic.precision} weights, linearized exactly at the origin{constant}",
+        f"{kind}, {critic.precision} weights, linearized exactly at the origin",
         f"Read: {critic.origin}",
         f"{name}({_row(b)}) = {_row(value)}; compare with your critic",
         f"Largest errors at {SEARCHED} states of the box (not a bound): {errors}",
@@ -190,14 +185,11 @@ def nonlinear_section(
     ]
     data = {
         "output": output,
-        "precision": critic.precision,
-        "value_at_origin": critic.constant,
         "origin": critic.origin,
-        "starts": SEARCHED,
         "searched": [error._asdict() for error in largest],
-        "at": b,
         "value_at": value,
-        **{name: found for name, found in flown._asdict().items() if name != "worst"},
+        "flights": flown.flights,
+        "cost_above_optimum_flown_percent": flown.cost_above_optimum_flown_percent,
         "why_not_proved": proof.why,
         "share_proved": proof.share,
         "boxes": proof.boxes,
@@ -220,17 +212,13 @@ def nonlinear_section(
             if value
         )
         lines.append(f"Worst flight from {options}")
-    if flown.equilibrium_cost > 0.0:
-        lines.append(f"The steady-state error costs {flown.equilibrium_cost:.2g} per {period}")
-    if flown.flights:
-        most = flown.cost_above_optimum_flown_percent
-        cost = "not all of them converge" if flown.undecided_at is None else "not decided"
-        if math.isfinite(most):
-            cost = f"cost at most {percent(most, 3, up=True)} above the optimum"
-        lines.append(
-            f"Simulated in the linear game from {flown.flights} initial conditions in the box (not "
-            f"a bound): {cost}"
-        )
+    if equilibrium is not None:
+        z_and_u = np.append(equilibrium, critic.u(equilibrium))
+        cost = float(z_and_u @ exact.game.weights @ z_and_u)
+        data |= {"rest_point": equilibrium, "equilibrium_cost": cost}
+        if cost > 0.0:
+            period = "step" if exact.game.is_discrete else "second"
+            lines.append(f"The steady-state error costs {cost:.2g} per {period}")
     return Section(tuple(lines), {"network": data} | at_top)
 
 
