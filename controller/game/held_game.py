@@ -9,7 +9,11 @@ import numpy as np
 
 from controller.game.zero_sum import Game
 from hfa_support.errors import BadInputError, refuse_unless_positive
-from hfa_support.matrices import of_step
+from hfa_support.matrices import of_step, spectral_abscissa
+
+#: Largest logarithm of the growth of a mode in a sample: the weights of the held game grow with its
+#: square, and rounding then changes the value by about 1 %.
+MOST_GROWTH = 16.0
 
 
 def held(game: Game, rate: float | None, delay: float = 0.0) -> Game:
@@ -24,7 +28,8 @@ def held(game: Game, rate: float | None, delay: float = 0.0) -> Game:
     rate: samples a second
     delay: time from a sample to the effect of its command, s
 
-    Raises BadInputError if the delay is not a whole number of samples, or as `Game.sampled` does.
+    Raises BadInputError if the delay is not a whole number of samples, or a mode grows too much in
+    a sample, and as `Game.sampled` does.
     """
     if rate is None:
         if delay:
@@ -39,6 +44,12 @@ def held(game: Game, rate: float | None, delay: float = 0.0) -> Game:
         raise BadInputError(
             f"the delay is {delay:g} s, not a whole number of samples of {dt:g} s; give "
             f"{max(count, 1) * dt:g} s, or another rate"
+        )
+    growth = spectral_abscissa(game.A) * dt
+    if growth > MOST_GROWTH:
+        raise BadInputError(
+            f"a mode grows by e^{growth:.3g} in a sample of {dt:g} s, and doubles lose the game of"
+            f" such samples; give a rate of at least {1.01 * rate * growth / MOST_GROWTH:.3g} 1/s"
         )
     held_inputs = np.block([[game.A, game.B], [np.zeros((m, n + m))]])
     _, weights = of_step(held_inputs.T, game.weights, dt)  # ∫ e^(M't) W e^(Mt) dt

@@ -130,8 +130,8 @@ class Game(ByValue, Reported):
                 raise BadInputError(f"{name} is not symmetric; give a symmetric matrix")
         if self.dt is None and not is_definite(self.R):
             raise BadInputError(
-                "R is not positive definite (smallest eigenvalue"
-                f" {np.linalg.eigvalsh(self.R)[0]:.3g}); give a matrix with positive eigenvalues"
+                "R is not positive definite, or its diagonal has a smaller entry than"
+                f" {1.0 / LARGEST:g}; give a matrix with positive eigenvalues, or other units"
             )
         vars(self)["names"] = self.names.completed(*self.B.shape)
 
@@ -500,14 +500,22 @@ def _checked_numbers(delta: Any, dt: Any, discount: Any) -> dict[str, float | bo
 
 
 def is_definite(matrix: np.ndarray) -> bool:
-    """Return whether a symmetric matrix (n, n) is positive definite by more than rounding.
+    """Return whether a symmetric matrix (n, n) is positive definite.
 
-    The result does not depend on units, except that each diagonal entry must be at least
-    1 / `LARGEST`.
+    Where its smallest eigenvalue may be rounding, leading minors decide in rationals. Each diagonal
+    entry must be at least 1 / `LARGEST`.
     """
-    smallest_diagonal = np.diag(matrix).min(initial=np.inf)
-    rounding = 10 * len(matrix) * np.finfo(float).eps
-    return bool(smallest_diagonal >= 1.0 / LARGEST and least_scaled_eigenvalue(matrix) > rounding)
+    from flint import fmpq, fmpq_mat
+
+    if np.diag(matrix).min(initial=np.inf) < 1.0 / LARGEST:
+        return False
+    least = least_scaled_eigenvalue(matrix)
+    if abs(least) > 10 * len(matrix) * np.finfo(float).eps:
+        return least > 0.0
+    exact = [[fmpq(*entry.as_integer_ratio()) for entry in row] for row in matrix.tolist()]
+    symmetric = fmpq_mat(exact) + fmpq_mat(exact).transpose()
+    corners = ([row[:k] for row in symmetric.tolist()[:k]] for k in range(1, len(exact) + 1))
+    return all(fmpq_mat(corner).det() > 0 for corner in corners)
 
 
 def least_scaled_eigenvalue(matrix: np.ndarray) -> float:

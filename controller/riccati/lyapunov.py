@@ -141,13 +141,17 @@ class Lyapunov(Generic[Middle]):
 
     def __init__(self, F: Middle, *, is_discrete: bool) -> None:
         self._one = _one(F)
-        self._W: Any = _inverse(F + self._one) if is_discrete else None
-        of_rates = product(F - self._one, self._W) if is_discrete else F
+        self._to_rates: Any = _inverse(F + self._one) if is_discrete else None
+        of_rates = product(F - self._one, self._to_rates) if is_discrete else F
         self.sign_function: SignFunction[Middle] = SignFunction(of_rates)
 
     def _right_side(self, C: Middle) -> Middle:
         """Return the right side for M: C, in discrete time 2 W'C W."""
-        return C if self._W is None else product(self._W.transpose(), C, self._W) * 2.0
+        return (
+            C
+            if self._to_rates is None
+            else product(self._to_rates.transpose(), C, self._to_rates) * 2.0
+        )
 
     def solve(self, C: Middle) -> Middle:
         """Return Z, (n, n), symmetric.

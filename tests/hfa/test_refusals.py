@@ -101,7 +101,7 @@ REFUSED = {
         ("--dihedral 15 --delta 0", "delta is 0.0; give a number from"),
         (
             "--dihedral 15 --R 100,400,400,400,0",
-            "R is not positive definite (smallest eigenvalue 0); give a matrix",
+            "R is not positive definite, or its diagonal has a smaller entry",
         ),
         ("--dihedral 15 --sizes alpha=-5", "--sizes alpha is '-5'; give a finite number above 0"),
         ("--dihedral 15 --sizes alpha=1 --R 1,1,1,1,1", "--sizes and --R both define weights"),

@@ -1,12 +1,15 @@
 """Games of samples with commands under way, and of aircraft with servos."""
 
+import re
+
 import numpy as np
 import pytest
-from cli import answer, assert_refused, hfa as run
+from cli import answer, assert_refused, hfa as run, refused
 from known_models import model_at
 from scipy.linalg import eigh, expm
 
 import hfa
+from controller.game.held_game import held
 
 MODEL = hfa.with_servos(hfa.aircraft(), hfa.Servo(0.02))
 LINEAR = hfa.trim(MODEL, dihedral=0.1).linearize()
@@ -92,3 +95,10 @@ def test_a_game_with_latency_is_solved_and_its_gain_verified(folder):
 def test_wrong_latencies_are_refused(words, said):
     """A delay without samples or between them, and a servo without a lag, are refused."""
     assert_refused(run("solve", "--dihedral", "10", *words.split()), 2, said)
+
+
+def test_samples_in_which_doubles_lose_an_unstable_plant_are_refused_with_a_rate_that_they_keep():
+    """The rate that the refusal gives is accepted, and its game has a value."""
+    plant = hfa.Game([[2.0, 0.3], [0.1, -1.0]], [[1.0], [0.5]], Q=np.eye(2), R=[[1.0]])
+    advised = re.search(r"at least (\S+) 1/s", refused(held, plant, 0.05))
+    assert hfa.solve(held(plant, float(advised[1]))).P[0, 0] > 0.0

@@ -32,7 +32,7 @@ QUARTIC = ("speed", "alpha", "pitch_rate", "dihedral")
         ({"B": [[1.0]]}, "B is 1 x 1; give 2 x 1, to match A and B"),
         ({"R": 1.0}, "the number of dimensions of R is 0"),
         ({"Q": [[1.0, 0.1], [0.0, 1.0]]}, "Q is not symmetric"),
-        ({"B": np.eye(2), "R": [[0.1, 0.3], [0.3, 0.9]]}, "R is not positive definite"),
+        ({"B": np.eye(2), "R": [[1.0, 3.0], [3.0, 9.0]]}, "R is not positive definite"),
         ({"B": np.eye(2), "R": [[1e20, 1e10], [1e10, 1.0]]}, "R is not positive definite"),
         ({"R": None}, "Q or R is missing"),
         ({"E": np.zeros((2, 0))}, "E has no columns; leave E out for the identity"),
@@ -45,6 +45,18 @@ QUARTIC = ("speed", "alpha", "pitch_rate", "dihedral")
 def test_ill_posed_games_are_refused(change, message):
     """A game with a wrong shape, sign or number is refused by one line."""
     assert re.search(message, refused(Game, **(SMALL | change)))
+
+
+def test_exact_entries_decide_whether_R_is_positive_definite():
+    """R with the determinant 2^-52 is accepted, with that of -2^-52 refused, in any units."""
+    for units in (np.eye(2), np.diag([2.0**60, 2.0**-40])):
+        for last_digits, is_positive in ((2.0**-52, True), (-(2.0**-53), False)):
+            R = units @ np.array([[1.0, 1.0], [1.0, 1.0 + last_digits]]) @ units
+            given = SMALL | {"B": np.eye(2), "R": R}
+            if is_positive:
+                assert Game(**given).R[0, 0] == R[0, 0]
+            else:
+                assert "R is not positive definite" in refused(Game, **given)
 
 
 def test_a_game_cannot_be_changed_from_outside():
