@@ -57,7 +57,7 @@ def _alternatives(annotation: str, module: str) -> tuple[Any, ...]:
 
     module: name of the module with the annotation
     """
-    names = _Names({"ArrayLike": np.ndarray, "Any": Any}, vars(sys.modules[module]), vars(builtins))
+    names = _Names({"ArrayLike": np.ndarray}, vars(sys.modules[module]), vars(builtins))
     # An array of symbols is converted from other arrays.
     kind = eval(annotation.replace("ca.SX", "ArrayLike"), {}, names)
     return get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)

@@ -183,6 +183,7 @@ TIMES = {"x": X, "u": U, "time": 0.1 * np.arange(61)}
 REFUSED = {
     "x is 80 x 2; give 80 x 3, a row for each sample": recorded(STEPS) | {"x": np.ones((80, 2))},
     "row 17: u1 has no number": spoiled("u", np.nan),
+    "x does not consist of rows of equal length": {"x": [[1.0, 2.0], [1.0]], "u": U},
     "have 1 transitions; record at least 6": recorded(STEPS, 1),
     "row 1: x1 has no next value, in an episode of one row": {
         "x": np.ones((1, 3)),
