@@ -13,7 +13,6 @@ from known_models import game_at, model_at
 from project import ROOT
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_are, solve_discrete_are
-from scipy.optimize import lsq_linear
 
 import hfa
 from hfa_flight import Scenario
@@ -86,40 +85,6 @@ def test_one_quadratic_program_finds_the_optimal_input_off_the_plan():
     assert abs(planned + (K @ elsewhere).item()) > 0.05  # the exact force differs by this, N
     np.testing.assert_allclose(policy(policy.dt, elsewhere), -K @ elsewhere, rtol=1e-5)
     assert (policy.samples.planned, policy.samples.refused) == (2, 0)
-
-
-@pytest.mark.parametrize(
-    ("start", "horizon", "Q", "R"),
-    [([30.0, 3.0], 12.0, *WEIGHTS), ([1.0, -1.5], 1.0, np.diag([1.0, 0.01]), 0.01 * np.eye(1))],
-    ids=["long", "short"],
-)
-def test_the_first_plan_of_a_linear_model_is_the_optimum_with_limited_inputs(start, horizon, Q, R):
-    """The cost of the first plan is that of SciPy's least squares over the inputs of its holds, which
-    SciPy and the plan keep within the limits of the force. One of them is reached.
-    """
-    wide = {"speed": (-100.0, 100.0), "position": (-1000.0, 1000.0)}
-    policy = predictive(CART, AT_REST, Q, R, limits=wide, horizon=horizon)
-    linear = hfa.linearize(CART, AT_REST)
-    plant = np.array(linear.A), np.array(linear.B), Q, R
-    policy(0.0, start)
-    # The states before a hold are `free + forced @ inputs`, with the inputs of all holds.
-    free, forced = np.array(start), np.zeros((2, len(policy.holds)))
-    # The cost of a hold is the sum of squares of root @ (state, input).
-    rows, known = [], []
-    for number, h in enumerate(policy.holds):
-        A, B, Qh, N, Rh = over_hold(*plant, h)
-        root = np.linalg.cholesky(np.block([[Qh, N], [N.T, Rh]])).T
-        input_row = np.eye(len(policy.holds))[[number]]
-        rows.append(root @ np.vstack([forced, input_row]))
-        known.append(root @ np.append(free, 0.0))
-        free, forced = A @ free, A @ forced + B @ input_row
-    root = np.linalg.cholesky(np.array(hfa.lqr(*plant).P)).T
-    found = lsq_linear(
-        np.vstack([*rows, root @ forced]), -np.concatenate([*known, root @ free]), (-2.0, 2.0)
-    )
-    # SciPy's cost is half the sum of squares.
-    assert policy.samples.first.cost == pytest.approx(2.0 * found.cost, rel=2e-4)
-    assert np.abs(found.x).max() > 1.99  # an input is at a limit of the force, 2 N
 
 
 def unstable(square, cube):
