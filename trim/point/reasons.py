@@ -41,14 +41,9 @@ def reason_of(error: TrimError, model: Model, condition: TrimCondition) -> str:
     condition: condition of the failed trim
     """
     posed = TrimProblem(model, condition)  # with a speed in place of an airspeed
-    search = _Search(posed, error.attempt, tuple(condition.imposed))
-    reasons = chain(
-        search.of_thrust(),
-        search.of_lift(),
-        search.of_controls(),
-        search.of_rest(),
-    )
-    return next(reasons, "")
+    search = _Search(posed, error.attempt)
+    reasons = (search.of_thrust, search.of_lift, search.of_controls, search.of_rest)
+    return next(chain.from_iterable(reason() for reason in reasons), "")
 
 
 class _Balance(NamedTuple):
@@ -67,11 +62,10 @@ class _Search:
 
     posed: its problem
     attempt: its best point
-    imposed: what the condition imposes, such as an airspeed in place of the speed of `posed`
     """
 
-    def __init__(self, posed: TrimProblem, attempt: OperatingPoint, imposed: tuple[str, ...]):
-        self.posed, self.attempt, self.imposed = posed, attempt, imposed
+    def __init__(self, posed: TrimProblem, attempt: OperatingPoint):
+        self.posed, self.attempt = posed, attempt
         self.model, self.system = posed.model, posed.system
         self.rows = {row.name: row for row in self.system.equations.rows}
         roles = recognized(self.model.states)
@@ -178,25 +172,27 @@ class _Search:
 
     def of_lift(self) -> Iterator[str]:
         """Yield the greatest lift at an imposed airspeed if it is too small at all angles."""
-        airspeed = next((name for name in self.imposed if name in ("speed", *AIRSPEEDS)), "")
         alpha, speed = self.balanced.get("alpha"), self.balanced.get("speed")
-        if not (airspeed and alpha and speed):
+        if not (alpha and speed) or {speed, *AIRSPEEDS}.isdisjoint(self.posed.condition.imposed):
             return
         if alpha not in self.limits:
             freed = TrimProblem(self.model, release(self.posed.condition, free=[alpha]))
-            yield from _Search(freed, self.attempt, self.imposed).of_lift()
+            yield from _Search(freed, self.attempt).of_lift()
             return
         unit = conversion_factor("deg", self.model.unit(alpha)) or 1.0
-        tried = []
-        for angle in (_ANGLES_OF_ATTACK * unit).tolist():
-            held = {alpha: angle, **self.throttle(0.5)}
+        tried: dict[float, list[_Balance]] = {}
+        shares = (0.5, 0.0, 1.0) if self.throttles else (0.0,)
+        for angle, share in product((_ANGLES_OF_ATTACK * unit).tolist(), shares):
+            held = {alpha: angle, **self.throttle(share)}
             if at := self.released(held, alpha, speed, "load_factor"):
-                tried.append(at)
+                tried.setdefault(share, []).append(at)
                 if self._lack(at) <= 0.0:
                     return
-        if not tried:
+        if len(tried) < len(shares):
             return
-        values = max(tried, key=lambda at: at.values.get("lift", -self._lack(at))).values
+        values = max(
+            chain(*tried.values()), key=lambda at: at.values.get("lift", -self._lack(at))
+        ).values
         size = "too small"
         if {"lift", "weight"} <= values.keys():
             share = values.get("lift_to_weight", values["lift"] / values["weight"])
