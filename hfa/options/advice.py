@@ -60,8 +60,6 @@ def _advice(given: GivenTrim, failure: TrimError, is_known: bool) -> str:
 
     is_known: whether the reason is known: the first option is then enough
     """
-    if failure.attempt._uncontrolled_rates:  # the model is at fault
-        return ""
     if advice_on_inputs := _free_inputs(given):
         return advice_on_inputs
     names = sorted(_releasable(given), key=lambda name: name != "gamma")  # steepest first

@@ -12,14 +12,14 @@ import numpy as np
 
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
-from hfa_aircraft.signals import StatesAndInputs, recognized, record
+from hfa_aircraft.signals import StatesAndInputs, record
 from hfa_support.errors import BadInputError, file_faults, refuse_unknown, shortened
 from hfa_support.files import NUMBER, checked, read_json, write_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Record, Result, json_text
 from hfa_support.reporting.text import in_degrees
 from hfa_support.units import conversion_factor, si_unit
-from trim.point.status import BALANCE, Status
+from trim.point.status import Status
 
 if TYPE_CHECKING:
     import xarray
@@ -256,19 +256,6 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
             f"{name} {self.model.describe(name, self.values[name])}"
             for name, is_far in zip(self.found_by.free, far, strict=True)
             if is_far
-        ]
-
-    @property
-    def _uncontrolled_rates(self) -> list[str]:
-        """Names of the angular rates whose equations do not balance, and which no input changes."""
-        roles = recognized(self.model.states)
-        B = self.model.at(self.states, self.inputs).B
-        names = [roles[role] for role in ("q", "r", "p") if role in roles]
-        scaled = self.scaled_residuals
-        return [
-            name
-            for name, row in zip(names, self.model.state_places(names), strict=True)
-            if abs(scaled.get(name, 0.0)) > BALANCE and not B[row].any()
         ]
 
     def _refuse_other_model(self, model: Model) -> None:

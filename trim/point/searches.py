@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -20,7 +20,7 @@ from hfa_aircraft.signals import engines_among
 from hfa_support.errors import BadInputError
 from trim.point.condition import usual_condition
 from trim.point.halving import newton
-from trim.point.problem import TrimProblem
+from trim.point.problem import Evaluation, TrimProblem
 from trim.point.status import BALANCE
 from trim.point.system import Structure, TrimSystem, equations as equations_of
 
@@ -170,39 +170,30 @@ def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarra
     moving = np.flatnonzero(highest - lowest > 2.0 * _INSIDE)
     if not moving.size:
         return nearest
-    part = _PartOfUnknowns(problem, nearest, moving)
+
+    def at(values: np.ndarray) -> Evaluation:
+        """Return the equations at given values of the unknowns that move."""
+        z = nearest.copy()
+        z[moving] = values
+        return problem.at(z)
+
+    def residual(values: np.ndarray) -> np.ndarray:
+        """Return the scaled residuals (e,), inf outside the range of the model."""
+        try:
+            return at(values).residual
+        except (BadInputError, FloatingPointError):
+            return np.full(len(problem.system.equations.rows), np.inf)
+
     bounds = (lowest[moving], highest[moving])
     # At a limit itself, the steps of SciPy's method would be 0.
     inside = np.clip(nearest[moving], bounds[0] + _INSIDE, bounds[1] - _INSIDE)
     # The search stops at the rounding of doubles; `TrimProblem.solved` judges its end.
     tight: Any = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "bounds": bounds}
-    solution = least_squares(part.residual, inside, jac=part.jacobian, **tight)
-    return part.all_unknowns(solution.x)
-
-
-class _PartOfUnknowns(NamedTuple):
-    """Residuals of a trim problem as functions of the unknowns that are not constant."""
-
-    problem: TrimProblem
-    constant: np.ndarray  # scaled unknowns (k,), of which all but the moving ones keep their values
-    moving: np.ndarray  # indices of the other unknowns
-
-    def all_unknowns(self, values: np.ndarray) -> np.ndarray:
-        """Return the scaled unknowns (k,), with given values of those that move."""
-        z = self.constant.copy()
-        z[self.moving] = values
-        return z
-
-    def residual(self, values: np.ndarray) -> np.ndarray:
-        """Return the scaled residuals (e,), inf outside the range of the model."""
-        try:
-            return self.problem.at(self.all_unknowns(values)).residual
-        except (BadInputError, FloatingPointError):
-            return np.full(len(self.problem.system.equations.rows), np.inf)
-
-    def jacobian(self, values: np.ndarray) -> np.ndarray:
-        """Return the derivatives of the residuals by the unknowns that move."""
-        return self.problem.at(self.all_unknowns(values)).jacobian[:, self.moving]
+    found = least_squares(
+        residual, inside, jac=lambda values: at(values).jacobian[:, moving], **tight
+    )
+    nearest[moving] = found.x
+    return nearest
 
 
 _IPOPT: dict[str, Any] = {

@@ -236,8 +236,9 @@ def _unique_trim(problem: TrimProblem) -> OperatingPoint:
     # With more unknowns than equations, a search would minimize the control effort, and move such
     # states: they are kept before any search.
     equations, unknowns = problem.count
-    found = solution(problem) if unknowns <= equations else None
-    if found is None or problem.balanced_effects(found.z).rank < unknowns:
+    only_inputs = problem.system.only_inputs
+    found = solution(problem) if unknowns <= equations or only_inputs else None
+    if found is None or not (only_inputs or problem.balanced_effects(found.z).rank == unknowns):
         problem = problem.keeping(_kept_states(problem))
         found = solution(problem)
     return OperatingPoint._of(problem, found.z, Status.TRIMMED, found.initial_point)
@@ -341,8 +342,6 @@ def _error_of(problem: TrimProblem, nearest: np.ndarray, others: int) -> TrimErr
     if others:
         message += f"; {others} other initial points failed too"
     attempt = OperatingPoint._of(problem, problem.clip(nearest), Status.FAILED)
-    if rates := attempt._uncontrolled_rates:
-        message += f"; no input of the model changes {' and '.join(rates)}"
     return TrimError(message, attempt, beyond_limits)
 
 
