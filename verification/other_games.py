@@ -151,7 +151,7 @@ def _nearest(
 
     norm = np.linalg.norm
     errors_on_grid = [errors_at(logarithm) for logarithm in _GRID]
-    best = int(np.argmin([*map(norm, errors_on_grid)]))
+    best = int(np.argmin(np.nan_to_num([*map(norm, errors_on_grid)], nan=math.inf)))
     if not (np.isfinite(norm(errors_on_grid[best])) and 0 < best < len(_GRID) - 1):
         return None  # no game has a value, or the nearest one is beyond an end of the grid
     logarithm, errors, longest_step = _GRID[best], errors_on_grid[best], _GRID[1] - _GRID[0]

@@ -40,7 +40,7 @@ def test_the_value_of_a_delayed_game_is_the_cost_of_its_flight(count):
     assert (start @ solution.P @ start > start[:n] @ prompt @ start[:n]) == bool(count)
 
 
-def test_solve_prints_the_price_of_a_delay():
+def test_solve_prints_the_price_of_a_delay(folder):
     """Largest and mean ratio of z'Pz with and without the delay, by SciPy, without commands under way; and
     the further delay from which on the loop, by SciPy, is unstable.
     """
