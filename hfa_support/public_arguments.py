@@ -17,8 +17,8 @@ from typing import Any, Literal, Union, get_args, get_origin
 import numpy as np
 
 from hfa_support.errors import OWN, BadInputError, numbers_in
+from hfa_support.imports import origins_in
 from hfa_support.progress import Progress
-from hfa_support.public_names import origins_in
 
 #: Kind in an annotation -> the word of a refusal, and methods of which its objects have one.
 _KINDS: dict[Any, tuple[str, tuple[str, ...]]] = {

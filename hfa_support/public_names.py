@@ -9,6 +9,8 @@ from importlib import import_module
 from importlib.util import find_spec
 from types import FunctionType
 
+from hfa_support.imports import origins_in
+
 TYPE_CHECKING = False  # known to mypy; importing typing would take 3 ms of `hfa --version`
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -101,27 +103,3 @@ def public_names(package: str, file: str) -> tuple[Callable[[str], Any], Callabl
         return [name for name, other in packages.items() if not other or find_spec(other)]
 
     return get, installed
-
-
-@cache
-def origins_in(path: str) -> dict[str, tuple[str, str]]:
-    """Return name -> (module that defines it, its name in the module), for the names that a file
-    imports. The second is "" for a module itself.
-    """
-    import ast
-
-    origins = {}
-    with open(path, encoding="utf-8") as file:
-        tree = ast.parse(file.read())
-    for statement in ast.walk(tree):
-        if isinstance(statement, ast.ImportFrom):
-            dots = "." * statement.level
-            for alias in statement.names:
-                public = alias.asname or alias.name
-                if statement.module is None:
-                    origins[public] = (dots + alias.name, "")
-                else:
-                    origins[public] = (dots + statement.module, alias.name)
-        elif isinstance(statement, ast.Import):
-            origins |= {alias.asname or alias.name: (alias.name, "") for alias in statement.names}
-    return origins
