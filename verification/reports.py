@@ -240,7 +240,7 @@ def _network_facts(verdict: Verdict, limit_cost: float | None) -> list[str]:
     proof = verdict.proof
     assert proof is not None
     cost = [_simulated_text(verdict, limit_cost)]
-    if verdict.flights and not verdict.is_proved(limit_cost):
+    if not verdict.is_proved(limit_cost) and (verdict.flights or not proof.is_found):
         if proof.is_found:
             bound = percent(100.0 * proof.excess, up=True)
             cost.append(f"proved: stable, at most {bound} above the optimum")

@@ -184,7 +184,6 @@ def nonlinear_section(
         proved,
     ]
     data = {
-        "output": output,
         "origin": critic.origin,
         "searched": [error._asdict() for error in largest],
         "value_at": value,
@@ -200,8 +199,9 @@ def nonlinear_section(
         "graded": {"cost_above_optimum_worst_percent": bound},
     }
     if flown.worst is not None:
-        data["worst_flight"] = flown.worst.what
-        at_top["counterexample"] = flown.worst.start
+        data["worst_flight"] = flown.worst._asdict()
+        if flown.cost_above_optimum_flown_percent > NEAR:
+            at_top["counterexample"] = flown.worst.start
         names = exact.names
         # As the options of `hfa fly`, in degrees for radians.
         options = " ".join(

@@ -208,7 +208,7 @@ class Claim(NamedTuple):
 def _share(root: np.ndarray, D: np.ndarray) -> float:
     """Return c with c M > D, M = root'root. Raise NotProvedError unless this is proved."""
     inverse = np.linalg.inv(root)
-    c = max(float(np.linalg.eigvalsh(inverse.T @ D @ inverse)[-1]), 0.0) * (1.0 + _STRICT) + 1e-9
+    c = float(np.abs(np.linalg.eigvalsh(inverse.T @ D @ inverse)).max()) * (1.0 + _STRICT)
     with precision(BITS):
         M = ball_matrix(root)
         if not is_positive_definite(symmetric_part(M.transpose() * M * c) - ball_matrix(D)):

@@ -210,6 +210,13 @@ def test_only_an_upper_bound_is_called_the_worst_cost_of_a_network():
     assert of_linear_part < data["bound_percent"]
 
 
+@pytest.mark.parametrize("size", [1e-9, 1e6])
+def test_a_proof_does_not_depend_on_the_unit_of_the_cost(size):
+    other = replace(FLOW, Q=size * FLOW.Q, R=size * FLOW.R)
+    bounds = [judged(game, nearly(FLOW)(Z)).to_dict()["bound_percent"] for game in (FLOW, other)]
+    assert bounds[1] == pytest.approx(bounds[0], rel=0.03)
+
+
 def test_a_network_with_a_bias_is_proved_about_its_equilibrium():
     verdict = judged(FLOW, nearly(FLOW)(Z) + 0.05)
     assert verdict.to_dict()["proved"] is True
