@@ -12,7 +12,7 @@ from functools import wraps
 from itertools import chain
 from pathlib import Path
 from types import FunctionType, NoneType, UnionType
-from typing import Any, Literal, TypeVar, Union, get_args, get_origin
+from typing import Any, Literal, Union, get_args, get_origin
 
 import numpy as np
 
@@ -66,7 +66,7 @@ def _alternatives(annotation: str, module: str) -> tuple[Any, ...]:
 def _is_of(value: Any, annotated: Any) -> bool:
     """Return whether a value is of one kind in an annotation."""
     kind, of_value = get_origin(annotated) or annotated, type(value)
-    if kind in (Any, Literal) or isinstance(kind, TypeVar):  # words are the function's to check
+    if kind in (Any, Literal) or isinstance(kind, str):  # aliases and words, which functions check
         return True
     if kind is bool:
         return of_value.__name__ == "bool"  # also that of NumPy
