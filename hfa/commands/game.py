@@ -117,20 +117,23 @@ def solve(request: SolveRequest, given: GivenGames) -> Outcome:
         parts = (*report.parts, expanded.title, *expanded.parts)
         report = replace(report, parts=parts).with_data(expanded.data)
     if named.of_rates is not None:
-        report = _with_delays(report, solution, named.of_rates)
+        prompt = gare.solve(held(named.of_rates, request.rate)) if request.delay else None
+        report = _with_delays(report, solution, named.of_rates, prompt)
     report = replace(report, parts=(*named.sizes_line(), *report.parts))
     if reference is not None:
         report = with_tracking(report, reference, named, solution)
     return Outcome(report=report.with_data(named), source=named.source, notes=named.warnings)
 
 
-def _with_delays(report: Report, solution: Solution, plant: Game) -> Report:
+def _with_delays(
+    report: Report, solution: Solution, plant: Game, prompt: Solution | None
+) -> Report:
     """Return the report of a game of samples with the price of its delay, and the further delay
     that makes its linear loop unstable.
 
     plant: the game in continuous time
+    prompt: the solution of the game without its delay, or None if it has none
     """
-    from controller.riccati.gare import solve
     from controller.riccati.suboptimality import price_of_delay
     from trim.linear.delays import chain_of, searched_delays, text_of_further_delay
 
@@ -147,13 +150,12 @@ def _with_delays(report: Report, solution: Solution, plant: Game) -> Report:
             count * dt + further,
         )
 
-    further = searched_delays(loop, dt, 0.0).limit
-    parts = [text_of_further_delay(further)]
-    if count:
-        prompt = solve(held(plant, 1.0 / dt))
+    further = searched_delays(loop, dt, 0.0)
+    parts = [text_of_further_delay(further.limit, further.searched)]
+    if prompt is not None:
         parts.insert(0, price_of_delay(solution.enclosure, prompt.enclosure))
     report = replace(report, parts=(*report.parts, *parts))
-    return report.with_data(further_delay=further)
+    return report.with_data(further_delay=further.limit)
 
 
 def _gain_table(games: list[NamedGame], at: np.ndarray, source: Mapping[str, Any]) -> Outcome:

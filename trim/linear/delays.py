@@ -235,9 +235,12 @@ def searched_delays(
     return Delays(tuple(radii), limit=None, searched=most * dt)
 
 
-def text_of_further_delay(limit: float | None) -> str:
-    """Return the first delay, s, that makes a loop unstable as a sentence; None for none found."""
+def text_of_further_delay(limit: float | None, searched: float) -> str:
+    """Return the first delay that makes a loop unstable as a sentence.
+
+    limit, searched: those of `Delays`, s
+    """
     which = "further delay of all inputs, unknown to the policy,"
     if limit is None:
-        return f"No {which} up to {LONGEST} samples makes the linear loop unstable."
+        return f"No {which} up to {1e3 * searched:.4g} ms makes the linear loop unstable."
     return f"A {which} makes the linear loop unstable from {1e3 * limit:.3g} ms on."

@@ -35,7 +35,8 @@ class FilterMargins(Result):
     phase: smallest phase margin of an input, deg.
     delay: smallest delay margin of an input, s.
     unknown_delay: smallest delay of all inputs, unknown to the filter, with which the loop is
-        unstable, s; None if there is none among those that are searched.
+        unstable, s; None if there is none up to `searched`.
+    searched: longest such delay that was examined, s.
     """
 
     compensator_radius: float
@@ -45,6 +46,7 @@ class FilterMargins(Result):
     phase: float
     delay: float
     unknown_delay: float | None
+    searched: float = 0.0
 
     def text(self) -> str:
         """Return the margins as a sentence."""
@@ -58,8 +60,9 @@ class FilterMargins(Result):
             f"Linear loop of the gain behind the filter: gain margin {self.gain_low:.3g} to "
             f"{self.gain_high:.3g}, phase {self.phase:.3g} deg, delay "
             f"{1e3 * self.delay:.3g} ms, the smallest of all inputs. "
-            f"{text_of_further_delay(self.unknown_delay)} Filter and gain alone are {alone} "
-            f"(spectral radius {near_one(self.compensator_radius)})."
+            f"{text_of_further_delay(self.unknown_delay, self.searched)} "
+            f"Filter and gain alone are {alone} (spectral radius "
+            f"{near_one(self.compensator_radius)})."
         )
 
 
@@ -166,7 +169,7 @@ def margins_of(loop_with: Callable[[float], FilterLoop]) -> FilterMargins:
         return FilterMargins(
             alone, loop.radius, gain_low=1.0, gain_high=1.0, phase=0.0, delay=0.0, unknown_delay=0.0
         )
-    inputs = chain_margins(loop).inputs
+    inputs, unknown = chain_margins(loop).inputs, searched_delays(loop_with, loop.dt, 0.0)
     return FilterMargins(
         compensator_radius=alone,
         radius=loop.radius,
@@ -174,5 +177,6 @@ def margins_of(loop_with: Callable[[float], FilterLoop]) -> FilterMargins:
         gain_high=min(margin.gain_high for margin in inputs),
         phase=min(margin.phase for margin in inputs),
         delay=min(margin.delay for margin in inputs),
-        unknown_delay=searched_delays(loop_with, loop.dt, 0.0).limit,
+        unknown_delay=unknown.limit,
+        searched=unknown.searched,
     )
