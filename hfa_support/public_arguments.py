@@ -68,6 +68,8 @@ def _is_of(value: Any, annotated: Any) -> bool:
     kind, of_value = get_origin(annotated) or annotated, type(value)
     if kind in (Any, Literal) or isinstance(kind, str):  # aliases and words, which functions check
         return True
+    if kind is not annotated and hasattr(kind, "_fields"):  # of any quantities, by its names
+        return hasattr(value, "_fields")
     if kind is bool:
         return of_value.__name__ == "bool"  # also that of NumPy
     if kind in (int, float) and (of_value is bool or getattr(value, "ndim", 0) > 0):
