@@ -13,7 +13,7 @@ from hfa_support.units import si_unit
 from trim.hfa.reports import trim_report
 from trim.point.condition import release, usual_condition
 from trim.point.operating_point import OperatingPoint
-from trim.point.reasons import reason_of
+from trim.point.reasons import explained
 from trim.point.solve import TrimError, trim
 from trim.reports.balances import balances_of
 from trim.reports.trimmed import Trimmed
@@ -39,33 +39,27 @@ def trimmed(given: GivenTrim) -> OperatingPoint:
 
 def _advised(given: GivenTrim, failure: TrimError) -> TrimError:
     """Return the error of a failed trim with advice, and the report of the nearest point."""
-    reason = reason_of(failure, given.model, given.condition)
+    failure = explained(failure, given.model, given.condition)
     found = (*given.model.warnings, *balances_of(Trimmed(failure.attempt)).sentences)
     warnings = [f"check: {warning}" for warning in found]
     advice = ""
     with suppress(BadInputError, NoSolutionError, ArithmeticError):  # the reason stands alone
-        advice = _advice(given, failure, is_known=bool(reason))
-    message = str(failure)
-    if reason:
-        message = f"no trim: {reason} ({message.removeprefix('no trim: ')})"
-    said = "; ".join(filter(None, (message, *warnings, advice)))
+        advice = _advice(given, failure)
+    said = "; ".join(filter(None, (str(failure), *warnings, advice)))
     advised = TrimError(said, failure.attempt, failure.required)
     advised.found = trim_report(failure.attempt).with_data(reason=said)
     advised.source = given.source
     return advised
 
 
-def _advice(given: GivenTrim, failure: TrimError, is_known: bool) -> str:
-    """Return a sentence on the options with which a trim exists, or "".
-
-    is_known: whether the reason is known: the first option is then enough
-    """
+def _advice(given: GivenTrim, failure: TrimError) -> str:
+    """Return a sentence on the options with which a trim exists, or ""."""
     if advice_on_inputs := _free_inputs(given):
         return advice_on_inputs
     names = sorted(_releasable(given), key=lambda name: name != "gamma")  # steepest first
-    most = 1 if is_known else _MOST_ADVICE
+    most = _MOST_ADVICE if failure.saturated is None else 1
     model, condition = given.model, given.condition
-    saturated = _saturated_input(given, failure)
+    saturated = failure.saturated or {}
     options: list[str] = []  # with each of them a trim exists
     for name in names:
         is_rate = name not in condition.imposed
@@ -153,15 +147,3 @@ def _exists(given: GivenTrim, free: Sequence[str]) -> bool:
     except (BadInputError, TrimError):
         return False
     return True
-
-
-def _saturated_input(given: GivenTrim, failure: TrimError) -> dict[str, float]:
-    """Return the only free input at a limit beyond which the equations balance, name -> limit."""
-    # The result is {} if none or several are at a limit.
-    at_limits = {
-        name: margin.nearer_limit
-        for name, margin in failure.attempt.margins.items()
-        if margin.at_limit and margin.role == "free"
-    }
-    is_one_input = len(at_limits) == 1 and {*at_limits} <= {*given.model.inputs}
-    return at_limits if failure.required and is_one_input else {}

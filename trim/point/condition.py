@@ -231,18 +231,11 @@ class TrimCondition:
 
         The text is "" without differences.
         """
-        model = self.model
-        words = []
-        for name, value in self.changes.get("imposed", {}).items():
-            if isinstance(value, list):
-                words.append(f"{name} over the {model.schedule}")
-            else:
-                words.append(f"{name} {model.describe(name, value)}")
-        for name, rate in self.rates.items():
-            if rate or name not in model.steady:
-                words.append(f"{name}_dot {model.describe(f'{name}_dot', rate)}")
-        unbalanced = [f"{name}_dot" for name in model.steady if name not in self.rates]
-        words += [f"{name} free" for name in (*self.set_free, *unbalanced)]
+        model, stated = self.model, stated_values(self)
+        tables = [name for name, value in self.imposed.items() if isinstance(value, LinearTable)]
+        words = [f"{name} over the {model.schedule}" for name in tables]
+        words += [f"{name} {model.describe(name, value)}" for name, value in stated.held.items()]
+        words += [f"{name} free" for name in stated.free]
         limits = self.limits_on(tuple(self.limits))
         words += [f"{name} within {limits.between(name)}" for name in self.limits]
         return ", ".join(words)

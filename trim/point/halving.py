@@ -42,38 +42,23 @@ def newton(
         limits are then limited to 90 deg
     rows: indices of the equations that are solved, with `moving`; by default all
     """
-    if moving is not None or bounded:
-        return _halved_steps(system, z, c, moving, bounded, rows)
-    # The usual case: few unknowns, for which full steps converge. Other points are repeated.
-    if system.equations.square and z.shape[1] <= FEW:
-        end, flags = step_rows(system.equations, system.steps)(z, c)
-        converged = flags[:, 0] == 1.0
-        if not converged.all():
-            end[~converged], converged[~converged] = _halved_steps(
-                system, z[~converged], c[~converged]
-            )
-        return NewtonEnds(end, converged)
-    return _halved_steps(system, z, c)
-
-
-def _halved_steps(
-    system: TrimSystem,
-    z: np.ndarray,
-    c: np.ndarray,
-    moving: np.ndarray | None = None,
-    bounded: bool = False,
-    rows: list[int] | None = None,
-) -> NewtonEnds:
-    """Return the ends of Newton's method with halved steps; the arguments are those of `newton`."""
     chosen = slice(None) if rows is None else rows
     best = z.copy()
     converged = np.zeros(len(z), dtype=bool)
-    points = np.arange(len(z))  # those that have not converged
-    # Of these points, at their best unknowns:
-    residual, jacobian = (part[:, chosen] for part in system.residuals(z, c))
+    if moving is None and not bounded and system.equations.square and z.shape[1] <= FEW:
+        # The usual case: few unknowns, for which full steps converge.
+        end, flags = step_rows(system.equations, system.steps)(z, c)
+        converged = flags[:, 0] == 1.0
+        best[converged] = end[converged]
+    points = np.flatnonzero(~converged)
+    if not points.size:
+        return NewtonEnds(best, converged)
+    # Of the points that have not converged, at their best unknowns:
+    parts = system.residuals(best[points], c[points])
+    residual, jacobian = (part[:, chosen] for part in parts)
     size = _norm(residual)
     step = newton_step(jacobian, residual, moving)
-    share = np.ones(len(z))  # fraction of the step to be tried next
+    share = np.ones(len(points))  # fraction of the step to be tried next
     for _ in range(MOST_TRIALS):
         # Points near a solution take their last step. Those with too short a step are given up.
         is_near = size <= NEARLY

@@ -86,10 +86,8 @@ class Margin(Result):
     @property
     def at_limit(self) -> bool:
         """True if the variable is at one of its limits, up to `NEAR`, or beyond."""
-        gaps = (self.lowest, self.value - self.lowest), (self.highest, self.highest - self.value)
-        return any(
-            gap <= NEAR * (self.scale + abs(limit)) for limit, gap in gaps if math.isfinite(limit)
-        )
+        near = NEAR * (self.scale + abs(self.nearer_limit))
+        return math.isfinite(self.distance) and self.distance <= near
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -146,16 +144,8 @@ def all_margins(
     margins = {}
     for name, (lowest, highest) in limits.items():
         signal, role = model.signals[name], roles.get(name, "follows")
-        margins[name] = Margin(
-            name=name,
-            value=values[name],
-            role=role,
-            lowest=lowest,
-            highest=highest,
-            unit=signal.unit,
-            scale=signal.nominal,
-            assumed=assumed[name],
-        )
+        about = (lowest, highest, signal.unit, signal.nominal, assumed[name])
+        margins[name] = Margin(name, values[name], role, *about)
     return margins
 
 

@@ -311,16 +311,12 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         model = coherent(self.model)
         if model is self.model:
             return self
-        converted = []
-        for values in (self.states, self.inputs):
-            in_model = {}
-            for name, value in values._asdict().items():
-                # None for a unit that is not known, and is therefore not converted
-                factor = conversion_factor(self.model.unit(name), model.unit(name)) or 1.0
-                in_model[name] = value * factor
-            converted.append(values._replace(**in_model))
-        states, inputs = converted
-        return OperatingPoint(states, inputs, residuals={}, status=self.status, model=model)
+        values = {}
+        for name in (*model.states, *model.inputs):
+            # None for a unit that is not known, and is therefore not converted
+            factor = conversion_factor(self.model.unit(name), model.unit(name)) or 1.0
+            values[name] = self.values[name] * factor
+        return _point_at(model, values, status=self.status)
 
     # Functions of a point, which the package `trim` offers.
 
@@ -409,22 +405,26 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
                     f"{path}: {name} is in {shortened(units[name])}; use {' or '.join(known)}"
                 )
             values[name] = value * factor
-        states, inputs = (
-            record(tuple(names))(**{name: values[name] for name in names})
-            for names in (model.states, model.inputs)
-        )
-        return OperatingPoint(states, inputs, stored["residuals"], Status(stored["status"]), model)
+        return _point_at(model, values, stored["residuals"], Status(stored["status"]))
+
+
+def _point_at(
+    model: Model,
+    values: Mapping[str, float],
+    residuals: dict[str, float] | None = None,
+    status: Status = Status.TRIMMED,
+) -> OperatingPoint:
+    """Return the point with given values of the states and inputs, by name."""
+    states, inputs = (
+        record(tuple(names))(*(values[name] for name in names))
+        for names in (model.states, model.inputs)
+    )
+    return OperatingPoint(states, inputs, residuals or {}, status, model)
 
 
 def point_of_plant(model: Model) -> OperatingPoint:
     """Return the operating point of a linear plant, the start values of its states and inputs."""
-    return OperatingPoint(
-        record(tuple(model.states))(*(signal.start for signal in model.states.values())),
-        record(tuple(model.inputs))(*(signal.start for signal in model.inputs.values())),
-        residuals={},
-        status=Status.TRIMMED,
-        model=model,
-    )
+    return _point_at(model, {name: signal.start for name, signal in model.signals.items()})
 
 
 def beyond_range(model: Model, values: Mapping[str, float]) -> list[str]:

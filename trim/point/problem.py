@@ -7,14 +7,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-import casadi as ca
 import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_aircraft.signals import recognized, record
 from hfa_support.errors import BadInputError, NotFiniteError
 from hfa_support.matrices import LinearTable
-from hfa_support.units import si_factor, si_unit
 from trim.point.condition import TrimCondition, release
 from trim.point.halving import newton
 from trim.point.status import BALANCE
@@ -179,15 +177,20 @@ class TrimProblem:
         return self._last[key]
 
     def newton(
-        self, z: np.ndarray, moving: np.ndarray | None = None, rows: list[int] | None = None
+        self,
+        z: np.ndarray,
+        moving: np.ndarray | None = None,
+        rows: list[int] | None = None,
+        bounded: bool = False,
     ) -> np.ndarray:
         """Return the scaled unknowns (k,) after Newton's method, even if it has not converged.
 
         z: initial unknowns, (k,)
         moving: indices of the unknowns that may change; None for all
         rows: indices of the equations that are solved; None for all
+        bounded: whether the unknowns remain within their limits
         """
-        ends, _ = newton(self.system, z[None], self.c, moving, rows=rows)
+        ends, _ = newton(self.system, z[None], self.c, moving, bounded, rows)
         return ends[0]
 
     def clip(self, z: np.ndarray) -> np.ndarray:
@@ -200,23 +203,13 @@ class TrimProblem:
         The equations must balance, and the unknowns and the watched states and outputs must be
         within their limits.
         """
-        if not self.balanced(z):
-            return False
+        return self.balanced(z) and self.within(z)
+
+    def within(self, z: np.ndarray) -> bool:
+        """Return whether the unknowns z, (k,), and the watched signals are in their limits."""
         system = self.system
         unknowns = system.limits.within(z * system.scales)
         return bool(unknowns.all() and system.watched.within(self.at(z).y).all())
-
-    def unwound(self, z: np.ndarray) -> np.ndarray:
-        """Return a solution, (k,), with angles beyond 90 deg that have no limits reduced by full
-        revolutions, or unchanged if the reduced angles are no solution.
-
-        z: solution in scaled unknowns, (k,)
-        """
-        quarter_turn = self.system.quarter_turn
-        revolution = np.where(np.isfinite(quarter_turn), 4.0 * quarter_turn, 1.0)  # 1: no angle
-        reduced = z - revolution * np.round(z / revolution)
-        reduced = np.where(np.abs(z) > quarter_turn, reduced, z)
-        return reduced if self.solved(reduced) else z
 
     def balanced(self, z: np.ndarray) -> bool:
         """Return whether every scaled residual is within `BALANCE`, regardless of the limits.
@@ -234,7 +227,7 @@ class TrimProblem:
         """Yield initial points for further searches, evenly spread within the limits, (k,) each.
 
         Of `STARTS` points, those at which the equations cannot be evaluated are omitted. No point
-        is yielded without unknowns, with more equations than unknowns, or for affine equations.
+        is yielded without unknowns, or with more equations than unknowns.
 
         The points are k α modulo 1 with α_j = φ^-j, φ^(d+1) = φ + 1 (Roberts' generalized golden
         ratio), without random numbers.
@@ -245,8 +238,6 @@ class TrimProblem:
         system = self.system
         if not unknowns or equations > unknowns:
             return
-        if not ca.depends_on(system.equations.jacobian, system.equations.z):
-            return  # the equations are affine
         far = np.minimum(_FAR, system.quarter_turn)
         lowest = np.where(np.isfinite(system.lowest), system.lowest, guess - far)
         highest = np.where(np.isfinite(system.highest), system.highest, guess + far)
@@ -326,30 +317,9 @@ def undetermined(problem: TrimProblem, z: np.ndarray) -> Undetermined:
         return Undetermined([], 0)
     # Directions along which the scaled unknowns change no equation, (d, k).
     directions = np.linalg.svd(effects.matrix)[2][effects.rank :] / effects.lengths
-    relative_to_sizes = directions * problem.system.scales / _sizes(problem)
-    basis, _ = np.linalg.qr(relative_to_sizes.T)
+    basis, _ = np.linalg.qr(directions.T)
     movements = np.linalg.norm(basis, axis=1)  # largest part of each unknown in a unit direction
     # Unknowns that move alike to seven digits, as `DEPENDENT`, keep the order of the model.
     order = np.argsort(-np.round(movements, 7), kind="stable")
     names = [problem.free[i] for i in order if movements[i] > DEPENDENT]
     return Undetermined(names, len(directions))
-
-
-def _sizes(problem: TrimProblem) -> np.ndarray:
-    """Return the size of each unknown, in its unit, (k,)."""
-    # The size of an angle is 1 rad. That of another unknown is the largest start value of all
-    # states and inputs of its quantity, or its nominal value if they are all 0 or have no unit.
-    model, declared = problem.model, problem.system.declared
-    largest: dict[str, float] = {}
-    for name, value in declared.items():
-        unit = model.unit(name)
-        quantity = si_unit(unit)
-        largest[quantity] = max(largest.get(quantity, 0.0), abs(value) * si_factor(unit))
-    sizes = []
-    for name in problem.free:
-        unit = model.unit(name)
-        quantity = si_unit(unit)
-        si_size = 1.0 if quantity == "rad" else largest[quantity]
-        is_known = si_size > 0.0 and quantity != "1"
-        sizes.append(si_size / si_factor(unit) if is_known else model.signals[name].nominal)
-    return np.array(sizes)

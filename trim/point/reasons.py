@@ -6,7 +6,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from itertools import chain, product
+from types import MappingProxyType
 from typing import NamedTuple
 
 import casadi as ca
@@ -19,8 +21,8 @@ from hfa_support.units import STANDARD_GRAVITY, conversion_factor
 from trim.point.condition import TrimCondition, release
 from trim.point.operating_point import OperatingPoint
 from trim.point.problem import TrimProblem
-from trim.point.solve import TrimError
-from trim.point.status import BALANCE
+from trim.point.solve import TrimError, failure
+from trim.point.status import BALANCE, Status
 
 #: Angles of attack, deg, at which the greatest lift is searched.
 _ANGLES_OF_ATTACK = np.arange(-4.0, 40.5, 0.5)
@@ -34,8 +36,10 @@ _NEAR = 0.5
 _LEAST_REPORTED = 1e-6
 
 
-def reason_of(error: TrimError, model: Model, condition: TrimCondition) -> str:
-    """Return why a condition has no trim, or "" if the reason is unknown.
+def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimError:
+    """Return the error of a failed trim with the reason why the condition has none, if it is known.
+
+    Where the equations do not balance beyond limits either, the point is then that of the reason.
 
     error: error of the trim search
     condition: condition of the failed trim
@@ -43,18 +47,35 @@ def reason_of(error: TrimError, model: Model, condition: TrimCondition) -> str:
     posed = TrimProblem(model, condition)  # with a speed in place of an airspeed
     search = _Search(posed, error.attempt)
     reasons = (search.of_thrust, search.of_lift, search.of_controls, search.of_rest)
-    return next(chain.from_iterable(reason() for reason in reasons), "")
+    for text, at, saturated in chain.from_iterable(reason() for reason in reasons):
+        if at and not error.required:
+            attempt = OperatingPoint._of(posed, at.z, Status.FAILED)
+            error = TrimError(failure(posed, at.z), attempt)
+        details = str(error).removeprefix("no trim: ")
+        message = f"no trim: {text} ({details})"
+        return TrimError(message, error.attempt, error.required, saturated)
+    return error
 
 
 class _Balance(NamedTuple):
     """Point at which all equations but the released ones balance.
 
+    z: scaled unknowns
     values: state, input or output -> value
     rests: equation -> what remains of it, in its unit
     """
 
+    z: np.ndarray
     values: Mapping[str, float]
     rests: Mapping[str, float]
+
+
+class _Reason(NamedTuple):
+    """Reason, with the point that shows it, and the inputs at the limit that prevents the trim."""
+
+    text: str
+    at: _Balance | None = None
+    saturated: Mapping[str, float] = MappingProxyType({})
 
 
 class _Search:
@@ -66,14 +87,12 @@ class _Search:
 
     def __init__(self, posed: TrimProblem, attempt: OperatingPoint):
         self.posed, self.attempt = posed, attempt
-        self.model, self.system = posed.model, posed.system
-        self.rows = {row.name: row for row in self.system.equations.rows}
+        self.model = posed.model
+        self.rows = {row.name: row for row in posed.system.equations.rows}
         roles = recognized(self.model.states)
         #: Role -> state whose rate must balance.
         self.balanced = {role: name for role, name in roles.items() if name in self.rows}
-        limits = self.system.limits
-        ends = zip(limits.lowest.tolist(), limits.highest.tolist(), strict=True)
-        self.limits = dict(zip(posed.free, ends, strict=True))
+        self.limits = {name: posed.condition.limits_of(name) for name in posed.free}
         inputs = [name for name in posed.free if name in self.model.inputs]
         self.throttles = [name for name in inputs if re.search("throttle|thrust", name.lower())]
         self.controls = [name for name in inputs if name not in self.throttles]
@@ -83,44 +102,45 @@ class _Search:
 
         held: unknowns that keep a value
         """
-        posed, system = self.posed, self.system
+        posed, system = self.posed, self.posed.system
         moving = [place for place, name in enumerate(posed.free) if name not in held]
         rows = [place for place, name in enumerate(self.rows) if name not in names]
-        z = posed.clip(system.scaled({**system.begin, **held}))
-        try:
-            z = posed.newton(z, np.array(moving), [row for row in rows if row < posed.count[0]])
-            at = posed.at(z)
-        except (BadInputError, ArithmeticError):
-            return None
-        is_within = system.limits.within(z * system.scales).all()
-        is_within = is_within and system.watched.within(at.y).all()
-        if not is_within or np.abs(at.residual[rows]).max(initial=0.0) > BALANCE:
-            return None
-        residuals = zip(self.rows.values(), at.residual.tolist(), strict=True)
-        return _Balance(
-            {**at.x._asdict(), **at.u._asdict(), **self.model.outputs_at(at.x, at.u)},
-            {row.name: residual * row.scale for row, residual in residuals},
-        )
+        solved = [row for row in rows if row < posed.count[0]]
+        for known in ({}, self.attempt.values):
+            begin = posed.clip(system.scaled({**system.begin, **known, **held}))
+            with suppress(BadInputError, ArithmeticError):
+                z = posed.newton(begin, np.array(moving), solved, bounded=True)
+                at = posed.at(z)
+                if np.abs(at.residual[rows]).max(initial=0.0) > BALANCE or not posed.within(z):
+                    continue
+                residuals = zip(self.rows.values(), at.residual.tolist(), strict=True)
+                return _Balance(
+                    z,
+                    {**at.x._asdict(), **at.u._asdict(), **self.model.outputs_at(at.x, at.u)},
+                    {row.name: residual * row.scale for row, residual in residuals},
+                )
+        return None
 
     def throttle(self, share: float) -> dict[str, float]:
         """Return the throttles at a share of their range, all alike."""
         ends = ((name, *self.limits[name]) for name in self.throttles)
         return {name: low + share * (high - low) for name, low, high in ends}
 
-    def of_thrust(self) -> Iterator[str]:
+    def of_thrust(self) -> Iterator[_Reason]:
         """Yield what is missing at full throttle, too much at idle, or jumps between them."""
         speed = self.balanced.get("speed", "")
         if not (speed and self.throttles):
             return
         ends = []
         for share, end, what in ((1.0, "full throttle", "small"), (0.0, "idle", "large")):
-            at = self.released(self.throttle(share), speed)
+            held = self.throttle(share)
+            at = self.released(held, speed)
             if at is None:
                 return
             excess = at.rests[speed] if share == 0.0 else -at.rests[speed]
             if excess > _LEAST_REPORTED * self.rows[speed].scale:
-                given = self._thrust(at)
-                yield f"at {end} the thrust is {self._force(at, speed)} too {what}{given}"
+                size = f"{self._force(at, speed)} too {what}{self._thrust(at)}"
+                yield _Reason(f"at {end} the thrust is {size}", at, held)
                 return
             ends.append(at)
         yield from self._of_jump(ends[1], ends[0], speed)
@@ -143,7 +163,7 @@ class _Search:
         force = at.values["weight"] / (STANDARD_GRAVITY * gravity) * rate
         return f"{force:.0f} {self.model.unit('weight')}"
 
-    def _of_jump(self, before: _Balance, after: _Balance, speed: str) -> Iterator[str]:
+    def _of_jump(self, before: _Balance, after: _Balance, speed: str) -> Iterator[_Reason]:
         """Yield the jump of the thrust between two points at which the speed falls and rises."""
         low, high = 0.0, 1.0
         for _ in range(_HALVINGS):
@@ -165,12 +185,10 @@ class _Search:
         throttle = self.throttles[0]
         at = self.model.describe(throttle, before.values[throttle])
         jump = f"{self._force(before, speed)} too small to {self._force(after, speed)} too large"
-        yield (
-            f"no throttle balances the drag: at {throttle} {at} the thrust jumps from {jump}"
-            f"{self._thrust(before)}"
-        )
+        text = f"no throttle balances the drag: at {throttle} {at} the thrust jumps from {jump}"
+        yield _Reason(text + self._thrust(before), before)
 
-    def of_lift(self) -> Iterator[str]:
+    def of_lift(self) -> Iterator[_Reason]:
         """Yield the greatest lift at an imposed airspeed if it is too small at all angles."""
         alpha, speed = self.balanced.get("alpha"), self.balanced.get("speed")
         if not (alpha and speed) or {speed, *AIRSPEEDS}.isdisjoint(self.posed.condition.imposed):
@@ -180,72 +198,67 @@ class _Search:
             yield from _Search(freed, self.attempt).of_lift()
             return
         unit = conversion_factor("deg", self.model.unit(alpha)) or 1.0
-        tried: dict[float, list[_Balance]] = {}
         shares = (0.5, 0.0, 1.0) if self.throttles else (0.0,)
+        tried: dict[float, list[_Balance]] = {share: [] for share in shares}
         for angle, share in product((_ANGLES_OF_ATTACK * unit).tolist(), shares):
             held = {alpha: angle, **self.throttle(share)}
             if at := self.released(held, alpha, speed, "load_factor"):
-                tried.setdefault(share, []).append(at)
+                tried[share].append(at)
                 if self._lack(at) <= 0.0:
                     return
-        if len(tried) < len(shares):
+        if not all(tried.values()):
             return
-        values = max(
-            chain(*tried.values()), key=lambda at: at.values.get("lift", -self._lack(at))
-        ).values
-        size = "too small"
+        best = max(chain(*tried.values()), key=lambda at: at.values.get("lift", -self._lack(at)))
+        values, size = best.values, "too small"
         if {"lift", "weight"} <= values.keys():
-            share = values.get("lift_to_weight", values["lift"] / values["weight"])
-            size = f"{100.0 * share:.0f} % of the weight"
+            size = f"{100.0 * values['lift'] / values['weight']:.0f} % of the weight"
         at_alpha = f"at {alpha} {self.model.describe(alpha, values[alpha])}"
         needed = self.posed.condition.imposed.get("load_factor", 1.0)
         more = f"; {100.0 * needed:.0f} % is needed" if needed != 1.0 else ""
-        yield f"with balanced moments the greatest lift is {size}, {at_alpha}{more}"
+        yield _Reason(f"with balanced moments the greatest lift is {size}, {at_alpha}{more}", best)
 
     def _lack(self, at: _Balance) -> float:
         """Return a measure of the lift that is missing, which increases alpha."""
         of_load = -at.rests.get("load_factor", 0.0)  # of a pull-up
         return of_load if "load_factor" in self.rows else at.rests[self.balanced["alpha"]]
 
-    def controls_of(self, state: str) -> list[str]:
-        """Return the free controls that change the rate of a state where the search begins, and
-        have limits, the strongest first.
+    def of_controls(self) -> Iterator[_Reason]:
+        """Yield the moment that is not balanced at either end of the range of its control, the one
+        with the largest effect where the search begins.
         """
-        begin = self.posed.clip(self.system.start)
-        slopes = self.posed.at(begin).jacobian[[*self.rows].index(state)] / self.system.scales
-        slope_of = dict(zip(self.posed.free, np.abs(slopes).tolist(), strict=True))
-        limited = (name for name in self.controls if np.isfinite(self.limits[name]).all())
-        moving = [name for name in limited if slope_of[name]]
-        return sorted(moving, key=slope_of.__getitem__, reverse=True)
-
-    def of_controls(self) -> Iterator[str]:
-        """Yield the moment that is not balanced with its controls at either end of their range."""
-        speed = self.balanced.get("speed", "")
+        posed, jacobian = self.posed, self.posed.system.equations.jacobian
+        begin = posed.at(posed.clip(posed.system.start)).jacobian / posed.system.scales
         for role, moment in _MOMENTS.items():
             state = self.balanced.get(role, "")
             if not state:
                 continue
-            inputs = [at for at, name in enumerate(self.posed.free) if name in self.model.inputs]
-            effects = self.system.equations.jacobian[[*self.rows].index(state), inputs]
-            is_moved = ca.sparsify(effects).nnz() > 0
-            if not is_moved and abs(self.attempt.scaled_residuals[state]) > BALANCE:
-                yield f"no free input changes {state}"
-            # each control at both ends, with or without balance of the speed
-            for name, also in product(self.controls_of(state), ("", speed)):
-                low, high = (self.released({name: end}, state, also) for end in self.limits[name])
-                if low is None or high is None:
-                    continue
-                nearest = min((low, high), key=lambda at: abs(at.rests[state]))
-                least = _LEAST_REPORTED * self.rows[state].scale
-                if low.rests[state] * high.rests[state] > 0.0 and abs(nearest.rests[state]) > least:
+            row, least = [*self.rows].index(state), _LEAST_REPORTED * self.rows[state].scale
+            inputs = [at for at, name in enumerate(posed.free) if name in self.model.inputs]
+            # An equation that no unknown affects has no row in the Jacobian.
+            if row >= posed.count[0] or not ca.sparsify(jacobian[row, inputs]).nnz():
+                if abs(self.attempt.scaled_residuals[state]) > BALANCE:
+                    yield _Reason(f"no free input changes {state}")
+                continue
+            slope_of = dict(zip(posed.free, np.abs(begin[row]).tolist(), strict=True))
+            name = max(self.controls, key=slope_of.__getitem__, default="")
+            if not (name and slope_of[name] and np.isfinite(self.limits[name]).all()):
+                continue
+            for also in ("", self.balanced.get("speed", "")):  # with or without balanced speed
+                ends = [self.released({name: end}, state, also) for end in self.limits[name]]
+                low, high = (at.rests[state] if at else 0.0 for at in ends)
+                nearest = ends[abs(high) < abs(low)]
+                if nearest and low * high > 0.0 and min(abs(low), abs(high)) > least:
                     rest = self.model.describe(f"{state}_dot", nearest.rests[state])
+                    saturated = {name: nearest.values[name]}
                     at = self.model.describe(name, nearest.values[name])
-                    yield (
+                    yield _Reason(
                         f"the {moment} moment is not balanced at either end of {name}: "
-                        f"{rest} remain at {at}"
+                        f"{rest} remain at {at}",
+                        nearest,
+                        saturated,
                     )
 
-    def of_rest(self) -> Iterator[str]:
+    def of_rest(self) -> Iterator[_Reason]:
         """Yield the rate without which all others balance, if the unknowns are fewer."""
         equations, unknowns = self.posed.count
         residuals = self.attempt.scaled_residuals if equations > unknowns else {}
@@ -253,4 +266,4 @@ class _Search:
             is_left = self.rows[name].is_rate and abs(residuals[name]) > BALANCE
             if is_left and (at := self.released({}, name)):
                 rest = self.model.describe(f"{name}_dot", at.rests[name])
-                yield f"all balances but {name}, which changes by {rest}"
+                yield _Reason(f"all balances but {name}, which changes by {rest}", at)

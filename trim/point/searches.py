@@ -1,8 +1,7 @@
 """Searches for a trim, used if Newton's method fails from the default initial point.
 
-The searches begin at the least-squares solution within the limits, follow a path from the trim that
-the model declares (continuation), or begin at other points. With more unknowns than equations, the
-searches minimize the control effort.
+The searches begin at the least-squares solution within the limits, or at other points. With more
+unknowns than equations, the searches minimize the control effort.
 """
 
 from __future__ import annotations
@@ -15,22 +14,12 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from hfa_aircraft.model import Model
 from hfa_aircraft.signals import engines_among
 from hfa_support.errors import BadInputError
-from trim.point.condition import usual_condition
-from trim.point.halving import newton
-from trim.point.problem import Evaluation, TrimProblem
+from trim.point.problem import TrimProblem
 from trim.point.status import BALANCE
-from trim.point.system import Structure, TrimSystem, equations as equations_of
+from trim.point.system import Structure, equations as equations_of
 
-#: Continuation from the trim that the model declares: first and smallest step of s, and largest
-#: number of steps.
-_FIRST_SHARE = 0.25
-_LEAST_SHARE = 1e-3
-_MOST_STEPS = 200
-#: Largest deviation of an unknown from its prediction in a step of continuation, in scaled units.
-_FARTHEST = 1.0
 #: Distance from the limits at which a least-squares search begins, in scaled units. Its steps are
 #: proportional to this distance, so that it would not leave a limit.
 _INSIDE = 1e-9
@@ -43,7 +32,6 @@ def after_newton(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[np.n
     The searches have these initial points, in this order:
 
     - 0: Newton's method from the least-squares solution within the limits
-    - 0: continuation from the trim that the model declares, if `_continued` finds a solution
     - 0: the least-squares solution itself
     - 1, 2, ...: bounded Newton's method from other initial points
 
@@ -52,9 +40,6 @@ def after_newton(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[np.n
     problem.at(guess)  # raises where the equations have no finite value: no search is made then
     nearest = _bounded_least_squares(problem, guess)
     yield problem.newton(nearest), 0
-    continued = _continued(problem)
-    if continued is not None:
-        yield continued, 0
     yield nearest, 0
     for number, z in enumerate(problem.ends_within([*problem.starts(guess)]), start=1):
         yield z, number
@@ -83,69 +68,6 @@ def of_least_effort(problem: TrimProblem, guess: np.ndarray) -> Iterator[tuple[n
         yield _least_effort(problem, start), number
 
 
-def _continued(problem: TrimProblem) -> np.ndarray | None:
-    """Return the unknowns (k,) found by continuation from the model's declared trim, or None."""
-    # The imposed values c0 at the declared trim change to the requested ones, c1:
-    # r(z, c0 + s (c1 - c0)) = 0, s from 0 to 1.
-    # The result is None if the system is not square or has other unknowns than the problem, the
-    # declared trim is not found, Newton's method fails before s = 1, or nothing changes.
-    if not problem.system.equations.square:
-        return None
-    declared = _declared_trim(problem.model)
-    if declared is None:
-        return None
-    rates = {f"{name}_dot": rate for name, rate in problem.condition.rates.items() if rate}
-    requested = {**problem.condition.imposed, **rates}
-    before = {name: 0.0 if name in rates else declared[name] for name in requested}
-    changed = [name for name in requested if requested[name] != before[name]]
-    if not changed:
-        return None
-    system = TrimSystem(problem.model, problem.condition, changed, declared)
-    if system.equations.unknowns != problem.free:
-        return None
-    c0 = system.constants(1, {name: np.array([before[name]]) for name in changed})
-    c1 = system.constants(1, {name: np.array([requested[name]]) for name in changed})
-    return _continuation(system, c0, c1)
-
-
-def _continuation(system: TrimSystem, c0: np.ndarray, c1: np.ndarray) -> np.ndarray | None:
-    """Return the unknowns (k,) with r(z, c1) = 0, by continuation from those for c0, or None."""
-    # Each step extrapolates the unknowns along dz/ds, and is halved if Newton's method fails.
-    z, converged = newton(system, system.start[None], c0)
-    if not converged[0]:
-        return None
-    s = 0.0
-    slope = np.zeros_like(z)  # dz/ds
-    step = _FIRST_SHARE
-    for _ in range(_MOST_STEPS):
-        target = min(1.0, s + step)
-        extrapolated = z + (target - s) * slope
-        end, converged = newton(system, extrapolated, c0 + target * (c1 - c0))
-        if converged[0] and np.abs(end - extrapolated).max() < _FARTHEST:
-            slope = (end - z) / (target - s)
-            z, s = end, target
-            step *= 2.0
-        else:
-            step /= 2.0
-        if s == 1.0:
-            return z[0]
-        if step < _LEAST_SHARE:
-            return None
-    return None
-
-
-@lru_cache(maxsize=16)
-def _declared_trim(model: Model) -> dict[str, float] | None:
-    """Return the values at the declared trim, or None if Newton's method does not find it."""
-    problem = TrimProblem(model, usual_condition(model))
-    z = problem.newton(problem.system.start)
-    if not problem.balanced(z):
-        return None
-    point = problem.at(z)
-    outputs = model.outputs_at(point.x, point.u, list(model.outputs))
-    return {**outputs, **point.x._asdict(), **point.u._asdict()}
-
-
 def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
     """Return the unknowns (k,) after Newton's method from z, (k,), with those at a limit fixed."""
     system = problem.system
@@ -161,39 +83,23 @@ def _polished(problem: TrimProblem, z: np.ndarray) -> np.ndarray:
 
 def _bounded_least_squares(problem: TrimProblem, guess: np.ndarray) -> np.ndarray:
     """Return the scaled unknowns (k,) within the limits that minimize |r|², near a guess (k,)."""
-    # Unknowns with equal limits are constant.
     from scipy.optimize import least_squares
 
-    nearest = problem.clip(guess)
-    lowest = problem.system.lowest
-    highest = problem.system.highest
-    moving = np.flatnonzero(highest - lowest > 2.0 * _INSIDE)
-    if not moving.size:
-        return nearest
-
-    def at(values: np.ndarray) -> Evaluation:
-        """Return the equations at given values of the unknowns that move."""
-        z = nearest.copy()
-        z[moving] = values
-        return problem.at(z)
-
-    def residual(values: np.ndarray) -> np.ndarray:
+    def residual(z: np.ndarray) -> np.ndarray:
         """Return the scaled residuals (e,), inf outside the range of the model."""
         try:
-            return at(values).residual
+            return problem.at(z).residual
         except (BadInputError, FloatingPointError):
             return np.full(len(problem.system.equations.rows), np.inf)
 
-    bounds = (lowest[moving], highest[moving])
-    # At a limit itself, the steps of SciPy's method would be 0.
-    inside = np.clip(nearest[moving], bounds[0] + _INSIDE, bounds[1] - _INSIDE)
+    # SciPy wants distinct limits, and at a limit itself, the steps of its method would be 0.
+    lowest = problem.system.lowest
+    highest = np.maximum(problem.system.highest, lowest + 4.0 * _INSIDE)
+    inside = np.clip(guess, lowest + _INSIDE, highest - _INSIDE)
     # The search stops at the rounding of doubles; `TrimProblem.solved` judges its end.
-    tight: Any = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "bounds": bounds}
-    found = least_squares(
-        residual, inside, jac=lambda values: at(values).jacobian[:, moving], **tight
-    )
-    nearest[moving] = found.x
-    return nearest
+    tight: Any = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "bounds": (lowest, highest)}
+    found = least_squares(residual, inside, jac=lambda z: problem.at(z).jacobian, **tight)
+    return problem.clip(found.x)
 
 
 _IPOPT: dict[str, Any] = {

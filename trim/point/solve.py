@@ -129,15 +129,21 @@ class TrimError(NoSolutionError):
     attempt: best point found within the limits
     required: sentences on the limits beyond which the equations balance, or "" if they do not
         balance beyond any limits
+    saturated: input -> limit that prevents the trim; None if the reason is not known
     """
 
-    def __init__(self, message: str, attempt: OperatingPoint, required: str = "") -> None:
+    def __init__(
+        self,
+        message: str,
+        attempt: OperatingPoint,
+        required: str = "",
+        saturated: Mapping[str, float] | None = None,
+    ) -> None:
         super().__init__(message)
-        self.attempt = attempt
-        self.required = required
+        self.attempt, self.required, self.saturated = attempt, required, saturated
 
-    def __reduce__(self) -> tuple[type[TrimError], tuple[str, OperatingPoint, str]]:
-        return TrimError, (str(self), self.attempt, self.required)
+    def __reduce__(self) -> tuple[Any, ...]:
+        return TrimError, (str(self), self.attempt, self.required, self.saturated)
 
 
 def trim(
@@ -161,9 +167,8 @@ def trim(
     - With more unknowns, the result has the least control effort Σ (u / scale)², a local minimum
       near the initial point.
     - If the first search fails, further searches begin at the least-squares solution within the
-      limits, follow a path from the trim that the model declares (continuation), and begin at
-      `STARTS` other points within the limits. `initial_point` of the result is the number of the
-      successful point, or 0 for the first search.
+      limits, and at `STARTS` other points within the limits. `initial_point` of the result is the
+      number of the successful point, or 0 for the first search.
 
     model: model of the aircraft
     condition: imposed and free variables; by default the trim that the model declares
@@ -312,8 +317,6 @@ def solution(problem: TrimProblem) -> SearchEnd:
     quarter_turn = problem.system.quarter_turn
     for z, number in ends:
         if problem.solved(z):
-            if (np.abs(z) > quarter_turn).any():
-                z = problem.unwound(z)
             if (np.abs(z) <= quarter_turn).all():
                 return SearchEnd(z, number)
             far_out = far_out or SearchEnd(z, number)
@@ -343,12 +346,6 @@ def _error_of(problem: TrimProblem, nearest: np.ndarray, others: int) -> TrimErr
         message += f"; {others} other initial points failed too"
     attempt = OperatingPoint._of(problem, problem.clip(nearest), Status.FAILED)
     return TrimError(message, attempt, beyond_limits)
-
-
-#: Difference from a commanded pitch, rad, at which the search for its gamma stops, and the most
-#: trims that are tried.
-_SAME_PITCH = 1e-9
-_MOST_PITCHES = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -403,11 +400,8 @@ def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> Comma
     point: the trim; its problem is known
     command: state -> deviation from the trim, in the units of the model
     """
-    holdable = point.model.holdable
     for name in command:
-        # `_trim_without_limits` changes gamma until the pitch is the commanded one.
-        is_held_by_gamma = name == "pitch" and "gamma" in holdable
-        if name not in holdable and not is_held_by_gamma:
+        if name not in (*point.model.holdable, *point.model.replaced):
             # without values `needed` and `beyond`
             return CommandedTrim(command, {}, {}, point.model, unheld=name)
     try:
@@ -418,28 +412,20 @@ def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> Comma
     beyond = {}
     for name, value in needed.items():
         lowest, highest = point.trim_problem.asked.limits_of(name)
-        if value < lowest:
-            beyond[name] = lowest
-        elif value > highest:
-            beyond[name] = highest
+        if not lowest <= value <= highest:
+            beyond[name] = lowest if value < lowest else highest
     return CommandedTrim(command, needed, beyond, point.model)
 
 
 def _trim_without_limits(point: OperatingPoint, command: Mapping[str, float]) -> OperatingPoint:
     """Return the trim at a command, whose free variables may exceed their limits."""
-    # Where a trim imposes gamma in place of the pitch, gamma = pitch - alpha is changed until the
-    # pitch is the commanded one.
+    model, condition = point.model, point.trim_problem.asked
+    if replaced := {state: name for state, name in model.replaced.items() if state in command}:
+        # Such as gamma in place of the pitch: the commanded state is a variable again.
+        others = {state: name for state, name in model.replaced.items() if state not in command}
+        model = replace(model, replaced=others)
+        condition = release(replace(condition, model=model), free=[*replaced.values()])
     held = {name: point[name] + deviation for name, deviation in command.items()}
-    commanded_pitch = None
-    if "pitch" in held and "pitch" not in point.model.holdable:
-        commanded_pitch = held.pop("pitch")
-        held["gamma"] = point["gamma"] + command["pitch"] - command.get("alpha", 0.0)
-    for _ in range(_MOST_PITCHES):
-        condition = release(point.trim_problem.asked, hold=held)
-        unlimited = release(condition, limits=dict.fromkeys(condition.free, (-math.inf, math.inf)))
-        found = trim(point.model, unlimited, point)
-        error = 0.0 if commanded_pitch is None else commanded_pitch - found["pitch"]
-        if abs(error) <= _SAME_PITCH:
-            return found
-        held["gamma"] += error
-    raise TrimError("no trim: no gamma has the commanded pitch", found)
+    condition = release(condition, hold=held)
+    limits = dict.fromkeys(condition.free, (-math.inf, math.inf))
+    return trim(model, release(condition, limits=limits), point)

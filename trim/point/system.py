@@ -221,25 +221,11 @@ def structure_of(
     )
 
 
-class _Expressions(NamedTuple):
-    """Equations of a trim in the units of the model, as expressions of its symbols."""
-
-    given: dict[str, ca.SX]  # imposed value that is not 0 -> its symbol
-    free: dict[str, ca.SX]  # variable that is not imposed -> its symbol
-    p: ca.SX  # symbols of the parameters
-    x: ca.SX
-    u: ca.SX
-    y: ca.SX  # watched states and outputs
-    residual: ca.SX  # r in scaled units, (e, 1)
-
-
-def _expressions(structure: Structure) -> _Expressions:
-    """Return the model's equations at the variables of a trim, with its imposed values."""
+def _expressions(structure: Structure, variables: dict[str, ca.SX], p: ca.SX) -> list[ca.SX]:
+    """Return states, inputs, watched signals and residuals r in scaled units, (e, 1), at the
+    symbols of the variables of a trim, of its imposed values that are not 0, and of parameters.
+    """
     layout = structure.layout
-    (p,) = layout.symbols("p")
-    given = {name: ca.SX.sym(name) for name in structure.given}
-    free = {unknown.name: ca.SX.sym(unknown.name) for unknown in structure.unknowns}
-    variables = {**given, **free}
     # A parameter that is 0 at all points is the number 0, so that a variable whose effect it
     # switches off is in no equation.
     parameters = column(
@@ -254,9 +240,9 @@ def _expressions(structure: Structure) -> _Expressions:
     residuals = []
     for row in structure.rows:
         value = rates[row.name] if row.is_rate else signal_by_name[row.name]
-        residuals.append((value - given.get(row.imposed, 0.0)) / row.scale)
-    y = column(signal_by_name[name] for name in watched)
-    return _Expressions(given, free, p, x, u, y, column(residuals))
+        imposed = variables[row.imposed] if row.imposed else 0.0
+        residuals.append((value - imposed) / row.scale)
+    return [x, u, column(signal_by_name[name] for name in watched), column(residuals)]
 
 
 @lru_cache(maxsize=16)
@@ -269,9 +255,12 @@ def equations(structure: Structure) -> TrimEquations:
 
     Raises BadInputError for a free variable that affects the equations only in steps.
     """
-    e = _expressions(structure)
-    by_all = ca.jacobian(e.residual, column(e.free.values()))  # by all free variables
-    structure.layout.refuse_steps(by_all, list(e.free))
+    (p,) = structure.layout.symbols("p")
+    given = {name: ca.SX.sym(name) for name in structure.given}
+    free = {unknown.name: ca.SX.sym(unknown.name) for unknown in structure.unknowns}
+    x, u, y, residual = _expressions(structure, {**given, **free}, p)
+    by_all = ca.jacobian(residual, column(free.values()))  # by all free variables
+    structure.layout.refuse_steps(by_all, list(free))
     by_all = ca.sparsify(by_all)
 
     # Equations (rows) that a free variable affects, and free variables (columns) in an equation:
@@ -282,13 +271,13 @@ def equations(structure: Structure) -> TrimEquations:
     jacobian = by_all[affected, active]
     unknowns = tuple(structure.unknowns[column].name for column in active)
     scales = np.array([structure.unknowns[column].scale for column in active])
-    idle = tuple(name for name in e.free if name not in unknowns)
+    idle = tuple(name for name in free if name not in unknowns)
 
     # The unknowns become z times their scales, and the affected equations come first.
     z = ca.SX.sym("z", len(unknowns))
-    sought = column(e.free[name] for name in unknowns)
-    in_order = e.residual[[*affected, *unaffected]]
-    parts = [e.x, e.u, e.y, in_order, ca.densify(jacobian) @ ca.diag(ca.DM(scales))]
+    sought = column(free[name] for name in unknowns)
+    in_order = residual[[*affected, *unaffected]]
+    parts = [x, u, y, in_order, ca.densify(jacobian) @ ca.diag(ca.DM(scales))]
     x, u, y, residual, jacobian_of_z = ca.substitute(parts, [sought], [z * ca.DM(scales)])
     return TrimEquations(
         layout=structure.layout,
@@ -299,7 +288,7 @@ def equations(structure: Structure) -> TrimEquations:
         affected_count=len(affected),
         constants=(*structure.given, *idle),
         z=z,
-        c=column((*e.given.values(), *(e.free[name] for name in idle), *ca.vertsplit(e.p))),
+        c=column((*given.values(), *(free[name] for name in idle), *ca.vertsplit(p))),
         x=x,
         u=u,
         y=ca.densify(y),
