@@ -16,7 +16,13 @@ from hfa_aircraft.servos import positions_of_servos
 from hfa_aircraft.waveform import Waveform
 from hfa_flight.air.gust_equations import in_gusts, undeclared
 from hfa_flight.air.gusts import Gust
-from hfa_flight.air.sensors import Sensor, refuse_unmeasurable, sensors_of
+from hfa_flight.air.sensors import (
+    Sensor,
+    drawn_errors,
+    names_with_errors,
+    refuse_unmeasurable,
+    sensors_of,
+)
 from hfa_flight.air.signals import TimeVector
 from hfa_flight.air.turbulence import Turbulence
 from hfa_support.errors import (
@@ -32,11 +38,9 @@ from hfa_support.reporting.report import Reported
 from trim.linear.delays import in_samples, step_count
 from trim.point.operating_point import OperatingPoint
 
-#: Keys of the independent random streams of a member.
+#: Keys of the independent random streams of a member, beside those of the sensors, 1 and 3.
 _ERRORS = 0
-_NOISE = 1
 _AIR = 2
-_BIAS = 3
 
 #: Largest number of rows of a flight, limited by the memory of an ordinary computer.
 MOST_STEPS = 10_000_000
@@ -90,23 +94,15 @@ class Uncertainty:
         return np.asarray(np.exp(sigma * random.standard_normal(len(sigma)) - sigma**2 / 2))
 
     def samples(
-        self, seed: int, member: int, count: int, names: tuple[str, ...], interval: float
+        self, seed: int, member: int, count: int, model: Model, interval: float
     ) -> np.ndarray:
-        """Return drawn errors of the sensors of `names`, (count, k), with biases of random sign.
-
-        A name without a sensor has no errors. In samples without a value they are nan.
+        """Return drawn errors of `names_with_errors`, (count, k), nan in samples without a value.
 
         interval: duration of a sample, s
         """
-        sensors = [self.noise.get(name, Sensor(0.0)) for name in names]
-        noise, bias = np.array([(sensor.noise, sensor.bias) for sensor in sensors]).T
-        random, signs = (
-            np.random.default_rng(SeedSequence(seed, spawn_key=(member, stream)))
-            for stream in (_NOISE, _BIAS)
-        )
-        drawn = noise * random.standard_normal((count, len(names)))
-        drawn += bias * signs.choice([-1.0, 1.0], len(names))
-        for column, (name, sensor) in enumerate(zip(names, sensors, strict=True)):
+        drawn = drawn_errors(self.noise, model, seed, member)(count)
+        for column, name in enumerate(names_with_errors(model, self.noise)):
+            sensor = self.noise.get(name, Sensor(0.0))
             whole, rest = in_samples(sensor.every, interval)
             if rest:
                 raise BadInputError(
@@ -269,17 +265,7 @@ class Scenario(Reported):
 
     def text(self, model: Model) -> str:
         """Return the latency, the sensors and the biases of flights with noise or turbulence."""
-        sensors = self.sensors or self.uncertainty.noise
-        words = [f"commands {1e3 * self.delay:.4g} ms late"] if self.delay else []
-        if servos := positions_of_servos(model):
-            lags = {1e3 * model.parameters[f"{name}_lag"].start for name in servos}
-            words.append(f"servos of {' and '.join(f'{lag:.4g}' for lag in sorted(lags))} ms")
-        missing = [] if words else ["latency"]
-        words += [f"{name} measured" for name in sensors if name not in model.states]
-        biased = sum(sensor.bias > 0.0 for sensor in sensors.values())
-        words += [f"{biased} {'bias' if biased == 1 else 'biases'}"] if biased else []
-        missing += [] if biased else ["bias"]
-        return ", ".join([*words, *([f"without {' and '.join(missing)}"] if missing else [])])
+        return conditions_text(model, self.delay, self.sensors or self.uncertainty.noise)
 
     def on(self, model: Model) -> Scenario:
         """Return this scenario with a missing initial condition of 0, checked for a model.
@@ -344,9 +330,9 @@ class Scenario(Reported):
                 errors[name] = errors.get(name, 1.0) * factor
         samples, sensors = None, {}
         if any(sensor != Sensor(0.0) for sensor in uncertain.noise.values()):
-            names = tuple(dict.fromkeys((*point.model.linear, *uncertain.noise)))
-            count, interval = self.sample_count, self.interval
-            samples = uncertain.samples(seed, member, count, names, interval)
+            model = point.model
+            samples = uncertain.samples(seed, member, self.sample_count, model, self.interval)
+            names = names_with_errors(model, uncertain.noise)
             sensors = {name: uncertain.noise.get(name, Sensor(0.0)) for name in names}
         gust = self.gust
         if uncertain.turbulence is not None:
@@ -384,6 +370,23 @@ class Scenario(Reported):
         if self.ticks_per_sample > 1:
             data["sample"] = self.interval
         return data
+
+
+def conditions_text(model: Model, delay: float, sensors: Mapping[str, Sensor]) -> str:
+    """Return the latency, the sensors and the biases of flights of a model.
+
+    delay: delay of the commands, s
+    """
+    words = [f"commands {1e3 * delay:.4g} ms late"] if delay else []
+    if servos := positions_of_servos(model):
+        lags = {1e3 * model.parameters[f"{name}_lag"].start for name in servos}
+        words.append(f"servos of {' and '.join(f'{lag:.4g}' for lag in sorted(lags))} ms")
+    missing = [] if words else ["latency"]
+    words += [f"{name} measured" for name in sensors if name not in model.states]
+    biased = sum(sensor.bias > 0.0 for sensor in sensors.values())
+    words += [f"{biased} {'bias' if biased == 1 else 'biases'}"] if biased else []
+    missing += [] if biased else ["bias"]
+    return ", ".join([*words, *([f"without {' and '.join(missing)}"] if missing else [])])
 
 
 def with_errors(model: Model, scenario: Scenario) -> Model:

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.random import SeedSequence
 
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
 from trim.point.operating_point import OperatingPoint
+
+#: Keys of the independent random streams of a member for the noise and the signs of biases.
+_NOISE = 1
+_BIAS = 3
+
+#: Function number of samples -> errors of the next samples, (count, k).
+Errors = Callable[[int], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -80,13 +88,23 @@ def measured(
     """
     values = dict(zip(point.model.states, ca.vertsplit(ca.SX(x)), strict=True))
     if outputs := tuple(name for name in names if name not in values):
-        moving = in_gusts(point.model)
-        w = [winds.get(name, 0.0) for name in moving.disturbances]
         at = ca.DM(point.x) + x, ca.DM(point.u) + u, p
-        _, in_air = moving.layout.expressions(at, outputs, w or None)
-        in_air -= ca.DM(at_trim(point, outputs))
+        in_air = outputs_in_air(point.model, outputs, at, winds) - ca.DM(at_trim(point, outputs))
         values |= zip(outputs, ca.vertsplit(in_air), strict=True)
     return ca.vertcat(*(values[name] for name in names))
+
+
+def outputs_in_air(
+    model: Model, outputs: tuple[str, ...], at: tuple[Any, Any, Any], winds: Mapping[str, Any]
+) -> ca.SX:
+    """Return outputs of `in_gusts(model)`, (k,).
+
+    at: states, inputs and parameters
+    winds: disturbance -> value
+    """
+    moving = in_gusts(model)
+    w = [winds.get(name, 0.0) for name in moving.disturbances]
+    return moving.layout.expressions(at, outputs, w or None)[1]
 
 
 def at_trim(point: OperatingPoint, names: tuple[str, ...]) -> np.ndarray:
@@ -97,3 +115,24 @@ def at_trim(point: OperatingPoint, names: tuple[str, ...]) -> np.ndarray:
         _, found = in_gusts(point.model).layout.expressions(vectors, outputs)
         values |= zip(outputs, ca.evalf(found).full().ravel(), strict=True)
     return np.array([values[name] for name in names])
+
+
+def names_with_errors(model: Model, sensors: Mapping[str, Sensor]) -> tuple[str, ...]:
+    """Return what has errors in a flight: the linear states, then the measured outputs."""
+    return tuple(dict.fromkeys((*model.linear, *sensors)))
+
+
+def drawn_errors(sensors: Mapping[str, Sensor], model: Model, seed: int, member: int) -> Errors:
+    """Return the errors of `names_with_errors` in a flight; without a sensor they are 0.
+
+    The noise is drawn for each sample, and the sign of a bias once.
+    """
+    names = names_with_errors(model, sensors)
+    of_names = [sensors.get(name, Sensor(0.0)) for name in names]
+    noise, bias = np.array([(sensor.noise, sensor.bias) for sensor in of_names]).T
+    random, signs = (
+        np.random.default_rng(SeedSequence(seed, spawn_key=(member, stream)))
+        for stream in (_NOISE, _BIAS)
+    )
+    bias = bias * signs.choice([-1.0, 1.0], len(names))
+    return lambda count: noise * random.standard_normal((count, len(names))) + bias

@@ -16,6 +16,7 @@ from hfa.options.parser import is_given, option
 from hfa.options.plants import aircraft_help
 from hfa.options.trims import GivenTrims, SeveralTrims, at_name, given_trims
 from hfa_flight.needs import NEEDS, SAMPLES, needed
+from hfa_flight.options import SensorOptions, sensors_of_options
 from hfa_support.errors import BadInputError
 from hfa_support.files import POSITIVE
 from trim.point.operating_point import OperatingPoint
@@ -34,7 +35,7 @@ def _deployment_path(text: str) -> Path:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class AssessRequest(Request, SeveralTrims):
+class AssessRequest(Request, SeveralTrims, SensorOptions):
     """Arguments of `hfa assess`."""
 
     units: None = None
@@ -120,7 +121,9 @@ def assess(request: AssessRequest, given: GivenTrims) -> Outcome:
     conditions are simulated with and without a disturbance pulse, and decide. The first line
     compares their costs with the exact gain's.
 
-    Flights in noise and moving air are those of `hfa fly --policy FILE --samples N`.
+    --sensors, --noise and --bias are errors of what the policy sees; its flights then need to stay
+    within the limits only. Flights in moving air, and of a policy behind a filter, are those of
+    `hfa fly --policy FILE --samples N`.
 
     Exit code 0 if the policy holds at every trim and satisfies every --need, else 1.
     """
@@ -132,6 +135,7 @@ def assess(request: AssessRequest, given: GivenTrims) -> Outcome:
     box = each_of("--box", model, request.box, partial(linear_state, declared=POSITIVE))
     points = tuple(map(trimmed, given.trims))
     deployed = Deployed(_deployment(request, points), model)
-    assessor = Assessor(deployed, points, request.samples, request.seed, box, request.need)
+    sensors = sensors_of_options(request, model)
+    assessor = Assessor(deployed, points, request.samples, request.seed, box, request.need, sensors)
     result = replace(assessment_of(assessor), assumed=_assumed_trim(request, points[0]))
     return Outcome(report=result.report(), ok=result.ok, source=given.source, notes=result.warnings)

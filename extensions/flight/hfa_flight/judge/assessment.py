@@ -11,6 +11,8 @@ from hfa.options.command import ProgressLine
 from hfa_aircraft.control_systems import is_linear_plant
 from hfa_aircraft.model import Model
 from hfa_aircraft.servos import positions_of_servos
+from hfa_flight.air.scenario import conditions_text
+from hfa_flight.air.sensors import Sensor, refuse_unmeasurable, sensors_of
 from hfa_flight.judge.assessed_point import AssessedPoint
 from hfa_flight.judge.assessment_report import (
     Finding,
@@ -36,7 +38,7 @@ from hfa_support.errors import (
 )
 from hfa_support.progress import Progress
 from hfa_support.reporting.report import Report, Reported, verdict_text
-from hfa_support.reporting.results import Entries, Result
+from hfa_support.reporting.results import Entries, Result, without_empty
 from trim.point.operating_point import OperatingPoint
 from trim.point.solve import trim
 
@@ -96,6 +98,7 @@ class Assessment(Result, Reported):
     points: results at each trim.
     needs: delay (s), margin, cost (percent) or share of the flights -> required value.
     assumed: description of the trim that was assumed because none was given, otherwise "".
+    sensors: what is measured in the flights -> `Sensor`.
 
     >>> import hfa
     >>> assessment = hfa.assess(deployment, points)  # doctest: +SKIP
@@ -107,6 +110,7 @@ class Assessment(Result, Reported):
     points: tuple[AssessedPoint, ...]
     needs: Mapping[str, float] = field(default_factory=dict)
     assumed: str = ""
+    sensors: Mapping[str, Sensor] = field(default_factory=dict)
 
     @property
     def holds(self) -> bool:
@@ -160,13 +164,14 @@ class Assessment(Result, Reported):
         return f"{verdict}: {self._where_it_holds()}; {self._cost_ratio()}"
 
     def _converging(self) -> str:
-        """Return how many flights converge, without a pulse and with one."""
+        """Return how many flights converge, or stay inside, without a pulse and with one."""
         flown = [point for point in self.points if point.flights is not None]
         if not flown:
             return ""
         outcomes = [of for point in flown for of in (point.flights, point.disturbed) if of]
         converged = sum(of.converged for of in outcomes)
-        return f": {converged} of {sum(of.starts for of in outcomes)} flights converge"
+        succeed = "stay within the limits" if self.sensors else "converge"
+        return f": {converged} of {sum(of.starts for of in outcomes)} flights {succeed}"
 
     def _where_it_holds(self) -> str:
         """Return the trims at which the policy holds, or the worst failure."""
@@ -175,6 +180,9 @@ class Assessment(Result, Reported):
         timing = self.deployed.deployment
         is_prompt = not (timing.delay or positions_of_servos(self.deployed.model))
         without = "without sensor errors" + " and latency" * is_prompt
+        if count := len(self.sensors):
+            conditions = conditions_text(self.deployed.model, timing.delay, self.sensors)
+            without = f"with {count} sensor{'s' * (count > 1)}, {conditions}"
         rate = f" at {1.0 / timing.dt:.4g} Hz {without}"
         failing = [point for point in self.points if not point.holds]
         where = where_text(failing or self.points, self.points)
@@ -206,7 +214,7 @@ class Assessment(Result, Reported):
             "unmet": self.unmet,
             "findings": self.findings,
             "first_line": self.first_line,
-        }
+        } | without_empty(sensors={name: vars(of) for name, of in self.sensors.items()})
 
     def report(self) -> Report:
         """Return the report as text and tables, with its data and a table of all digits."""
@@ -216,7 +224,7 @@ class Assessment(Result, Reported):
         )
         return Report(
             "\n".join(title),
-            report_parts(self.deployed, self.points),
+            report_parts(self.deployed, self.points, with_errors=bool(self.sensors)),
             data=Entries(self),
             records=records_table(self.points),
         )
@@ -273,10 +281,11 @@ def assess(
     *,
     box: Mapping[str, float] | None = None,
     needs: Mapping[str, float] | None = None,
+    sensors: Mapping[str, Any] | None = None,
 ) -> Assessment:
     """Assess a policy as it is deployed: its sampled loop, flights, and cost.
 
-    Flights in noise and moving air are those of `hfa.fly` with `samples`.
+    Flights in moving air, and of a policy behind a filter, are those of `hfa.fly` with `samples`.
 
     model: the aircraft
     deployment: observations, actions and timing of the policy, or the path of a deployment file
@@ -289,6 +298,9 @@ def assess(
     box: linear state -> half-width of the initial-condition box in the unit of the model, in place
         of the usual half-width
     needs: requirement of `hfa assess --need`, such as "delay" (s) or "cost" (%) -> required value
+    sensors: what is measured, a state or an output -> `hfa.Sensor`, or the standard deviation of
+        its noise. The policy sees it with these errors, and other states without. As the errors do
+        not end, a flight counts as converged if it stays within the limits
 
     Raises BadInputError for a wrong argument or a deployment that does not fit the aircraft, and
     TrimError if there is no trim.
@@ -312,11 +324,14 @@ def assess(
     refuse_unless_whole("samples", samples, 0)
     refuse_unless_whole("seed", seed, 0)
     deployed = Deployed(Deployment.of(deployment), model)
+    measured = sensors_of(sensors or {})
+    refuse_unmeasurable(model, measured)
     for name, width in (box or {}).items():
         refuse_unknown("box names an unknown state", name, model.linear)
         refuse_unless_positive(f"box of {name}", width)
     trims = trims_of(model, points)
-    return assessment_of(Assessor(deployed, trims, samples, seed, box or {}, needs or {}), progress)
+    assessor = Assessor(deployed, trims, samples, seed, box or {}, needs or {}, measured)
+    return assessment_of(assessor, progress)
 
 
 def assessment_of(assessor: Assessor, progress: Progress | None = None) -> Assessment:
@@ -330,5 +345,7 @@ def assessment_of(assessor: Assessor, progress: Progress | None = None) -> Asses
             f"a required cost: {deployed.deployment.origin} has no table [cost]; give a deployment "
             "file with Q and R in [cost], or Q and R in the plant file"
         )
+    if assessor.sensors and not assessor.samples:
+        raise BadInputError("sensors have errors in flights only; give samples, or remove sensors")
     points = assessor.assessed(progress or ProgressLine("fly"))
-    return Assessment(deployed, tuple(points), needs)
+    return Assessment(deployed, tuple(points), needs, sensors=assessor.sensors)

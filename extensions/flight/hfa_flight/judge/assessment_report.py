@@ -249,18 +249,28 @@ _RULE_OF_CONVERGENCE = (
     f"A flight converges if it ends within {100 * BALL:g} % of the initial-condition box about the "
     "policy's equilibrium, and the distances of most flights do not grow."
 )
+_RULE_WITH_ERRORS = (
+    "Errors of sensors do not end: a flight converges if it stays within the limits. Flights of the "
+    "exact gain, figures of the sampled loop and the steady-state error are without them."
+)
 
 
-def report_parts(deployed: Deployed, points: Sequence[AssessedPoint]) -> list[Any]:
-    """Return the parts of the report of an assessment, in reading order."""
+def report_parts(
+    deployed: Deployed, points: Sequence[AssessedPoint], *, with_errors: bool
+) -> list[Any]:
+    """Return the parts of the report of an assessment, in reading order.
+
+    with_errors: whether the flights have sensors
+    """
+    rule = _RULE_WITH_ERRORS if with_errors else _RULE_OF_CONVERGENCE
     actor = deployed.deployment.actor
     # The notes in `actor.notes` are findings; the others have no other place in the report.
     other_notes = [note for note in actor.declared.notes if note not in actor.notes]
     parts: list[Any] = ["; ".join([actor.chain, *other_notes])]
     if any(point.costs is not None for point in points):
-        parts += [_weights_text(deployed, points[0]), _RULE_OF_CONVERGENCE]
+        parts += [_weights_text(deployed, points[0]), rule]
     elif any(point.flights is not None for point in points):
-        parts.append(_RULE_OF_CONVERGENCE)
+        parts.append(rule)
     parts.append(_figures("sampled loop", points, loop_rows))
     parts.append(_figures("flights", points, flight_rows))
     error = points[0].integration

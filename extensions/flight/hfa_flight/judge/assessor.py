@@ -11,6 +11,7 @@ import numpy as np
 
 from hfa_aircraft.batch_simulation import Figures, IntegrationError, ReportedFigure, resolved
 from hfa_flight.air.held_step import parts_of_a_sample
+from hfa_flight.air.sensors import Sensor
 from hfa_flight.judge.assessed_point import AssessedPoint
 from hfa_flight.judge.outcomes import (
     BALL,
@@ -119,6 +120,7 @@ class Assessor:
     box: linear state -> half-width of the initial-condition box, instead of the usual half-width.
     needs: requirement -> required value, as in `assess`; with that of "delay", flights are
         simulated, too.
+    sensors: what is measured -> `Sensor`. Flights, but those of the exact gain, have their errors.
     """
 
     deployed: Deployed
@@ -127,6 +129,7 @@ class Assessor:
     seed: int = 0
     box: Mapping[str, float] = field(default_factory=dict)
     needs: Mapping[str, float] = field(default_factory=dict)
+    sensors: Mapping[str, Sensor] = field(default_factory=dict)
 
     def assessed(self, progress: Progress | None = None) -> list[AssessedPoint]:
         """Assess the policy at each trim.
@@ -136,6 +139,7 @@ class Assessor:
         """
         refuse_edges(self.points)
         self.deployed.refuse_undefined_at(self.points)
+        self.deployed.sensing(self.sensors)  # refuses what the policy cannot see
         cases = [self._case(point) for point in self.points]
         with ThreadPoolExecutor() as pool:  # a loop that tolerates all delays takes seconds
             delays = pool.map(self._delays, cases)
@@ -151,6 +155,7 @@ class Assessor:
             except NoSolutionError as failure:
                 remark = f"no costs are compared: {failure}"
                 points[number] = replace(points[number], remarks=(*points[number].remarks, remark))
+        flight = replace(flight, sensors=self.sensors)
         flown = fly_cases(flight, cases, exact, self.samples, self.seed, progress)
         points = [
             replace(

@@ -113,7 +113,8 @@ class Outcomes(Result):
 
     starts: number of flights.
     converged: number of flights that converged. Such a flight is within the ball about the end at
-        the end, and its distance, or that of most flights, does not grow before.
+        the end, and its distance, or that of most flights, does not grow before; with errors of
+        sensors, one that stays within the limits.
     end: linear state -> value to which flights converge: that of the equilibrium, or without one,
         as of a policy with steps, the median of the last window.
     left_envelope: number of flights that left the limits of the model's states.
@@ -159,7 +160,8 @@ class CaseFlights:
 
     A flight ends with the window in which it leaves the limits, or a state is not a number. A
     flight of the full duration converges if it ends in the ball, and its distance does not grow, as
-    those of most flights about the trim then do.
+    those of most flights about the trim then do; with errors of sensors, which do not end, if it
+    stays within the limits.
 
     flight: the aircraft over a sample.
     cases: the trims with their boxes and equilibria.
@@ -184,10 +186,12 @@ class CaseFlights:
         starts: np.ndarray,
         pulses: np.ndarray,
         prices: Sequence[SampleCost | None] = (),
+        seed: int = 0,
     ) -> None:
         """Prepare flights from initial states X, (N, n).
 
         pulses: disturbance pulses, (N, k)
+        seed: seed of the errors of sensors
         """
         model = flight.deployed.model
         self.flight = flight
@@ -206,6 +210,7 @@ class CaseFlights:
         self._most = np.array([envelope.most for envelope in envelopes])[owners]
         self._windows = flight.windows(self.seconds)
         count = len(owners)
+        self._errors = flight.drawn_errors(seed, count)
         self.ends = np.full(count, FlightOutcome.UNDECIDED, dtype=object)
         self.prices = [*prices] or [None] * len(cases)
         self.costs = np.zeros(count)
@@ -240,6 +245,7 @@ class CaseFlights:
                 windows * window,
                 pushes=self.pulses[numbers],
                 pulse=_PULSE_DURATION,
+                errors=[self._errors[number] for number in numbers] if self._errors else (),
                 over=over,
                 keep=False,
             )
@@ -256,6 +262,9 @@ class CaseFlights:
             elif (staying := (self.owners == owner) & ~is_left).any():
                 self.middles[owner] = np.median(self._ranges[2][:, staying].mean(axis=0), axis=0)
         late, before, self.nearest = map(self._distance, self._ranges)
+        if self.flight.sensors:
+            self.ends[~is_left] = FlightOutcome.CONVERGED
+            return
         in_ball = ~is_left & (self.nearest <= 1.0)
         grows = (late > _GROWTH_FACTOR * before) & (late > _ROUNDING)
         for owner in range(len(self.cases)):
@@ -448,7 +457,7 @@ def fly_cases(
     owners = np.repeat(np.arange(2 * len(cases)), samples)
     # All trims without a pulse, then all with one.
     prices = [*(of.price for of in exact), *[None] * len(cases)]
-    flown = CaseFlights(flight, cases + cases, owners, starts, pulses, prices)
+    flown = CaseFlights(flight, cases + cases, owners, starts, pulses, prices, seed)
     flown.fly(progress)
     found = []
     for owner, of in enumerate(exact):

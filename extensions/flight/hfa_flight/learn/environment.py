@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hfa_aircraft.model import Model
+from hfa_flight.air.sensors import refuse_unmeasurable, sensors_of
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.judge.assessment import trims_of
 from hfa_flight.judge.flight_costs import usual_weights
@@ -30,6 +31,7 @@ def environment(
     seconds: float = SECONDS,
     turbulence: Turbulence | None = None,
     vary: Mapping[str, tuple[float, float]] | None = None,
+    sensors: Mapping[str, Any] | None = None,
     dt: float | None = None,
     Q: ArrayLike | Mapping[str, float] | None = None,
     R: ArrayLike | Mapping[str, float] | None = None,
@@ -38,7 +40,7 @@ def environment(
 
     model: the aircraft
     deployment: observations, actions, timing and cost, or the path of a deployment file. A policy
-        is not required. Default: `Deployment.usual(model, dt)`
+        is not required. Default: `Deployment.usual(model, dt, sensors)`
     points: operating points, one operating point, or values of the scheduling variable in the units
         of the model. One is drawn at each reset. Default: the model's default trim, of the flexible
         aircraft that at a dihedral angle of 15 deg
@@ -48,14 +50,16 @@ def environment(
         warning
     vary: parameter -> (lowest, highest). At each reset, a value between both is drawn. The trim
         values remain those of the unchanged aircraft
+    sensors: what is measured, a state or an output -> `hfa.Sensor`, or the standard deviation of
+        its noise. Observations have these errors, drawn for each episode; of other states they
+        have none
     dt: sample time of the default deployment, s. Default: at most 0.02, and so short that the
         fastest pole of the aircraft and of its LQR loop moves by less than 1 in a sample
     Q, R: diagonal weights of the default deployment's cost, as for `hfa.game`. Default: those of
         the plant file, for the paper's aircraft the paper's, else 1/nominal²
 
     Each episode begins at a drawn state of a box about its trim: the box of `hfa.assess`, reduced
-    so that flights without action stay within the limits for a second (`start_box`). Observations
-    are without sensor errors; `hfa.fly` flies the trained policy with them.
+    so that flights without action stay within the limits for a second (`start_box`).
 
     The reward is the negative cost of the states and of the inputs commanded at the sample, also if
     these act later because of a delay. An episode that leaves the limits is charged, for each
@@ -83,8 +87,11 @@ def environment(
     from hfa_flight.learn.gymnasium_environment import AircraftEnvironment
 
     trims = training_trims(model, points)
+    measured = sensors_of(sensors or {})
+    refuse_unmeasurable(model, measured)
     if deployment is None:
-        trained = Deployment.usual(model, usual_sample_time(model, trims) if dt is None else dt)
+        sample_time = usual_sample_time(model, trims) if dt is None else dt
+        trained = Deployment.usual(model, sample_time, tuple(measured))
         if Q is not None or R is not None:
             weights = {name: _weights(name, model, given) for name, given in (("Q", Q), ("R", R))}
             trained = trained.changed(cost=weights)
@@ -102,7 +109,7 @@ def environment(
     if turbulence is not None:
         for sentence in turbulence.air(trims[0], trained.dt, count=1, seed=0).left_out(model):
             warn(sentence)
-    episode = Episode(Deployed(trained, model), trims, seconds, turbulence, vary)
+    episode = Episode(Deployed(trained, model), trims, seconds, turbulence, vary, measured)
     return AircraftEnvironment(episode)
 
 

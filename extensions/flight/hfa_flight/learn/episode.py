@@ -15,6 +15,7 @@ from hfa_aircraft.batch_simulation import all_finite, is_within, saturated
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.held_step import parts_of_a_sample
+from hfa_flight.air.sensors import Sensor
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.judge.flight_costs import cost_rate, cost_weights
 from hfa_flight.judge.outcomes import refuse_edges
@@ -174,12 +175,14 @@ class Episode:
         seconds: float = SECONDS,
         turbulence: Turbulence | None = None,
         vary: Mapping[str, tuple[float, float]] | None = None,
+        sensors: Mapping[str, Sensor] | None = None,
     ) -> None:
         """Prepare episodes of at most `seconds` about the trims `points`.
 
         turbulence: drawn again for each episode
         vary: parameter -> (lowest, highest), between which it is drawn for each episode. The trims
             remain those of the unchanged aircraft
+        sensors: what is measured -> `Sensor`, whose errors are drawn for each episode
 
         Raises BadInputError in these cases:
         - `points` is empty.
@@ -190,7 +193,8 @@ class Episode:
         - The aircraft does not support the turbulence.
         - A varied parameter is unknown, or its range is outside its limits.
         """
-        self._arguments = deployed.deployment, deployed.model, points, seconds, turbulence, vary
+        own = points, seconds, turbulence, vary, sensors
+        self._arguments = deployed.deployment, deployed.model, *own
 
         # Checks of the arguments.
         self.varied = _checked_ranges(deployed.model, vary or {})
@@ -212,6 +216,7 @@ class Episode:
         self.samples = round(seconds / dt)
         self._turbulence = turbulence
 
+        sensors = deployed.sensors_in_air(sensors or {})
         # The flights about the trims, the boxes in which they begin, and what it costs to leave.
         boxes = np.array([start_box(deployed.model, point) for point in points])
         # The commands follow from the actions of the learner in place of those of the policy.
@@ -220,11 +225,12 @@ class Episode:
             dt,
             deployed.deployment.delay,
             parts_of_a_sample(self.points, dt, [*boxes]),
-            commands_of=_commands_of_actions(deployed, self.low, self.high),
+            commands_of=_commands_of_actions(deployed.sensing(sensors), self.low, self.high),
             # Of the air, only the names of its winds are needed: one sample is drawn for them.
             winds=()
             if turbulence is None
             else turbulence.air(self.points[0], dt, count=1, seed=0).names,
+            sensors=sensors,
         )
         no_action = np.clip(0.0, self.low, self.high)  # the action of the box nearest to 0
         self._boxes = surviving_boxes(self._flight, self.points, boxes, no_action)
@@ -239,6 +245,7 @@ class Episode:
         # What changes from episode to episode, and the code of a sample.
         self.trim_index = 0
         self._winds_of_samples = np.zeros((self.samples, 0))
+        self._views = np.zeros((self.samples + 1, self._flight.held_sizes.view))
         self._observe = row_code(self._observation(), one_row=True)
         self._code = row_code(self._sample(), one_row=True)
         self._allocate()
@@ -255,12 +262,13 @@ class Episode:
     def _allocate(self) -> None:
         """Allocate the rows of an episode, name their parts, and bind the compiled code to them."""
         # The row of the states contains state, memory, extremes, and the number of remaining
-        # samples. The row of the held values contains actions, trim, push, the limits of the state,
-        # and the penalty of leaving them.
+        # samples. The row of the held values contains actions, trim, push, view, the limits of the
+        # state, the penalty of leaving them, and the view of the next sample.
         flight = self._flight
         n = len(self.deployed.model.states)
         self._state = np.zeros((1, sum(flight.sizes) + 1))
-        self._held = np.zeros((1, sum(flight.held_sizes) + 2 * n + 1))
+        held_size = sum(flight.held_sizes) + 2 * n + 1 + flight.held_sizes.view
+        self._held = np.zeros((1, held_size))
         self._observed = np.zeros((1, self.deployed.observe.numel_out(0)))
         self._outcome = np.zeros((1, 3))  # reward, left, over
         self._name_parts()
@@ -275,19 +283,22 @@ class Episode:
         model = self.deployed.model
         n, m = len(model.states), len(model.inputs)
         X, memory, *_ = flight.slices
-        actions, trim, push = flight.held_slices
+        actions, trim, push, view = flight.held_slices
         self._X = self._state[0, X]
         self._U = self._state[0, memory.stop - m : memory.stop]
         self._action = self._held[0, actions]
         self._parameters = self._held[0, trim][n + m :]
         self._winds = self._held[0, push.stop - len(flight.winds) : push.stop]
+        self._view = self._held[0, view]
+        self._next_view = self._held[0, self._held.shape[1] - flight.held_sizes.view :]
         names = list(model.parameters)
         self._places_of_varied = [n + m + names.index(name) for name in self.varied]
 
     def _present(self) -> dict[str, Any]:
         """Return the values that change from sample to sample, by name."""
         rows = {name: getattr(self, name).copy() for name in _BOUND_ROWS}
-        return {**rows, "trim_index": self.trim_index, "_winds_of_samples": self._winds_of_samples}
+        others = ("trim_index", "_winds_of_samples", "_views")
+        return rows | {name: getattr(self, name) for name in others}
 
     def _continue(self, present: Mapping[str, Any]) -> None:
         """Set the values that change from sample to sample, those of `_present`."""
@@ -366,7 +377,7 @@ class Episode:
 
         trim_index: index of the trim
         start: initial state, (n,)
-        random: draws the turbulence and the varied parameters
+        random: draws the turbulence, the varied parameters and the errors of sensors
         """
         dt = self.deployed.deployment.dt
         trim = self._trims[trim_index].copy()
@@ -378,14 +389,20 @@ class Episode:
         if self.varied:
             lowest, highest = np.array(list(self.varied.values())).T
             trim[self._places_of_varied] = random.uniform(lowest, highest)
+        if self._flight.sensors:
+            (errors,) = self._flight.drawn_errors(int(random.integers(2**63)), 1)
+            winds = np.zeros((self.samples + 1, 0)) if self._turbulence is None else values
+            self._views = np.hstack([winds, errors(self.samples + 1)])
         self.trim_index = trim_index
         state = self._flight.start(start[None], trim[None])
         self._state[:] = np.append(state, self.samples)  # all samples remain
-        actions, _, push = self._flight.held_sizes
+        actions, _, push, _ = self._flight.held_sizes
         limits = (self.envelope.least, self.envelope.most, [self._penalties[trim_index]])
-        # actions and push are set at each sample
-        self._held[:] = np.concatenate([np.zeros(actions), trim, np.zeros(push), *limits])
-        self._observed[:] = self._observe(state, trim[None])[0]
+        view = self._views[0]
+        # actions, push and views are set at each sample
+        held = np.zeros(actions), trim, np.zeros(push), view, *limits, view
+        self._held[:] = np.concatenate(held)
+        self._observed[:] = self._observe(state, trim[None], view[None])[0]
 
     def advance(self, action: np.ndarray) -> tuple[float, bool, bool]:
         """Advance by one sample; return the reward, and whether the aircraft left or time is over.
@@ -404,6 +421,8 @@ class Episode:
         self._action[:] = action
         if self._turbulence is not None:
             self._winds[:] = self._winds_of_samples[self._done]
+        if self._flight.sensors:
+            self._view[:], self._next_view[:] = self._views[self._done : self._done + 2]
         self._fly()
         reward, left, over = self._outcome[0].tolist()
         return reward, left > 0.0, over > 0.0
@@ -448,32 +467,37 @@ class Episode:
         # Parts of the rows: those of the flight, and those of the episode behind them.
         size, held_size = sum(flight.sizes), sum(flight.held_sizes)
         state = ca.MX.sym("state", size + 1)
-        held = ca.MX.sym("held", held_size + 2 * n + 1)
+        ends = np.cumsum([0, held_size, 2 * n, 1, flight.held_sizes.view]).tolist()
+        held = ca.MX.sym("held", ends[-1])
         now, remaining = ca.vertsplit(state, [0, size, size + 1])
-        ends = np.cumsum([0, held_size, 2 * n, 1]).tolist()
-        held_in_flight, limits, penalty = ca.vertsplit(held, ends)
-        actions, trim, _ = (held_in_flight[part] for part in flight.held_slices)
+        held_in_flight, limits, penalty, next_view = ca.vertsplit(held, ends)
+        actions, trim, _, view = (held_in_flight[part] for part in flight.held_slices)
         memory = flight.slices.memory
         inputs = slice(memory.stop - m, memory.stop)  # the memory ends with the latest inputs
 
         # Commands and cost at the sample, and the state and outcome after it.
         X, inputs_before = now[:n], now[inputs]
         assert flight.commands_of is not None  # set by the constructor
-        U = flight.commands_of(actions, X, inputs_before, trim)
+        seen = flight.seen(X, inputs_before, trim, view)
+        U = flight.commands_of(actions, seen, inputs_before, trim)
         cost = flight.dt * cost_rate(self.deployed)(X, U, trim)
         after = flight.tick()(now, held_in_flight)
         kept, later, outcome = _outcome(size, n)(now, after, cost, remaining, limits, penalty)
-        o = self.deployed.observe(kept[:n], kept[inputs], trim)
+        seen = flight.seen(kept[:n], kept[inputs], trim, next_view)
+        o = flight.sensing.observe(seen, kept[inputs], trim)
         return ca.Function("episode", [state, held], [ca.vertcat(kept, later), outcome, o])
 
     def _observation(self) -> ca.Function:
-        """Return the CasADi Function (state of a flight, trim) -> observations."""
-        n, m = len(self.deployed.model.states), len(self.deployed.model.inputs)
-        state = ca.MX.sym("state", sum(self._flight.sizes))
-        trim = ca.MX.sym("trim", self._flight.held_sizes.trim)
-        end = self._flight.slices.memory.stop
-        seen = self.deployed.observe(state[:n], state[end - m : end], trim)
-        return ca.Function("observation", [state, trim], [seen])
+        """Return the CasADi Function (state of a flight, trim, view) -> observations."""
+        flight, model = self._flight, self.deployed.model
+        n, m = len(model.states), len(model.inputs)
+        state = ca.MX.sym("state", sum(flight.sizes))
+        trim = ca.MX.sym("trim", flight.held_sizes.trim)
+        view = ca.MX.sym("view", flight.held_sizes.view)
+        end = flight.slices.memory.stop
+        inputs = state[end - m : end]
+        o = flight.sensing.observe(flight.seen(state[:n], inputs, trim, view), inputs, trim)
+        return ca.Function("observation", [state, trim, view], [o])
 
 
 def _checked_ranges(

@@ -26,6 +26,7 @@ from hfa_flight.policies.policy import (
     SAME_TIME,
     GainPolicy,
     Measurements,
+    OpenLoop,
     Policy,
     input_limits,
 )
@@ -214,6 +215,13 @@ class FlightLoop:
             raise BadInputError(
                 f"the {self.policy.name} is that of samples of {self.policy.dt:g} s; fly it behind "
                 "a filter (--filter)"
+            )
+        seen = {*self.plant.point.model.linear, *self.policy.sensors}
+        unseen = [name for name in self.scenario.sensors if name not in seen]
+        if unseen and not isinstance(self.policy, OpenLoop):
+            raise BadInputError(
+                f"a sensor measures {unseen[0]}, which the policy does not see; fly it behind a "
+                "filter (--filter), or remove the sensor"
             )
         if not self.policy.sensors and (
             self.scenario.samples is not None and np.isnan(self.scenario.samples).any()

@@ -4,15 +4,16 @@ The state of a flight is [X; memory; extremes]. The memory contains the commands
 u_{k-1} ... u_{k-d-1} that act now or later. The extremes are the lowest and the highest X of the
 integration steps of the last sample.
 
-During a sample, [raw; trim; push] is held: the outputs of the network, the trim (X0; U0; p), and
-the rates added to those of the linear states, followed by the disturbances of the aircraft.
+During a sample, [raw; trim; push; view] is held: the outputs of the network, the trim (X0; U0; p),
+the rates added to those of the linear states, followed by the disturbances of the aircraft, and the
+disturbances and errors with which sensors measure at the sample.
 """
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -24,6 +25,13 @@ import numpy as np
 from controller.critic.network.operations import RowNetwork
 from hfa_aircraft.batch_simulation import History, Over, Stepper, is_within, simulate_batch
 from hfa_flight.air.held_step import held_step, slices_of
+from hfa_flight.air.sensors import (
+    Errors,
+    Sensor,
+    drawn_errors,
+    names_with_errors,
+    outputs_in_air,
+)
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_support.native.bound import RowFunction
 from hfa_support.native.row_code import row_code
@@ -76,11 +84,13 @@ class HeldInSample(NamedTuple):
     raw: outputs of the network, (r,)
     trim: (X0; U0; p)
     push: rates added to those of the linear states, then the disturbances
+    view: disturbances at the sample, then errors of the sensors; empty without sensors
     """
 
     raw: Any
     trim: Any
     push: Any
+    view: Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,14 +98,15 @@ class SampledFlight:
     """Aircraft of a deployment over a sample, as a function of the state and of what is held.
 
     The state of a flight is [X; memory; extremes]: the states of the aircraft, the last commands,
-    the latest first, and the lowest and highest X in the sample before. Held are [raw; trim; push]:
-    outputs of the network, (X0; U0; p), and rates of the disturbance pulse.
+    the latest first, and the lowest and highest X in the sample before. Held are the parts of
+    `HeldInSample`.
 
     deployed: the policy on its aircraft.
     dt, delay: sample time and delay, s.
     steps_per_sample: number of integration steps in a sample.
-    commands_of: (raw, X, U before, trim) -> U, or None for those of the deployment.
+    commands_of: (raw, seen, U before, trim) -> U, or None for those of the deployment.
     winds: disturbances of the aircraft. They follow the push.
+    sensors: what is measured -> `Sensor`. The policy sees the other states without errors.
     """
 
     deployed: Deployed
@@ -104,6 +115,7 @@ class SampledFlight:
     steps_per_sample: int
     commands_of: ca.Function | None = None
     winds: tuple[str, ...] = ()
+    sensors: Mapping[str, Sensor] = field(default_factory=dict)
     _compiled: dict[bool, CompiledSamples] = field(default_factory=dict, init=False)
 
     @property
@@ -130,7 +142,37 @@ class SampledFlight:
         model = self.deployed.model
         trim = len(model.states) + len(model.inputs) + len(model.parameters)
         push = len(model.linear) + len(self.winds)
-        return HeldInSample(raw=len(self.deployed.commanded), trim=trim, push=push)
+        view = len(self.winds) + len(names_with_errors(model, self.sensors)) if self.sensors else 0
+        return HeldInSample(raw=len(self.deployed.commanded), trim=trim, push=push, view=view)
+
+    @cached_property
+    def sensing(self) -> Deployed:
+        """The deployment that sees what the sensors measure."""
+        return self.deployed.sensing(self.sensors)
+
+    @cached_property
+    def seen(self) -> ca.Function:
+        """Function (X, U before, trim, view) -> states and outputs that the deployment sees."""
+        model, sensed = self.deployed.model, self.sensing.sensed
+        X, U, trim = self.deployed.symbols()
+        view = ca.SX.sym("view", self.held_sizes.view)
+        if not self.sensors:
+            return ca.Function("seen", [X, U, trim, view], [X])
+        winds, errors = view[: len(self.winds)], view[len(self.winds) :]
+        at = X, U, trim[len(model.states) + len(model.inputs) :]
+        by_name = dict(zip(self.winds, ca.vertsplit(winds), strict=False))
+        outputs = [outputs_in_air(model, sensed, at, by_name)] if sensed else []
+        seen = ca.vertcat(ca.SX(X), *outputs)
+        after_states = range(len(model.states), seen.numel())
+        seen[[*model.state_places(model.linear), *after_states]] += errors
+        return ca.Function("seen", [X, U, trim, view], [ca.densify(seen)])
+
+    def drawn_errors(self, seed: int, flights: int) -> list[Errors]:
+        """Return the errors of the sensors in so many flights, or [] without sensors."""
+        if not self.sensors:
+            return []
+        model = self.deployed.model
+        return [drawn_errors(self.sensors, model, seed, flight) for flight in range(flights)]
 
     @cached_property
     def held_slices(self) -> HeldInSample:
@@ -155,12 +197,12 @@ class SampledFlight:
         n, m = len(model.states), len(model.inputs)
         state, held = ca.MX.sym("state", sum(self.sizes)), ca.MX.sym("held", sum(self.held_sizes))
         X, memory, _ = (state[part] for part in self.slices)
-        raw, trim, push = (held[part] for part in self.held_slices)
+        raw, trim, push, view = (held[part] for part in self.held_slices)
         before = memory[-m:]  # the oldest command acts now
         commands_of = (
-            commands_of_network(self.deployed) if self.commands_of is None else self.commands_of
+            commands_of_network(self.sensing) if self.commands_of is None else self.commands_of
         )
-        U = commands_of(raw, X, before, trim)
+        U = commands_of(raw, self.seen(X, before, trim, view), before, trim)
         p = trim[n + m :]
         whole, rest = self.delay_in_samples
         # After the rest of the delay acts the command of `whole` samples ago.
@@ -183,13 +225,14 @@ class SampledFlight:
         return held_step(self.deployed.model, seconds, count, self.winds)
 
     def entering(self) -> ca.Function:
-        """Return the function (state, trim) -> inputs of the policy's network."""
-        state = ca.MX.sym("state", sum(self.sizes))
-        trim = ca.MX.sym("trim", self.held_sizes.trim)
+        """Return the function (state, held) -> inputs of the policy's network."""
+        state, held = ca.MX.sym("state", sum(self.sizes)), ca.MX.sym("held", sum(self.held_sizes))
         X, memory, _ = (state[part] for part in self.slices)
+        _, trim, _, view = (held[part] for part in self.held_slices)
         acting = memory[-len(self.deployed.model.inputs) :]  # the oldest command acts now
-        _, network_inputs = self.deployed.normalized(self.deployed.observe(X, acting, trim))
-        return ca.Function("entering", [state, trim], [ca.densify(network_inputs)])
+        seen = self.seen(X, acting, trim, view)
+        _, network_inputs = self.deployed.normalized(self.sensing.observe(seen, acting, trim))
+        return ca.Function("entering", [state, held], [ca.densify(network_inputs)])
 
     def start(self, states: np.ndarray, trims: np.ndarray) -> np.ndarray:
         """Return the initial states [X; memory; extremes] of flights.
@@ -254,7 +297,7 @@ class CompiledSamples:
     """Policy and aircraft for many flights.
 
     flight: layout of the states.
-    entering: (states, trims) -> inputs of the network.
+    entering: (states, held) -> inputs of the network.
     network: inputs (N, k) -> outputs (N, m).
     stepper: advances the flights by a sample.
     """
@@ -272,6 +315,7 @@ class CompiledSamples:
         *,
         pushes: np.ndarray | None = None,
         pulse: float = 0.0,
+        errors: Sequence[Errors] = (),
         over: Over | None = None,
         keep: bool = True,
     ) -> tuple[History, np.ndarray]:
@@ -280,7 +324,7 @@ class CompiledSamples:
         `over` decides after each window of `WINDOW` s which flights end. Without `keep`, the
         history has only the final states. The other arguments are those of `SampledRows`.
         """
-        loop = SampledRows(self, states, trims, pushes, pulse)
+        loop = SampledRows(self, states, trims, pushes, pulse, errors)
         window = self.flight.samples_in_window
         with np.errstate(all="ignore"):  # a flight may diverge
             return simulate_batch(loop, ticks, over=over, window=window, keep=keep)
@@ -294,6 +338,7 @@ class SampledRows:
     trims: (X0; U0; p) of each flight, (N, t)
     pushes: disturbance pulse of each flight, (N, p), or None
     pulse: duration of the disturbance pulse, s
+    errors: those of the sensors of each flight, or () without sensors
     """
 
     def __init__(
@@ -303,6 +348,7 @@ class SampledRows:
         trims: np.ndarray,
         pushes: np.ndarray | None,
         pulse: float,
+        errors: Sequence[Errors] = (),
     ) -> None:
         self.stepper: Stepper = samples.stepper
         self._samples = samples
@@ -310,8 +356,9 @@ class SampledRows:
         self._trims = trims
         self._pushes = pushes
         self._calm_from = round(pulse / samples.flight.dt)
+        self._errors = errors
+        self._errors_in_window = np.zeros((0, 0, 0))
         self._flying = np.zeros(0, dtype=int)
-        self._trims_flying = trims
         self._held = np.zeros((0, 0))
 
     def start(self) -> np.ndarray:
@@ -323,18 +370,23 @@ class SampledRows:
 
         Trim and pulse are written when flights have ended, and the pulse is removed at its end.
         """
-        raw, trim, push = self._samples.flight.held_slices
+        raw, trim, push, view = self._samples.flight.held_slices
+        window = self._samples.flight.samples_in_window
         # `simulate_batch` passes the same array `flying` until a flight ends.
         if tick == 0 or flying is not self._flying:
             self._flying = flying
-            self._trims_flying = self._trims[flying]
-            self._held = np.zeros((len(flying), push.stop))
-            self._held[:, trim] = self._trims_flying
+            self._held = np.zeros((len(flying), view.stop))
+            self._held[:, trim] = self._trims[flying]
             if self._pushes is not None and tick < self._calm_from:
                 self._held[:, push] = self._pushes[flying]
         if tick == self._calm_from:
             self._held[:, push] = 0.0
-        (entering,) = self._samples.entering(state, self._trims_flying)
+        if self._errors:
+            if tick % window == 0:  # only then may flights have ended
+                drawn = [self._errors[flight](window) for flight in flying]
+                self._errors_in_window = np.stack(drawn, axis=1)
+            self._held[:, view] = self._errors_in_window[tick % window]
+        (entering,) = self._samples.entering(state, self._held)
         self._held[:, raw] = self._samples.network(entering)
         return self._held
 

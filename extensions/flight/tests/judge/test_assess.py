@@ -208,6 +208,18 @@ def test_a_declared_quantizer_rounds_observations_and_inputs():
         plain.changed(observation={"v": {"quantizer": 0.0}})
 
 
+@pytest.mark.parametrize(("bias", "stays"), [(1.9, True), (2.1, False)])
+def test_a_bias_moves_the_end_of_a_flight_by_its_size(bias, stays):
+    """v' = f with f = -3 (v ± bias) ends at ∓bias, and |v| <= 2 holds only for a bias below 2. A flight
+    in errors that do not end holds if it stays.
+    """
+    model, policy = scalar(lambda v, f: f, 2.0, 50.0), deployed(lambda v: -3.0 * v, 0.01)
+    sensors = {"v": hfa.Sensor(0.0, bias=bias)}
+    told = assess(model, policy, samples=9, box={"v": 0.1}, sensors=sensors)
+    assert told.ok == stays
+    assert told.points[0].flights.left_envelope == 9 * (not stays)
+
+
 def test_samples_with_delay_equal_scipys_integration():
     """With a delay of 1.5 samples, the command of two samples ago acts in the first half of a sample
     and that of one sample ago in the second. The flight is that of SciPy with these commands.

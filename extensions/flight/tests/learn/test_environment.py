@@ -129,9 +129,10 @@ def test_an_episode_ends_if_the_action_is_nan():
         np.testing.assert_array_equal(after, before)
 
 
-def test_fly_and_environments_give_equal_flights():
-    """A flight and an episode of one second, 50 samples, with the same gain and a delay of a sample and a
-    half end at the same state.
+@pytest.mark.parametrize("sensors", [{}, {"pitch_rate": hfa.Sensor(0.0, bias=0.03)}])
+def test_fly_and_environments_give_equal_flights(sensors):
+    """A flight and an episode of one second, 50 samples, with the same gain, a delay of a sample and a
+    half and the same bias end at the same state. The first observation has the bias.
     """
     model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]
     gain = np.array([[0.0, 0.4, 0.2, 0.4], [-1.0, 0.0, 0.0, 0.0]])
@@ -140,10 +141,12 @@ def test_fly_and_environments_give_equal_flights():
     policy = {"file": ca.Function("gain", [o], [ca.DM(gain) @ o])}
     timing = {"dt": 0.02, "delay": 0.03}
     deployment = gtm_deployment(policy, action=action, timing=timing)
-    initial = dict(zip(model.states, START, strict=True))
-    flown = hfa.fly(model, point, deployment, 1.0, initial=initial, predict=False).states[-1]
-    env = environment(model, deployment, [point])
+    env = environment(model, deployment, [point], sensors=sensors)
     observation, _ = env.reset(options={"state": np.add(point.states, START)})
+    errors = observation - START.astype(np.float32)
+    assert np.abs(errors) == pytest.approx([0.0, 0.0, 0.03 * bool(sensors), 0.0], abs=1e-6)
+    flight = hfa.Scenario(1.0, tick=0.02, initial=START, samples=np.tile(errors, (50, 1)))
+    flown = hfa.fly(model, point, deployment, scenario=flight, predict=False).states[-1]
     for _ in range(50):
         observation, *_, info = env.step(gain @ observation.astype(float))
     np.testing.assert_allclose(info["X"], flown, rtol=1e-5)

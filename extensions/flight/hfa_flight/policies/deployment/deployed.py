@@ -14,9 +14,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import casadi as ca
 import numpy as np
@@ -25,9 +25,12 @@ from controller.critic.features import RESERVED, expressions, symbols_for
 from hfa_aircraft.batch_simulation import saturated
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
+from hfa_flight.air.gust_equations import IN_AIR, in_gusts
+from hfa_flight.air.sensors import Sensor, outputs_in_air
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shortened, shown
 from hfa_support.units import conversion_factor
+from trim.linear.delays import in_samples
 from trim.point.operating_point import OperatingPoint
 
 _LONGEST = 500
@@ -92,6 +95,7 @@ class Deployed:
     deployment: the deployment.
     model: the aircraft.
     varies: whether p is that of a changed aircraft, whose trim values remain those of `model`.
+    sensed: outputs that sensors measure. In the functions, their values follow the states in X.
 
     Raises a BadInputError that names the wrong entry of the deployment file and the known names.
     """
@@ -99,6 +103,7 @@ class Deployed:
     deployment: Deployment
     model: Model
     varies: bool = False
+    sensed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check every name of the deployment, its formulas and its cost."""
@@ -106,13 +111,43 @@ class Deployed:
             _ = self.observed  # reads and checks the formulas
             for name in self.deployment.action:
                 refuse_unknown("action names the unknown input", name, tuple(self.model.inputs))
-            _ = self.maps
+            for name in self.sensed:
+                if name not in self.used:
+                    raise BadInputError(
+                        f"a sensor measures {name}, which no observation contains; observe it, "
+                        "remove its sensor, or fly behind a filter (hfa fly --filter)"
+                    )
             self._refuse_cost()
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Return the names that formulas may contain: states, inputs and outputs."""
-        return (*self.model.states, *self.model.inputs, *self.model.outputs)
+        """Return the names that formulas may contain: states, inputs and outputs, of a pitot tube
+        and vanes too.
+        """
+        return (*self.model.states, *self.model.inputs, *in_gusts(self.model).outputs)
+
+    @cached_property
+    def used(self) -> set[str]:
+        """Names that the formulas contain."""
+        return {name for formula in (*self.observed, *self.maps) for name in formula.names}
+
+    def sensors_in_air(self, sensors: Mapping[str, Sensor]) -> dict[str, Sensor]:
+        """Return sensors, and those without errors of the airspeed and flow angles in formulas."""
+        return {name: Sensor(0.0) for name in IN_AIR if name in self.used} | {**sensors}
+
+    def sensing(self, sensors: Mapping[str, Sensor]) -> Self:
+        """Return the deployment that sees what sensors measure.
+
+        Raises BadInputError if it cannot see it without a filter.
+        """
+        for name, sensor in sensors.items():
+            if in_samples(sensor.every, self.deployment.dt) not in ((0, 0.0), (1, 0.0)):
+                raise BadInputError(
+                    f"the sensor of {name} has a value only in some samples, which requires a "
+                    "filter (hfa fly --filter)"
+                )
+        outputs = tuple(name for name in sensors if name not in self.model.states)
+        return replace(self, sensed=outputs)
 
     @cached_property
     def observed(self) -> tuple[Formula, ...]:
@@ -173,18 +208,27 @@ class Deployed:
         kind: Any = ca.SX if function is None or function.is_a("SXFunction") else ca.MX
         n, m = len(self.model.states), len(self.model.inputs)
         count = n + m + len(self.model.parameters)
-        return kind.sym("X", n), kind.sym("U", m), kind.sym("trim", count)
+        return kind.sym("X", n + len(self.sensed)), kind.sym("U", m), kind.sym("trim", count)
 
     def trim_vector(self, point: OperatingPoint) -> np.ndarray:
         """Return the vector trim = (X0; U0; p) of an operating point."""
         return np.concatenate([point.states, point.inputs, point.model.p])
 
     def values(self, X: ca.SX, U: ca.SX, trim: ca.SX) -> dict[str, ca.SX]:
-        """Return the expressions of all states, inputs and outputs in still air, by name."""
+        """Return the expressions of states, inputs and outputs by name.
+
+        An output is that of the states in still air, or the value of its sensor.
+        """
         model = self.model
-        p = trim[len(model.states) + len(model.inputs) :]
-        _, y = model.layout.expressions((X, U, p), tuple(model.outputs))  # the outputs alone
-        return dict(zip(self.names, ca.vertsplit(ca.vertcat(X, U, y)), strict=True))
+        n, m = len(model.states), len(model.inputs)
+        at = X[:n], U, trim[n + m :]
+        known = (*model.states, *model.inputs, *model.outputs)
+        _, y = model.layout.expressions(at, tuple(model.outputs))  # the outputs alone
+        values = dict(zip(known, ca.vertsplit(ca.vertcat(X[:n], U, y)), strict=True))
+        if in_air := tuple(name for name in self.names if name in self.used - set(known)):
+            y = outputs_in_air(model, in_air, at, {})
+            values |= zip(in_air, ca.vertsplit(y), strict=True)
+        return values | dict(zip(self.sensed, ca.vertsplit(X[n:]), strict=False))
 
     def at_trim(self, trim: ca.SX) -> dict[str, ca.SX]:
         """Return the expressions of all states, inputs and outputs at the trim, by name."""

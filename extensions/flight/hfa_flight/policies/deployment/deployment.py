@@ -176,15 +176,20 @@ class Deployment(Reported):
         return given if isinstance(given, Deployment) else Deployment.load(given)
 
     @staticmethod
-    def usual(model: Model, dt: float = 0.02) -> Deployment:
+    def usual(model: Model, dt: float = 0.02, sensors: tuple[str, ...] = ()) -> Deployment:
         """Return a default deployment of a model, for training.
 
-        All linear states are observed, as deviations from the trim divided by the nominal values.
+        What sensors measure, or all linear states without them, is observed, as deviations from the
+        trim divided by the nominal values.
         All inputs are actions. An action a in [-1, 1] moves an input by up to half its range, or by
         its nominal value if a limit is not finite.
 
         dt: sample time, s
+        sensors: states and outputs
         """
+        from hfa_flight.air.gust_equations import in_gusts
+
+        signals = in_gusts(model).signals
         action = {}
         for name, signal in model.inputs.items():
             half = (signal.max - signal.min) / 2
@@ -192,7 +197,9 @@ class Deployment(Reported):
             action[name] = {"box": [-1.0, 1.0], "map": f"trim + {size!r} * a"}
         return Deployment(
             policy={},
-            observation={name: {"scale": model.states[name].nominal} for name in model.linear},
+            observation={
+                name: {"scale": signals[name].nominal} for name in sensors or model.linear
+            },
             action=action,
             timing={"dt": dt},
         )

@@ -14,6 +14,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_flight.air.held_step import parts_of_a_sample
 from hfa_flight.air.scenario import Scenario
+from hfa_flight.air.sensors import at_trim
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.deployment.sampled_loop import EquilibriumSearch, chain_of_loop
@@ -43,6 +44,12 @@ class DeployedPolicy(Policy):
     point: OperatingPoint
 
     @property
+    def sensors(self) -> tuple[str, ...]:
+        """States and outputs that the deployment sees, or () for all states."""
+        sensed = self.deployed.sensed
+        return (*self.point.model.states, *sensed) if sensed else ()
+
+    @property
     def tick(self) -> float:
         """Greatest common divisor of sample time and delay, s.
 
@@ -64,7 +71,7 @@ class DeployedPolicy(Policy):
     def sampler(self, initial: np.ndarray | None = None) -> Callable[[int, np.ndarray], np.ndarray]:
         """Return the function (tick, measured) -> inputs as deviations from trim, (m,).
 
-        It is called at each tick, with the measured deviations of the states from trim, (n,).
+        It is called at each tick, with the measured deviations from trim of what it sees.
         """
         deployment = self.deployed.deployment
         ticks_per_sample = round(deployment.dt / self.tick)
@@ -86,11 +93,11 @@ class DeployedPolicy(Policy):
     def commander(self) -> Callable[[np.ndarray], np.ndarray]:
         """Return the function measured -> command as deviations from trim, (m,).
 
-        It is called at each sample, with the measured deviations of the states from trim, (n,).
+        It is called at each sample, with the measured deviations from trim of what it sees.
         """
         deployment = self.deployed.deployment
         trim = self.deployed.trim_vector(self.point)
-        states = self.point.x
+        seen = at_trim(self.point, self.sensors or self.point.model.states)
         inputs = self.point.u
         # commands that may act at the next sample or later, the oldest first
         under_way = [inputs] * (in_samples(deployment.delay, deployment.dt).whole + 1)
@@ -98,7 +105,7 @@ class DeployedPolicy(Policy):
 
         def command(measured: np.ndarray) -> np.ndarray:
             before = under_way.pop(0)  # the input just before the sample
-            (U,) = commanded.at(states + measured, before, trim)
+            (U,) = commanded.at(seen + measured, before, trim)
             under_way.append(np.array(U))
             return np.asarray(U - inputs)
 
@@ -113,15 +120,18 @@ class DeployedPolicy(Policy):
         )
 
     def in_scenario(self, scenario: Scenario) -> tuple[Self, Scenario]:
-        """Return the policy, and the scenario with ticks that divide samples and delay.
+        """Return the policy with the sensors of a scenario, and the scenario with ticks that divide
+        samples and delay.
 
         A step is at most `_LONGEST`, and in moving air at most `_FINE`. Raises
         BadInputError for a delay that is not a fraction of the sample time.
         """
+        sensors = self.deployed.sensors_in_air(scenario.sensors or scenario.uncertainty.noise)
         dt = self.deployed.deployment.dt
         longest = _FINE if scenario.moving_air else _LONGEST
         longest = min(dt / parts_of_a_sample([self.point], dt), longest)
-        return self, scenario.with_tick(self.tick, longest, dt)
+        sensing = replace(self, deployed=self.deployed.sensing(sensors))
+        return sensing, scenario.with_tick(self.tick, longest, dt)
 
     def sampled_modes(self) -> np.ndarray | None:
         """Return the eigenvalues of the loop at the equilibrium near the trim, 1/s, or None."""
