@@ -236,11 +236,14 @@ def searched_delays(
 
 
 def text_of_further_delay(limit: float | None, searched: float) -> str:
-    """Return the first delay that makes a loop unstable as a sentence.
+    """Return the first delay found that makes a loop unstable, and those examined, as a sentence.
 
     limit, searched: those of `Delays`, s
     """
     which = "further delay of all inputs, unknown to the policy,"
+    examined = f"(whole samples, and quarters of the first {_EARLY})"
     if limit is None:
-        return f"No {which} up to {1e3 * searched:.4g} ms makes the linear loop unstable."
-    return f"A {which} makes the linear loop unstable from {1e3 * limit:.3g} ms on."
+        most = f"{1e3 * searched:.4g} ms"
+        return f"No {which} examined up to {most} {examined} makes the linear loop unstable."
+    found = f"A {which} of {1e3 * limit:.3g} ms makes the linear loop unstable"
+    return f"{found}; no shorter one examined does {examined}."

@@ -194,7 +194,7 @@ def _delay(point: AssessedPoint) -> _AtTrim | None:
     limit = point.delays.limit
     if limit is None:
         longest = point.delays.searched
-        text = f"stable with delays up to {1e3 * longest:.4g} ms"
+        text = f"stable with the examined delays up to {1e3 * longest:.4g} ms"
         return _AtTrim(Severity.NOTE, text, size=-longest)
     return _AtTrim(Severity.NOTE, f"unstable with {1e3 * limit:.4g} ms of delay", size=-limit)
 
@@ -250,8 +250,8 @@ _RULE_OF_CONVERGENCE = (
     "policy's equilibrium, and the distances of most flights do not grow."
 )
 _RULE_WITH_ERRORS = (
-    "Errors of sensors do not end: a flight converges if it stays within the limits. Flights of the "
-    "exact gain, figures of the sampled loop and the steady-state error are without them."
+    "Errors of sensors do not end: a flight converges if it stays within the limits. Flights of "
+    "the exact gain, figures of the sampled loop and the steady-state error are without them."
 )
 
 

@@ -413,7 +413,7 @@ def test_a_loop_behind_a_filter_is_stable_up_to_its_margins_and_not_beyond():
     alone = np.linalg.eigvals((kalman.Phi - kalman.Gamma @ gain) @ kept)
     assert found.compensator_radius == pytest.approx(np.abs(alone).max(), rel=1e-9)
     without_limit = replace(found, unknown_delay=None).text()
-    assert f"up to {1e3 * found.searched:.4g} ms makes" in without_limit
+    assert f"up to {1e3 * found.searched:.4g} ms (" in without_limit
 
 
 def test_a_gain_whose_loop_is_unstable_is_flown_and_reported(point, kalman, gain):

@@ -97,7 +97,7 @@ class DeployedPolicy(Policy):
         """
         deployment = self.deployed.deployment
         trim = self.deployed.trim_vector(self.point)
-        seen = at_trim(self.point, self.sensors or self.point.model.states)
+        seen = at_trim(self.point, (*self.point.model.states, *self.deployed.sensed))
         inputs = self.point.u
         # commands that may act at the next sample or later, the oldest first
         under_way = [inputs] * (in_samples(deployment.delay, deployment.dt).whole + 1)
