@@ -72,7 +72,10 @@ def refuse_beyond_the_atmosphere(altitude: ca.DM | float) -> None:
 
     altitude: ft, one number or several
     """
-    for height in ca.DM(altitude).full().ravel().tolist():
+    heights = [altitude]
+    if not isinstance(altitude, float):
+        heights = ca.DM(altitude).full().ravel().tolist()
+    for height in heights:
         if not 0.0 <= height <= HIGHEST_ALTITUDE:
             raise BadInputError(
                 f"altitude is {height:g} ft; give an altitude from 0 to {HIGHEST_ALTITUDE:g} ft"

@@ -20,7 +20,6 @@ from hfa_flight.air.sensors import (
     Sensor,
     drawn_errors,
     names_with_errors,
-    refuse_unmeasurable,
     sensors_of,
 )
 from hfa_flight.air.signals import TimeVector
@@ -127,8 +126,9 @@ class Scenario(Reported):
     errors: parameter -> factor on the parameter of the simulated aircraft only
     gust: motion of the air, or None
     uncertainty: random quantities, not yet drawn
-    samples: errors of the sensors, (N, k), constant during each sample, or None
-    sensors: what these sensors measure -> `Sensor`, (k,); {} for the states of the linear model
+    samples: errors of the linear states and then of the measured outputs, (N, k), constant during
+        each sample, or None
+    sensors: those whose errors are drawn, what they measure -> `Sensor`
     seed: seed of the drawn random quantities, or None if none are drawn
     air: disturbance of the model -> waveform, (1,)
     delay: delay of every command, s, a whole number of ticks
@@ -276,7 +276,7 @@ class Scenario(Reported):
         """
         for name in (*self.errors, *self.uncertainty.errors):
             refuse_unknown("unknown parameter", name, tuple(model.parameters))
-        refuse_unmeasurable(model, self.uncertainty.noise)
+        sensors_of(self.uncertainty.noise, model)
         for name in self.air:
             refuse_unknown("unknown disturbance", name, tuple(model.disturbances))
         gusts = () if self.gust is None else self.gust.names
@@ -328,12 +328,10 @@ class Scenario(Reported):
             factors = uncertain.factors(seed, member).tolist()
             for name, factor in zip(uncertain.errors, factors, strict=True):
                 errors[name] = errors.get(name, 1.0) * factor
-        samples, sensors = None, {}
+        samples = None
         if any(sensor != Sensor(0.0) for sensor in uncertain.noise.values()):
-            model = point.model
-            samples = uncertain.samples(seed, member, self.sample_count, model, self.interval)
-            names = names_with_errors(model, uncertain.noise)
-            sensors = {name: uncertain.noise.get(name, Sensor(0.0)) for name in names}
+            count = self.sample_count
+            samples = uncertain.samples(seed, member, count, point.model, self.interval)
         gust = self.gust
         if uncertain.turbulence is not None:
             air = SeedSequence(seed, spawn_key=(member, _AIR)).generate_state(1, np.uint64)
@@ -344,7 +342,7 @@ class Scenario(Reported):
             gust=gust,
             uncertainty=Uncertainty(),
             samples=samples,
-            sensors=sensors,
+            sensors=uncertain.noise,
         )
         return replace(drawn, seed=seed) if drawn.is_random else drawn
 

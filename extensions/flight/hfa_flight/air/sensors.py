@@ -12,7 +12,7 @@ from numpy.random import SeedSequence
 
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
-from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
+from hfa_support.errors import BadInputError, is_finite, prefix_errors, refuse_unknown, shown
 from trim.point.operating_point import OperatingPoint
 
 #: Keys of the independent random streams of a member for the noise and the signs of biases.
@@ -55,21 +55,18 @@ def measurable(model: Model) -> tuple[str, ...]:
     return (*model.linear, *(name for name in in_gusts(model).outputs if name not in model.linear))
 
 
-def sensors_of(given: Mapping[str, Any]) -> dict[str, Sensor]:
-    """Return the sensors, by what they measure, of standard deviations of noise or `Sensor`."""
+def sensors_of(given: Mapping[str, Any], model: Model | None = None) -> dict[str, Sensor]:
+    """Return the sensors, by what they measure, of standard deviations of noise or `Sensor`.
+
+    model: aircraft of which each must measure a linear state or an output, if it is known
+    """
     sensors = {}
     for name, value in given.items():
-        try:
+        if model is not None:
+            refuse_unknown("unknown sensor of", name, measurable(model))
+        with prefix_errors(f"the sensor of {name}"):
             sensors[name] = value if isinstance(value, Sensor) else Sensor(value)
-        except BadInputError as error:
-            raise BadInputError(f"the sensor of {name}: {error}") from None
     return sensors
-
-
-def refuse_unmeasurable(model: Model, sensors: Mapping[str, Sensor]) -> None:
-    """Raise BadInputError for a sensor of neither a linear state nor an output."""
-    for name in sensors:
-        refuse_unknown("unknown sensor of", name, measurable(model))
 
 
 def measured(
@@ -89,32 +86,32 @@ def measured(
     values = dict(zip(point.model.states, ca.vertsplit(ca.SX(x)), strict=True))
     if outputs := tuple(name for name in names if name not in values):
         at = ca.DM(point.x) + x, ca.DM(point.u) + u, p
-        in_air = outputs_in_air(point.model, outputs, at, winds) - ca.DM(at_trim(point, outputs))
+        in_air = values_in_air(point.model, outputs, at, winds) - ca.DM(at_trim(point, outputs))
         values |= zip(outputs, ca.vertsplit(in_air), strict=True)
     return ca.vertcat(*(values[name] for name in names))
 
 
-def outputs_in_air(
-    model: Model, outputs: tuple[str, ...], at: tuple[Any, Any, Any], winds: Mapping[str, Any]
+def values_in_air(
+    model: Model, names: tuple[str, ...], at: tuple[Any, Any, Any], winds: Mapping[str, Any]
 ) -> ca.SX:
-    """Return outputs of `in_gusts(model)`, (k,).
+    """Return states, and outputs of `in_gusts(model)`, (k,), absolute.
 
     at: states, inputs and parameters
     winds: disturbance -> value
     """
-    moving = in_gusts(model)
-    w = [winds.get(name, 0.0) for name in moving.disturbances]
-    return moving.layout.expressions(at, outputs, w or None)[1]
+    values = dict(zip(model.states, ca.vertsplit(ca.SX(at[0])), strict=True))
+    if outputs := tuple(name for name in names if name not in values):
+        moving = in_gusts(model)
+        w = [winds.get(name, 0.0) for name in moving.disturbances]
+        _, found = moving.layout.expressions(at, outputs, w or None)
+        values |= zip(outputs, ca.vertsplit(found), strict=True)
+    return ca.vertcat(*(values[name] for name in names))
 
 
 def at_trim(point: OperatingPoint, names: tuple[str, ...]) -> np.ndarray:
     """Return states and outputs at a trim in still air, (p,)."""
-    values = dict(zip(point.model.states, point.states, strict=True))
-    if outputs := tuple(name for name in names if name not in values):
-        vectors = point.x, point.u, point.model.p
-        _, found = in_gusts(point.model).layout.expressions(vectors, outputs)
-        values |= zip(outputs, ca.evalf(found).full().ravel(), strict=True)
-    return np.array([values[name] for name in names])
+    values = values_in_air(point.model, names, (point.x, point.u, point.model.p), {})
+    return np.asarray(ca.evalf(values)).ravel()
 
 
 def names_with_errors(model: Model, sensors: Mapping[str, Sensor]) -> tuple[str, ...]:

@@ -127,15 +127,20 @@ def assess(request: AssessRequest, given: GivenTrims) -> Outcome:
 
     Exit code 0 if the policy holds at every trim and satisfies every --need, else 1.
     """
-    from hfa_flight.judge.assessment import assessment_of
-    from hfa_flight.judge.assessor import Assessor
-    from hfa_flight.policies.deployment.deployed import Deployed
+    from hfa_flight.judge.assessment import assess
 
     model = given.trims[0].model
     box = each_of("--box", model, request.box, partial(linear_state, declared=POSITIVE))
     points = tuple(map(trimmed, given.trims))
-    deployed = Deployed(_deployment(request, points), model)
-    sensors = sensors_of_options(request, model)
-    assessor = Assessor(deployed, points, request.samples, request.seed, box, request.need, sensors)
-    result = replace(assessment_of(assessor), assumed=_assumed_trim(request, points[0]))
+    result = assess(
+        model,
+        _deployment(request, points),
+        points,
+        request.samples,
+        request.seed,
+        box=box,
+        needs=request.need,
+        sensors=sensors_of_options(request, model),
+    )
+    result = replace(result, assumed=_assumed_trim(request, points[0]))
     return Outcome(report=result.report(), ok=result.ok, source=given.source, notes=result.warnings)

@@ -59,18 +59,6 @@ def enumerators(units: Mapping[str, str], prefix: str = "HFA_") -> str:
     return "\n".join(lines)
 
 
-def name_tables(kind: str, units: Mapping[str, str]) -> dict[str, list[str]]:
-    """Return the tables of names and of units, as declaration -> list of C strings.
-
-    kind: part of the names of both tables
-    units: name -> unit
-    """
-    return {
-        f"const char *const hfa_{kind}_name": [f'"{name}"' for name in units],
-        f"const char *const hfa_{kind}_unit": [f'"{unit}"' for unit in units.values()],
-    }
-
-
 def or_unused(units: dict[str, str]) -> dict[str, str]:
     """Return the names and units, or one unused entry, because C permits no empty array."""
     return units or {"unused": ""}
@@ -334,9 +322,8 @@ def c_model_texts(
                     "const double hfa_K": in_c.K,
                     **in_c.tables,
                     "const int hfa_linear_state": model.state_places(model.linear),
-                    **name_tables("state", states),
-                    **name_tables("input", inputs),
-                    **name_tables("wind", winds),
+                    "const char *const hfa_state_name": [f'"{name}"' for name in states],
+                    "const char *const hfa_state_unit": [f'"{unit}"' for unit in states.values()],
                 }
             ),
             function=rates + in_c.function,

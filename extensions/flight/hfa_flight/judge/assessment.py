@@ -12,7 +12,7 @@ from hfa_aircraft.control_systems import is_linear_plant
 from hfa_aircraft.model import Model
 from hfa_aircraft.servos import positions_of_servos
 from hfa_flight.air.scenario import conditions_text
-from hfa_flight.air.sensors import Sensor, refuse_unmeasurable, sensors_of
+from hfa_flight.air.sensors import Sensor, sensors_of
 from hfa_flight.judge.assessed_point import AssessedPoint
 from hfa_flight.judge.assessment_report import (
     Finding,
@@ -324,28 +324,19 @@ def assess(
     refuse_unless_whole("samples", samples, 0)
     refuse_unless_whole("seed", seed, 0)
     deployed = Deployed(Deployment.of(deployment), model)
-    measured = sensors_of(sensors or {})
-    refuse_unmeasurable(model, measured)
+    measured = sensors_of(sensors or {}, model)
     for name, width in (box or {}).items():
         refuse_unknown("box names an unknown state", name, model.linear)
         refuse_unless_positive(f"box of {name}", width)
     trims = trims_of(model, points)
-    assessor = Assessor(deployed, trims, samples, seed, box or {}, needs or {}, measured)
-    return assessment_of(assessor, progress)
-
-
-def assessment_of(assessor: Assessor, progress: Progress | None = None) -> Assessment:
-    """Return the assessment of a policy at the trims of an assessor.
-
-    progress: callback, by default a line on a terminal
-    """
-    deployed, needs = assessor.deployed, assessor.needs
+    needs = needs or {}
     if "cost" in needs and not has_weights(deployed):
         raise BadInputError(
             f"a required cost: {deployed.deployment.origin} has no table [cost]; give a deployment "
             "file with Q and R in [cost], or Q and R in the plant file"
         )
-    if assessor.sensors and not assessor.samples:
+    if measured and not samples:
         raise BadInputError("sensors have errors in flights only; give samples, or remove sensors")
-    points = assessor.assessed(progress or ProgressLine("fly"))
-    return Assessment(deployed, tuple(points), needs, sensors=assessor.sensors)
+    assessor = Assessor(deployed, trims, samples, seed, box or {}, needs, measured)
+    assessed = assessor.assessed(progress or ProgressLine("fly"))
+    return Assessment(deployed, tuple(assessed), needs, sensors=measured)

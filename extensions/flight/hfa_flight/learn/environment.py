@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hfa_aircraft.model import Model
-from hfa_flight.air.sensors import refuse_unmeasurable, sensors_of
+from hfa_flight.air.sensors import sensors_of
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.judge.assessment import trims_of
 from hfa_flight.judge.flight_costs import usual_weights
@@ -87,8 +87,7 @@ def environment(
     from hfa_flight.learn.gymnasium_environment import AircraftEnvironment
 
     trims = training_trims(model, points)
-    measured = sensors_of(sensors or {})
-    refuse_unmeasurable(model, measured)
+    measured = sensors_of(sensors or {}, model)
     if deployment is None:
         sample_time = usual_sample_time(model, trims) if dt is None else dt
         trained = Deployment.usual(model, sample_time, tuple(measured))

@@ -246,7 +246,7 @@ class Episode:
         self.trim_index = 0
         self._winds_of_samples = np.zeros((self.samples, 0))
         self._views = np.zeros((self.samples + 1, self._flight.held_sizes.view))
-        self._observe = row_code(self._observation(), one_row=True)
+        self._observing = row_code(self._flight.observing(), one_row=True)
         self._code = row_code(self._sample(), one_row=True)
         self._allocate()
 
@@ -262,18 +262,18 @@ class Episode:
     def _allocate(self) -> None:
         """Allocate the rows of an episode, name their parts, and bind the compiled code to them."""
         # The row of the states contains state, memory, extremes, and the number of remaining
-        # samples. The row of the held values contains actions, trim, push, view, the limits of the
-        # state, the penalty of leaving them, and the view of the next sample.
+        # samples. The row of the held values contains those of the flight, the limits of the state,
+        # and the penalty of leaving them.
         flight = self._flight
         n = len(self.deployed.model.states)
         self._state = np.zeros((1, sum(flight.sizes) + 1))
-        held_size = sum(flight.held_sizes) + 2 * n + 1 + flight.held_sizes.view
-        self._held = np.zeros((1, held_size))
+        self._held = np.zeros((1, sum(flight.held_sizes) + 2 * n + 1))
         self._observed = np.zeros((1, self.deployed.observe.numel_out(0)))
         self._outcome = np.zeros((1, 3))  # reward, left, over
         self._name_parts()
-        written = (self._state, self._outcome, self._observed)
-        self._fly = _bound(self._code, (self._state, self._held), written)
+        self._fly = _bound(self._code, (self._state, self._held), (self._state, self._outcome))
+        of_flight = self._state[:, :-1], self._held[:, : sum(flight.held_sizes)]
+        self._observe = _bound(self._observing, of_flight, (self._observed,))
 
     def _name_parts(self) -> None:
         """Name the parts of the rows that are read and set between samples, as views."""
@@ -290,7 +290,6 @@ class Episode:
         self._parameters = self._held[0, trim][n + m :]
         self._winds = self._held[0, push.stop - len(flight.winds) : push.stop]
         self._view = self._held[0, view]
-        self._next_view = self._held[0, self._held.shape[1] - flight.held_sizes.view :]
         names = list(model.parameters)
         self._places_of_varied = [n + m + names.index(name) for name in self.varied]
 
@@ -398,11 +397,10 @@ class Episode:
         self._state[:] = np.append(state, self.samples)  # all samples remain
         actions, _, push, _ = self._flight.held_sizes
         limits = (self.envelope.least, self.envelope.most, [self._penalties[trim_index]])
-        view = self._views[0]
-        # actions, push and views are set at each sample
-        held = np.zeros(actions), trim, np.zeros(push), view, *limits, view
+        # actions, push and view are set at each sample
+        held = np.zeros(actions), trim, np.zeros(push), self._views[0], *limits
         self._held[:] = np.concatenate(held)
-        self._observed[:] = self._observe(state, trim[None], view[None])[0]
+        self._observe()
 
     def advance(self, action: np.ndarray) -> tuple[float, bool, bool]:
         """Advance by one sample; return the reward, and whether the aircraft left or time is over.
@@ -421,9 +419,9 @@ class Episode:
         self._action[:] = action
         if self._turbulence is not None:
             self._winds[:] = self._winds_of_samples[self._done]
-        if self._flight.sensors:
-            self._view[:], self._next_view[:] = self._views[self._done : self._done + 2]
         self._fly()
+        self._view[:] = self._views[self._done]
+        self._observe()
         reward, left, over = self._outcome[0].tolist()
         return reward, left > 0.0, over > 0.0
 
@@ -457,7 +455,7 @@ class Episode:
         return after[: len(self._X)]
 
     def _sample(self) -> ca.Function:
-        """Return the function (state, held) -> (state, outcome, observations) of one sample.
+        """Return the function (state, held) -> (state, outcome) of one sample.
 
         The arguments are the rows of `_allocate`.
         """
@@ -467,10 +465,10 @@ class Episode:
         # Parts of the rows: those of the flight, and those of the episode behind them.
         size, held_size = sum(flight.sizes), sum(flight.held_sizes)
         state = ca.MX.sym("state", size + 1)
-        ends = np.cumsum([0, held_size, 2 * n, 1, flight.held_sizes.view]).tolist()
-        held = ca.MX.sym("held", ends[-1])
+        held = ca.MX.sym("held", held_size + 2 * n + 1)
         now, remaining = ca.vertsplit(state, [0, size, size + 1])
-        held_in_flight, limits, penalty, next_view = ca.vertsplit(held, ends)
+        ends = np.cumsum([0, held_size, 2 * n, 1]).tolist()
+        held_in_flight, limits, penalty = ca.vertsplit(held, ends)
         actions, trim, _, view = (held_in_flight[part] for part in flight.held_slices)
         memory = flight.slices.memory
         inputs = slice(memory.stop - m, memory.stop)  # the memory ends with the latest inputs
@@ -483,21 +481,7 @@ class Episode:
         cost = flight.dt * cost_rate(self.deployed)(X, U, trim)
         after = flight.tick()(now, held_in_flight)
         kept, later, outcome = _outcome(size, n)(now, after, cost, remaining, limits, penalty)
-        seen = flight.seen(kept[:n], kept[inputs], trim, next_view)
-        o = flight.sensing.observe(seen, kept[inputs], trim)
-        return ca.Function("episode", [state, held], [ca.vertcat(kept, later), outcome, o])
-
-    def _observation(self) -> ca.Function:
-        """Return the CasADi Function (state of a flight, trim, view) -> observations."""
-        flight, model = self._flight, self.deployed.model
-        n, m = len(model.states), len(model.inputs)
-        state = ca.MX.sym("state", sum(flight.sizes))
-        trim = ca.MX.sym("trim", flight.held_sizes.trim)
-        view = ca.MX.sym("view", flight.held_sizes.view)
-        end = flight.slices.memory.stop
-        inputs = state[end - m : end]
-        o = flight.sensing.observe(flight.seen(state[:n], inputs, trim, view), inputs, trim)
-        return ca.Function("observation", [state, trim, view], [o])
+        return ca.Function("episode", [state, held], [ca.vertcat(kept, later), outcome])
 
 
 def _checked_ranges(

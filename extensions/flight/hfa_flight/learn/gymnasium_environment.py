@@ -64,16 +64,6 @@ class AircraftEnvironment(gymnasium.Env):
         """Trim of the present episode."""
         return self.episode.points[self.episode.trim_index]
 
-    @property
-    def state(self) -> dict[str, float]:
-        """Present values of the aircraft's states, by name, in the units of the model."""
-        return dict(zip(self.model.states, self.episode.states.tolist(), strict=True))
-
-    @property
-    def seconds(self) -> float:
-        """Longest duration of an episode, s."""
-        return self.episode.samples * self.dt
-
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:

@@ -262,22 +262,20 @@ def _at_values(
     P[:, air] = 0.0
     P[air, :] = 0.0
     P[air, air] = ca.DM(kalman.climate)
-    indirect = []  # places of values that are not those of a state
-    for place, (name, sensor) in enumerate(kalman.sensors.items()):
-        if name not in kalman.states or sensor.bias:
-            indirect.append(place)
-            continue
-        row, given = kalman.states.index(name), is_given[place]
-        x[row] = ca.if_else(given, y[place], x[row])
+    places = {name: place for place, name in enumerate(kalman.sensors)}
+    direct = [name for name in places if name in states and not kalman.sensors[name].bias]
+    for name in direct:
+        row, given = kalman.states.index(name), is_given[places[name]]
+        x[row] = ca.if_else(given, y[places[name]], x[row])
         P[row, :] = ca.if_else(given, 0.0, P[row, :])
         P[:, row] = P[row, :].T
-        P[row, row] = ca.if_else(given, sensor.noise**2, P[row, row])
+        P[row, row] = ca.if_else(given, kalman.sensors[name].noise ** 2, P[row, row])
     x[air] = -ca.mtimes(ca.DM(of_flow), x[:k])
+    indirect = [place for name, place in places.items() if name not in direct]
     if not indirect:
         return x, P
     for row, name in enumerate(kalman.states):
-        is_direct = name in kalman.sensors and not kalman.sensors[name].bias
-        if not is_direct and kalman.C[indirect, row].any():
+        if name not in direct and kalman.C[indirect, row].any():
             P[row, :] = 0.0
             P[:, row] = 0.0
             P[row, row] = states[name].nominal ** 2

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any
 
 from hfa_flight.air.scenario import Scenario
@@ -42,8 +41,6 @@ def filter(  # the field's word, although a builtin has it
     noise: Mapping[str, float | Sensor],
     turbulence: Turbulence | str | None = None,
     dt: float = 0.01,
-    *,
-    drift: Mapping[str, float] = MappingProxyType({}),
 ) -> Filter:
     """Return the Kalman filter of an aircraft near a trim: the stationary one, from which the
     extended one of a flight begins.
@@ -59,8 +56,9 @@ def filter(  # the field's word, although a builtin has it
       unit, or `Sensor`. A linear state without noise has no sensor
     turbulence: turbulence as in `hfa fly`, such as "moderate:40000", or None for still air
     dt: sample time, s
-    drift: linear state -> standard deviation of its unmodeled drift in one second. Default: .1
-      times its noise; without a sensor .001 times its nominal value
+
+    Each linear state drifts, unmodeled, by .1 times its noise in one second (standard deviation);
+    without a sensor by .001 times its nominal value.
 
     Raises BadInputError for a wrong argument, and for a mode that does not decay and that the
     sensors do not observe. Raises NoSolutionError if the Riccati equation is not solved.
@@ -74,4 +72,4 @@ def filter(  # the field's word, although a builtin has it
     >>> hfa.filter(linear, noise, "light:20000").radius < 1.0
     True
     """
-    return Filter.of(linear, noise, turbulence, dt, drift)
+    return Filter.of(linear, noise, turbulence, dt)

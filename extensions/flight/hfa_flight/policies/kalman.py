@@ -19,7 +19,6 @@ from hfa_flight.air.sensors import (
     at_trim,
     measurable,
     measured,
-    refuse_unmeasurable,
     sensors_of,
 )
 from hfa_flight.air.turbulence import (
@@ -31,7 +30,6 @@ from hfa_flight.air.turbulence import (
 from hfa_support.errors import (
     BadInputError,
     NoSolutionError,
-    refuse_unknown,
     refuse_unless_positive,
 )
 from hfa_support.matrices import of_step, spectral_radius
@@ -43,7 +41,7 @@ from trim.linear.modes import modes_of
 from trim.linear.nonsmooth import linearization_at
 from trim.point.operating_point import OperatingPoint
 
-#: Default drift of a state in one second, as a share of its sensor noise.
+#: Drift of a state in one second, as a share of its sensor noise.
 DRIFT = 0.1
 #: Noise from which the drift of a state without a sensor follows, as a share of its nominal value.
 _NOISE_WITHOUT_SENSOR = 0.01
@@ -107,7 +105,6 @@ class KalmanFilter(Result):
         noise: Mapping[str, float | Sensor],
         turbulence: Turbulence | str | None,
         dt: float,
-        drift: Mapping[str, float],
     ) -> Self:
         """Return the filter of an aircraft near a trim. The arguments are those of `hfa.filter`."""
         point = linear.point
@@ -122,18 +119,13 @@ class KalmanFilter(Result):
                 "--noise NAME=VALUE (in Python noise={NAME: VALUE})"
             )
         refuse_unless_positive("dt", dt, " s")
-        sensors = sensors_of(noise)
-        refuse_unmeasurable(point.model, sensors)
-        for name, value in drift.items():
-            refuse_unknown("drift names the unknown state", name, linear.states)
-            refuse_unless_positive(f"the drift of {name}", value)
+        sensors = sensors_of(noise, point.model)
         for name, sensor in sensors.items():
             refuse_unless_positive(f"the noise of {name}", sensor.noise)
         if isinstance(turbulence, str):
             turbulence = turbulence_of(turbulence)
         in_order = {name: sensors[name] for name in measurable(point.model) if name in sensors}
-        drifts = {**_default_drifts(point, in_order), **drift}
-        return cls._solved(linear, dt, in_order, drifts, turbulence)
+        return cls._solved(linear, dt, in_order, turbulence)
 
     @classmethod
     def _solved(
@@ -141,7 +133,6 @@ class KalmanFilter(Result):
         linear: LinearModel,
         dt: float,
         sensors: Mapping[str, Sensor],
-        drift: Mapping[str, float],
         turbulence: Turbulence | None,
     ) -> Self:
         """Return the filter. It is computed in units of the states, and of the noise."""
@@ -155,7 +146,9 @@ class KalmanFilter(Result):
         C = ca.Function("slopes", [x], [ca.densify(ca.jacobian(y, x))])(0.0).full()
 
         sigma = np.array([sensor.noise for sensor in sensors.values()])
-        scale = np.append([*_sizes(point, sensors).values()], np.sqrt(np.diag(air.covariance)))
+        sizes = _sizes(point, sensors)
+        drift = {name: DRIFT * size for name, size in sizes.items()}
+        scale = np.append([*sizes.values()], np.sqrt(np.diag(air.covariance)))
         units, drifts = np.outer(scale, scale), np.append([*drift.values()], np.zeros(len(air.A)))
         A_in_units, C_in_units = A * scale / scale[:, None], C * scale / sigma[:, None]
         _refuse_unobservable(
@@ -299,8 +292,7 @@ class KalmanFilter(Result):
         without = f", without a sensor of {', '.join(missing)}" if missing else ""
         beside = f", with sensors of {', '.join(outputs)}" if outputs else ""
         air = "still air" if self.turbulence is None else level_text(self.turbulence)
-        is_given = self.drift != _default_drifts(self.point, self.sensors)
-        drift = "drift as given" if is_given else f"drift {DRIFT:g} of the noise a second"
+        drift = f"drift {DRIFT:g} of the noise a second"
         drift += ", as if each sample had all values" * bool(self.intermittent)
         return (
             f"Kalman filter for {air}, one sample every {1e3 * self.dt:g} ms{without}{beside}: "
@@ -343,11 +335,6 @@ def _sizes(point: OperatingPoint, sensors: Mapping[str, Sensor]) -> dict[str, fl
         else _NOISE_WITHOUT_SENSOR * states[name].nominal
         for name in point.model.linear
     }
-
-
-def _default_drifts(point: OperatingPoint, sensors: Mapping[str, Sensor]) -> dict[str, float]:
-    """Return linear state -> standard deviation of its drift in one second, unless it is given."""
-    return {name: DRIFT * size for name, size in _sizes(point, sensors).items()}
 
 
 def _sensed(

@@ -16,7 +16,7 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_aircraft.uncertain import ParameterSpread
 from hfa_flight.air.scenario import Scenario, Uncertainty, with_errors
-from hfa_flight.air.sensors import at_trim, measured
+from hfa_flight.air.sensors import at_trim, values_in_air
 from hfa_flight.needs import ALL, refuse_share
 from hfa_flight.policies.policy import Policy
 from hfa_flight.simulate.closed_loop import FlightLoop, NonlinearPlant
@@ -95,10 +95,9 @@ class MonteCarlo(Identified, Reported):
                     f"{name} is 0, so a relative error has no effect; remove the error of {name}"
                 )
         # refuses here what a worker could not simulate
-        names, start = self.limits.names, ca.SX(self.scenario.initial)
-        at_rest = ca.SX.zeros(len(self.point.u))
-        away = ca.evalf(measured(self.point, names, start, at_rest, self.model.p, {}))
-        refuse_start(self.limits, at_trim(self.point, names) + away.full().ravel())
+        at = self.point.x + self.scenario.initial, self.point.u, self.model.p
+        begin = ca.evalf(values_in_air(self.model, self.limits.names, at, {}))
+        refuse_start(self.limits, begin.full().ravel())
 
     def member(self, number: int) -> Scenario:
         """Return the drawn scenario of one member, with turbulence at the trim speed."""

@@ -21,7 +21,7 @@ from hfa_aircraft.servos import positions_of_servos
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.held_step import slices_of
 from hfa_flight.air.scenario import Scenario
-from hfa_flight.air.sensors import at_trim, measured
+from hfa_flight.air.sensors import measured, names_with_errors, values_in_air
 from hfa_flight.policies.policy import (
     SAME_TIME,
     GainPolicy,
@@ -59,12 +59,9 @@ class Plant:
         """
         raise NotImplementedError
 
-    def measured(
-        self, names: tuple[str, ...], x: ca.SX, u: ca.SX, winds: Winds, parameters: ca.SX
-    ) -> ca.SX:
-        """Return what sensors measure without errors, (p,); the arguments are those of `at`."""
-        p = parameters if self.uncertain else getattr(self, "model", self.point.model).p
-        return measured(self.point, names, x, u, p, winds)
+    def p(self, parameters: ca.SX) -> Any:
+        """Return the parameters of the model; the argument is that of `at`."""
+        return parameters if self.uncertain else getattr(self, "model", self.point.model).p
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,9 +121,8 @@ class NonlinearPlant(Plant):
         """Return f(X0 + x, U0 + u, p, w), (n,). Disturbances that are not in `winds` are 0."""
         # A model without disturbances for the gusts gets them added to its equations.
         model = self.model if set(winds) <= set(self.model.disturbances) else in_gusts(self.model)
-        p = parameters if self.uncertain else model.p
         w = [winds.get(name, 0.0) for name in model.disturbances]
-        at = ca.DM(self.point.x) + x, ca.DM(self.point.u) + u, p
+        at = ca.DM(self.point.x) + x, ca.DM(self.point.u) + u, self.p(parameters)
         rates, _ = model.layout.expressions(at, (), w)
         return rates
 
@@ -232,8 +228,8 @@ class FlightLoop:
 
     @property
     def _sensed(self) -> tuple[str, ...]:
-        """What the sensors of the scenario measure, whose errors are `scenario.samples`."""
-        return tuple(self.scenario.sensors) or self.plant.point.model.linear
+        """What has the errors `scenario.samples`."""
+        return names_with_errors(self.plant.point.model, self.scenario.sensors)
 
     @cached_property
     def limits(self) -> Limits:
@@ -284,12 +280,11 @@ class FlightLoop:
         u = _delayed_command(t, inputs.delay) if inputs.delay.numel() else command
         if positions_of_servos(model):  # what a servo receives
             u = saturated(u, *input_limits(plant.point))
-        moved = x, u, winds, inputs.parameters
-        plant_rate = plant.at(*moved)
-        limited = plant.measured(self.limits.names, *moved)
-        limited += ca.DM(at_trim(plant.point, self.limits.names))
+        plant_rate = plant.at(x, u, winds, inputs.parameters)
+        at = ca.DM(plant.point.x) + x, ca.DM(plant.point.u) + u, plant.p(inputs.parameters)
+        limited = values_in_air(model, self.limits.names, at, winds)
         names = self.policy.sensors or tuple(model.states)
-        values = plant.measured(names, *moved) + _by_name(errors, names)
+        values = measured(plant.point, names, x, u, at[2], winds) + _by_name(errors, names)
         if scenario.disturbance is not None:
             plant_rate[rows] += scenario.disturbance.at(t)
         error = states - reference

@@ -30,7 +30,7 @@ from hfa_flight.air.sensors import (
     Sensor,
     drawn_errors,
     names_with_errors,
-    outputs_in_air,
+    values_in_air,
 )
 from hfa_flight.policies.deployment.deployed import Deployed
 from hfa_support.native.bound import RowFunction
@@ -158,13 +158,11 @@ class SampledFlight:
         view = ca.SX.sym("view", self.held_sizes.view)
         if not self.sensors:
             return ca.Function("seen", [X, U, trim, view], [X])
-        winds, errors = view[: len(self.winds)], view[len(self.winds) :]
         at = X, U, trim[len(model.states) + len(model.inputs) :]
-        by_name = dict(zip(self.winds, ca.vertsplit(winds), strict=False))
-        outputs = [outputs_in_air(model, sensed, at, by_name)] if sensed else []
-        seen = ca.vertcat(ca.SX(X), *outputs)
+        winds = dict(zip(self.winds, ca.vertsplit(view), strict=False))
+        seen = values_in_air(model, (*model.states, *sensed), at, winds)
         after_states = range(len(model.states), seen.numel())
-        seen[[*model.state_places(model.linear), *after_states]] += errors
+        seen[[*model.state_places(model.linear), *after_states]] += view[len(winds) :]
         return ca.Function("seen", [X, U, trim, view], [ca.densify(seen)])
 
     def drawn_errors(self, seed: int, flights: int) -> list[Errors]:
@@ -224,15 +222,21 @@ class SampledFlight:
         count = step_count(seconds, self.dt / self.steps_per_sample)
         return held_step(self.deployed.model, seconds, count, self.winds)
 
-    def entering(self) -> ca.Function:
-        """Return the function (state, held) -> inputs of the policy's network."""
+    def observing(self) -> ca.Function:
+        """Return the function (state, held) -> observations."""
         state, held = ca.MX.sym("state", sum(self.sizes)), ca.MX.sym("held", sum(self.held_sizes))
         X, memory, _ = (state[part] for part in self.slices)
         _, trim, _, view = (held[part] for part in self.held_slices)
         acting = memory[-len(self.deployed.model.inputs) :]  # the oldest command acts now
-        seen = self.seen(X, acting, trim, view)
-        _, network_inputs = self.deployed.normalized(self.sensing.observe(seen, acting, trim))
-        return ca.Function("entering", [state, held], [ca.densify(network_inputs)])
+        o = self.sensing.observe(self.seen(X, acting, trim, view), acting, trim)
+        return ca.Function("observing", [state, held], [o])
+
+    def entering(self) -> ca.Function:
+        """Return the function (state, held) -> inputs of the policy's network."""
+        observing = self.observing()
+        state_and_held = observing.mx_in()
+        _, network_inputs = self.deployed.normalized(observing(*state_and_held))
+        return ca.Function("entering", state_and_held, [ca.densify(network_inputs)])
 
     def start(self, states: np.ndarray, trims: np.ndarray) -> np.ndarray:
         """Return the initial states [X; memory; extremes] of flights.

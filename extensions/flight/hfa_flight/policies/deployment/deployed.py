@@ -26,7 +26,7 @@ from hfa_aircraft.batch_simulation import saturated
 from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import IN_AIR, in_gusts
-from hfa_flight.air.sensors import Sensor, outputs_in_air
+from hfa_flight.air.sensors import Sensor, values_in_air
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown, shortened, shown
 from hfa_support.units import conversion_factor
@@ -226,7 +226,7 @@ class Deployed:
         _, y = model.layout.expressions(at, tuple(model.outputs))  # the outputs alone
         values = dict(zip(known, ca.vertsplit(ca.vertcat(X[:n], U, y)), strict=True))
         if in_air := tuple(name for name in self.names if name in self.used - set(known)):
-            y = outputs_in_air(model, in_air, at, {})
+            y = values_in_air(model, in_air, at, {})
             values |= zip(in_air, ca.vertsplit(y), strict=True)
         return values | dict(zip(self.sensed, ca.vertsplit(X[n:]), strict=False))
 
