@@ -6,22 +6,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from hfa_support.public_arguments import check_fields
-
 if TYPE_CHECKING:
     from hfa_support.reporting.rows import Row
 
 
-class _Declared:
-    """Base class of the declarations below."""
-
-    def __post_init__(self) -> None:
-        """Raise BadInputError if a field is not of its annotated type."""
-        check_fields(self)
-
-
 @dataclass(frozen=True, eq=False)
-class About(_Declared):
+class About:
     """Texts and names of a model in reports, options and files.
 
     title: name in reports, or "" for the name of the model
@@ -79,7 +69,7 @@ class About(_Declared):
 
 
 @dataclass(frozen=True, eq=False)
-class Domain(_Declared):
+class Domain:
     """States at which the equations of a model are valid, beside the limits of its signals.
 
     range: state, input or output -> (lowest, highest, source of this range). Values beyond the
@@ -102,7 +92,7 @@ class Domain(_Declared):
 
 
 @dataclass(frozen=True, eq=False)
-class Trimming(_Declared):
+class Trimming:
     """What a model knows about its own trims.
 
     alternatives: groups of names, of which a trim imposes one, beside speed and airspeeds. Imposing
@@ -127,7 +117,7 @@ class Trimming(_Declared):
 
 
 @dataclass(frozen=True, eq=False)
-class Source(_Declared):
+class Source:
     """The file of a model, and how another process makes the model again.
 
     text: argument of --aircraft from which the model was loaded, or ""

@@ -45,7 +45,6 @@ from hfa_support.errors import (
     shown,
 )
 from hfa_support.origin import fingerprint, instructions
-from hfa_support.public_arguments import check_fields
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.text import with_unit
 from hfa_support.units import conversion_factor, split_unit
@@ -119,7 +118,6 @@ class Model(Reported):
         vars(self).update(declared_signals(self.name, groups))
         if not self.states:
             raise BadInputError(f"{self.name} declares no states; declare at least one")
-        check_fields(self)
         for kind in ("steady", "linear"):
             vars(self)[kind] = tuple(getattr(self, kind)) or tuple(self.states)
         if not self.modes:

@@ -100,7 +100,6 @@ def remember_record(kind: Any) -> None:
         "__getitem__": item,
         "__reduce__": reduced,
         "keys": lambda _: kind._fields,
-        "_ipython_key_completions_": lambda _: kind._fields,
         "items": lambda values: zip(kind._fields, values, strict=True),
         "__slots__": (),
     }

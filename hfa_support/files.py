@@ -24,18 +24,13 @@ if TYPE_CHECKING:
 LARGEST = 2**28
 #: Suffixes of the files that `hfa_support/arrays/read.py` reads.
 MATRIX_FILES = (".json", ".npz", ".npy", ".mat", ".csv")
-#: Suffixes of tables (`hfa_support/arrays/tables.py`), the last ones by pandas or h5py.
-TABLE_FILES = (
-    *(*MATRIX_FILES, ".txt", ".tsv", ".dat"),
-    *(".parquet", ".feather", ".xlsx", ".h5", ".hdf5"),
-)
+#: Suffixes of tables (`hfa_support/arrays/tables.py`), the last ones by pandas.
+TABLE_FILES = (*MATRIX_FILES, ".txt", ".tsv", ".dat", ".parquet", ".feather", ".xlsx")
 _LONGEST_REASON = 200
 #: Largest depth of elements, folders and keys: readers are recursive.
 _DEEPEST = 150
 #: Largest number of elements and attributes of an XML file. Each needs up to 1 kB.
 _MOST_XML_ENTRIES = 2**20
-#: Largest length of an XML entity, which is a short name of a number.
-_LONGEST_ENTITY = 100
 #: A key of TOML with too many parts. The time of `tomllib` is quadratic in their number.
 _DEEP_KEY = re.compile(
     r"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*)"""
@@ -247,13 +242,12 @@ def read_xml(
     end: called with the name of an element
     text: called with a piece of text of one line, and its line
 
-    Raises BadInputError if the content is not XML, declares an entity other than a short text, is
-    nested too deeply, has too many elements, or an unsupported encoding.
+    Raises BadInputError if the content is not XML, refers to another file, is nested too deeply,
+    has too many elements, or an unsupported encoding.
     """
     from xml.parsers import expat
 
     parser = expat.ParserCreate()
-    parser.SetParamEntityParsing(expat.XML_PARAM_ENTITY_PARSING_NEVER)
     depth, count = 0, 0
 
     def fault(what: str) -> BadInputError:
@@ -278,17 +272,9 @@ def read_xml(
         depth -= 1
         end(name)
 
-    def entity(name: str, is_parameter: int, value: str | None, *_: object) -> None:
-        """Refuse an entity other than a short text; `value` is None if it refers to a file."""
-        if value is None or is_parameter or "&" in value or len(value) > _LONGEST_ENTITY:
-            raise fault(
-                f"the entity {shortened(name)} refers to a file, is too long or contains other "
-                "entities; replace the entity by the text"
-            )
-
     parser.StartElementHandler, parser.EndElementHandler = opened, closed
     parser.CharacterDataHandler = lambda piece: text(piece, parser.CurrentLineNumber)
-    parser.EntityDeclHandler = entity
+    parser.ExternalEntityRefHandler = lambda *_: 0  # refused
     try:
         parser.Parse(content, True)
     except expat.ExpatError as error:

@@ -5,9 +5,10 @@ It is the key of stores, certificates, workers and caches.
 
 from __future__ import annotations
 
-import os
 import time
 from functools import cache, cached_property
+from importlib.util import find_spec
+from pathlib import Path
 from types import FunctionType, MethodType
 
 from hfa_support.version import VERSION
@@ -34,28 +35,20 @@ _BEGAN = time.time_ns()
 
 
 @cache
-def _sources() -> tuple[dict[str, str], str]:
-    """Return the source files, path -> name, and a hash of them."""
+def _sources() -> tuple[list[Path], str]:
+    """Return the source files, and a hash of their names and contents."""
     import hashlib
-    from importlib.util import find_spec
 
-    digest, paths = hashlib.sha256(), {}
-    for package in PACKAGES:
-        spec = find_spec(package)
-        if spec is None or spec.origin is None:
-            continue
-        top = os.path.dirname(spec.origin)
-        for folder, folders, names in os.walk(top):
-            folders[:] = sorted({*folders} - {"__pycache__"})
-            for name in sorted(names):
-                path = os.path.join(folder, name)
-                if name.startswith(".") or not name.endswith(_SOURCES) or not os.path.isfile(path):
-                    continue
-                with open(path, "rb") as file:
-                    content = file.read().replace(b"\r\n", b"\n")
-                paths[path] = f"{package}/{os.path.relpath(path, top)}".replace(os.sep, "/")
-                digest.update(f"{paths[path]} {len(content)}\n".encode() + content)
-    return paths, digest.hexdigest()[:12]
+    digest, files = hashlib.sha256(), []
+    for package in filter(None, map(find_spec, PACKAGES)):
+        top = Path(str(package.origin)).parent
+        for file in sorted(top.rglob("*.*")):
+            if file.suffix in _SOURCES and file.name[0] != "." and file.is_file():
+                content = file.read_bytes().replace(b"\r\n", b"\n")
+                name = file.relative_to(top.parent).as_posix()
+                digest.update(f"{name} {len(content)}\n".encode() + content)
+                files.append(file)
+    return files, digest.hexdigest()[:12]
 
 
 @cache
@@ -66,10 +59,10 @@ def _of_this_process() -> str:
     return uuid4().hex[:12]
 
 
-def _is_changed(path: str) -> bool:
+def _is_changed(file: Path) -> bool:
     """Return whether a file is not as it was when this process began."""
     try:
-        found = os.stat(path)
+        found = file.stat()
     except OSError:
         return True
     return max(found.st_mtime_ns, found.st_ctime_ns) > _BEGAN
@@ -82,9 +75,9 @@ def code() -> str:
     unlike those of any other, "0.4.0+changed.1f3c5a7b9d0e". The files are read when the process
     first asks, in about 30 ms.
     """
-    paths, digest = _sources()
-    if any(map(_is_changed, paths)):
-        return f"{VERSION}+changed.{_of_this_process()}"
+    files, digest = _sources()
+    if any(map(_is_changed, files)):
+        digest = f"changed.{_of_this_process()}"
     return f"{VERSION}+{digest}"
 
 
@@ -171,7 +164,6 @@ def _inside(value: Any) -> Any:
     from dataclasses import is_dataclass
     from enum import Enum
     from functools import partial
-    from pathlib import PurePath
 
     import casadi as ca
     import numpy as np
@@ -187,7 +179,7 @@ def _inside(value: Any) -> Any:
         return sorted(map(fingerprint, value))
     if isinstance(value, (list, tuple)):
         return value
-    if isinstance(value, (Enum, PurePath, bytes)):
+    if isinstance(value, (Enum, Path, bytes)):
         return str(value)
     if isinstance(value, partial):
         return [value.func, value.args, value.keywords]

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import builtins
-import inspect
+import os
 import sys
 from collections import ChainMap
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import fields
-from functools import wraps
+from dataclasses import is_dataclass
+from functools import cache, wraps
+from inspect import signature
 from itertools import chain
 from pathlib import Path
 from types import FunctionType, NoneType, UnionType
-from typing import Any, Literal, Union, get_args, get_origin
+from typing import Any, SupportsFloat, SupportsIndex, Union, get_args, get_origin
 
 import numpy as np
 
@@ -20,18 +21,18 @@ from hfa_support.errors import OWN, BadInputError, numbers_in
 from hfa_support.imports import origins_in
 from hfa_support.progress import Progress
 
-#: Kind in an annotation -> the word of a refusal, and methods of which its objects have one.
-_KINDS: dict[Any, tuple[str, tuple[str, ...]]] = {
-    NoneType: ("None", ()),
-    str: ("a text", ()),
-    bool: ("True or False", ()),
-    int: ("a whole number", ("__index__",)),
-    float: ("a number", ("__float__",)),
-    Path: ("a path", ("__fspath__",)),
-    Mapping: ("a dictionary", ("keys",)),
-    **dict.fromkeys((Callable, Progress), ("a function", ("__call__",))),
-    np.ndarray: ("an array", ("__array__", "__float__", "__iter__")),  # others are converted
-    **dict.fromkeys((Sequence, Collection, Iterable, tuple), ("a list", ("__iter__",))),
+#: Kind in an annotation -> the word of a refusal, and the classes of its objects.
+_KINDS: dict[Any, tuple[str, Any]] = {
+    NoneType: ("None", NoneType),
+    str: ("a text", str),
+    bool: ("True or False", (bool, np.bool_)),
+    int: ("a whole number", SupportsIndex),
+    float: ("a number", SupportsFloat),
+    Path: ("a path", os.PathLike),
+    Mapping: ("a dictionary", Mapping),
+    **dict.fromkeys((Callable, Progress), ("a function", Callable)),
+    np.ndarray: ("an array", (SupportsFloat, Iterable)),  # others are converted
+    **dict.fromkeys((Sequence, Collection, Iterable, tuple), ("a list", Iterable)),
 }
 
 
@@ -52,37 +53,37 @@ class _Names(ChainMap[str, Any]):
         return getattr(sys.modules[module], name_there) if name_there else sys.modules[module]
 
 
+@cache
+def _code_of(annotation: str) -> Any:
+    """Return the compiled text of an annotation."""
+    # An array of symbols is converted from other arrays.
+    return compile(annotation.replace("ca.SX", "ArrayLike"), annotation, "eval")
+
+
 def _alternatives(annotation: str, module: str) -> tuple[Any, ...]:
     """Return the kinds in an annotation, "ArrayLike | None", one of which a value must have.
 
     module: name of the module with the annotation
     """
     names = _Names({"ArrayLike": np.ndarray}, vars(sys.modules[module]), vars(builtins))
-    # An array of symbols is converted from other arrays.
-    kind = eval(annotation.replace("ca.SX", "ArrayLike"), {}, names)
+    kind = eval(_code_of(annotation), {}, names)
     return get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
 
 
 def _is_of(value: Any, annotated: Any) -> bool:
     """Return whether a value is of one kind in an annotation."""
-    kind, of_value = get_origin(annotated) or annotated, type(value)
-    if kind in (Any, Literal) or isinstance(kind, str):  # aliases and words, which functions check
+    kind = get_origin(annotated) or annotated
+    if kind is Any or not isinstance(kind, type):  # aliases and words, which functions check
         return True
-    if kind is not annotated and hasattr(kind, "_fields"):  # of any quantities, by its names
-        return hasattr(value, "_fields")
-    if kind is bool:
-        return of_value.__name__ == "bool"  # also that of NumPy
-    if kind in (int, float) and (of_value is bool or getattr(value, "ndim", 0) > 0):
-        return False  # an array of one number is not a number
-    word, methods = _KINDS.get(kind, ("", ()))
-    if not methods:
-        return isinstance(value, kind)
+    word, classes = _KINDS.get(kind, ("", kind))
+    if not isinstance(value, classes):
+        return False
+    if kind in (int, float):  # an array of one number is not a number
+        return not (isinstance(value, bool) or getattr(value, "ndim", 0))
     if word in ("an array", "a list") and isinstance(value, str | bytes):
         return False
-    # By its class: a class itself has the `__call__` of its type.
-    has_method = any(name in vars(base) for base in of_value.__mro__ for name in methods)
-    has_texts = word == "a list" and str in get_args(annotated) and isinstance(value, Collection)
-    return has_method and not (has_texts and any(not isinstance(each, str) for each in value))
+    has_texts = str in get_args(annotated) and isinstance(value, Collection)
+    return word != "a list" or not has_texts or all(isinstance(each, str) for each in value)
 
 
 def _word(annotated: Any) -> str:
@@ -92,6 +93,9 @@ def _word(annotated: Any) -> str:
     article = "an" if name[:1] in "AEIO" else "a"  # "a LinearModel": a class of the project
     word, _ = _KINDS.get(kind, (f"{article} {name}", ()))
     return f"{word} of texts" if word == "a list" and str in get_args(annotated) else word
+
+
+_signature = cache(signature)
 
 
 def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Callable[..., Any]:
@@ -105,38 +109,31 @@ def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Calla
 
     The returned function raises BadInputError for an argument of another kind.
     """
-    accepted: dict[str, set[Any]] = {}  # argument -> kinds that need no further check
+
+    of_class, _, name = function.__qualname__.rpartition(".")
+    subject = of_class if name == "__init__" else name
 
     @wraps(function)
     def called(*args: Any, **options: Any) -> Any:
         """Check the arguments, unless the project calls, and call the function."""
-        caller = sys._getframe(1).f_globals.get("__name__", "")
+        frame: Any = sys._getframe(1)
+        while (caller := frame.f_globals.get("__name__", "")) == "dataclasses":  # of `replace`
+            frame = frame.f_back
         if caller.startswith(OWN):
             return function(*args, **options)
-        if not accepted:
-            accepted.update({name: set() for name in inspect.signature(function).parameters})
-        for name, value in chain(zip(accepted, args, strict=False), options.items()):
-            is_array = type(value) is np.ndarray
-            kind = value.dtype if is_array else type(value)
-            if name in accepted and kind not in accepted[name]:
-                _check(name, value, function.__annotations__.get(name, "object"), function, makers)
-                # Another list may have elements of other types, and is checked again.
-                if is_array or kind is str or not isinstance(value, Collection):
-                    accepted[name].add(kind)
+        names, hints = [*_signature(function).parameters], function.__annotations__
+        for name, value in chain(zip(names, args, strict=False), options.items()):
+            if name in hints and name in names:
+                _check(subject, name, value, hints[name], function, makers)
         try:
-            made = function(*args, **options)
-        except TypeError:
-            try:
-                inspect.signature(function).bind(*args, **options)
-            except TypeError as error:
-                missing = [name for name in accepted if f"'{name}'" in str(error)]
-                hints = (str(function.__annotations__.get(name, "object")) for name in missing)
-                kinds = (_alternatives(hint, function.__module__) for hint in hints)
-                advice = _advice(chain(*kinds), makers)
-                raise BadInputError(f"{function.__name__}: {error}{advice}") from None
-            raise
-        if type(made) not in _checking_classes:
-            check_methods(type(made), makers)
+            _signature(function).bind(*args, **options)
+        except TypeError as error:
+            missing = (hints[name] for name in names if f"'{name}'" in str(error))
+            kinds = (_alternatives(hint, function.__module__) for hint in missing)
+            advice = _advice(chain(*kinds), makers)
+            raise BadInputError(f"{subject}: {error}{advice}") from None
+        made = function(*args, **options)
+        check_methods(type(made), makers)
         return made
 
     return called
@@ -148,7 +145,8 @@ def _advice(kinds: Iterable[Any], makers: Callable[[str], str]) -> str:
 
 
 def check_methods(kind: type, makers: Callable[[str], str]) -> None:
-    """Replace the public methods of a class of the project, and of its bases, by `checked` ones.
+    """Replace the public methods of a class of the project, and of its bases, by `checked` ones,
+    and how an object of a dataclass is made.
 
     Each class is changed once.
 
@@ -161,7 +159,7 @@ def check_methods(kind: type, makers: Callable[[str], str]) -> None:
         if not base.__module__.startswith(OWN):
             continue
         for name, member in [*vars(base).items()]:
-            if name.startswith("_"):
+            if name.startswith("_") and not (name == "__init__" and is_dataclass(base)):
                 continue
             if isinstance(member, FunctionType):
                 setattr(base, name, checked(member, makers))
@@ -173,49 +171,29 @@ def check_methods(kind: type, makers: Callable[[str], str]) -> None:
 _checking_classes: set[type] = set()
 
 
-def check_fields(made: Any) -> None:
-    """Raise BadInputError if a field of a new object of a dataclass, given by a user, is of another
-    kind than its annotation.
-
-    As in `checked`, calls of the project's own code are not checked.
-    """
-    # Below this call are `__post_init__`, the generated `__init__`, and for a changed copy
-    # `dataclasses.replace`; who makes the object calls these.
-    level, of_class = 1, (type(made).__module__, "dataclasses")
-    while (caller := sys._getframe(level).f_globals.get("__name__", "")) in of_class:
-        level += 1
-    if caller.startswith(OWN):
-        return
-    for field in fields(made):
-        value = getattr(made, field.name)
-        if value is not field.default:  # which need not be of the kind that users give
-            _check(field.name, value, str(field.type), type(made))
-
-
 def _check(
+    subject: str,
     name: str,
     value: Any,
     annotation: str,
-    owner: Callable[..., Any],
-    makers: Callable[[str], str] = lambda _: "",
+    function: Callable[..., Any],
+    makers: Callable[[str], str],
 ) -> None:
-    """Raise BadInputError if an argument is not of a kind of its annotation.
+    """Raise BadInputError if an argument of a function is not of a kind of its annotation.
 
-    owner: the function, or the class of a field, for the message
+    subject: the function or the class, for the message
     makers: name of a class -> advice on how an object of this class is made, or ""
     """
-    kinds = _alternatives(annotation, owner.__module__)
-    accepting = [kind for kind in kinds if _is_of(value, kind)]
+    kinds = _alternatives(annotation, function.__module__)
+    accepting = {kind for kind in kinds if _is_of(value, kind)}
+    if not accepting:
+        known = " or ".join(_word(kind) for kind in kinds if kind is not NoneType)
+        raise BadInputError(
+            f"{subject}: {name} is of type {_type_of(value)}; give {known}{_advice(kinds, makers)}"
+        )
     # The function itself reads the labels of a frame, which has `loc`.
-    if accepting and {*accepting} <= {np.ndarray} and not hasattr(value, "loc"):
+    if accepting == {np.ndarray} and not hasattr(value, "loc"):
         numbers_in(name, value)
-    if accepting:
-        return
-    known = " or ".join(_word(kind) for kind in kinds if kind is not NoneType)
-    raise BadInputError(
-        f"{owner.__name__}: {name} is of type {_type_of(value)}; give {known}"
-        f"{_advice(kinds, makers)}"
-    )
 
 
 def _type_of(value: Any) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -47,9 +46,9 @@ def read_source(source: Any, name: str = "") -> Read:
     """Return the columns of a table, and the entries of a file of arrays.
 
     source: file (text with commas, semicolons or tabs; .npz, .mat, .json; by pandas .parquet,
-        .feather, .xlsx; by h5py .hdf5), mapping of columns, or data frame of pandas or polars. A
-        heading is "speed [ft/s]" or "speed (ft/s)". The units in a file of arrays can be the
-        entries states, state_units, inputs, input_units. A flight, stored or not, has its history
+        .feather, .xlsx), mapping of columns, or data frame of pandas or polars. A heading is
+        "speed [ft/s]" or "speed (ft/s)". The units in a file of arrays can be the entries states,
+        state_units, inputs, input_units. A flight, stored or not, has its history
     name: name of the table in messages, by default the file
 
     Raises BadInputError, with the row and the column, for a faulty file.
@@ -117,41 +116,15 @@ def _columns_of_arrays(where: str, entries: Mapping[str, Any], no_unit: str | No
 def _loaded(path: Path) -> Any:
     """Return the content of a file that is no text: a mapping, or a data frame."""
     suffix = path.suffix.lower()
-    if suffix not in (*_OF_PANDAS, ".h5", ".hdf5"):
+    if suffix not in _OF_PANDAS:
         return read_arrays(path)
-    library = "pandas" if suffix in _OF_PANDAS else "h5py"
     try:
         with file_faults(path):
-            file = regular_file(path)
-            if suffix in _OF_PANDAS:
-                import pandas
+            import pandas
 
-                return getattr(pandas, _OF_PANDAS[suffix])(file)
-            import h5py
-
-            with h5py.File(file) as stored:
-                return _entries_of_group(stored)
+            return getattr(pandas, _OF_PANDAS[suffix])(regular_file(path))
     except ImportError as error:
         raise BadInputError(
-            f"{path}: {suffix} is read by {library}, where it is installed with what it needs "
+            f"{path}: {suffix} is read by pandas, where it is installed with what it needs "
             f"({shortened(str(error))}); install it, or save the table as .csv or .npz"
         ) from error
-
-
-def _entries_of_group(group: Any) -> dict[str, Any]:
-    """Return the arrays of a group of an HDF5 file, and its groups as nested mappings."""
-    import h5py
-
-    entries: dict[str, Any] = {}
-    for name, item in group.items():
-        if isinstance(item, h5py.Group):
-            inside = _entries_of_group(item)
-            is_unit = re.search(r"[\[(][^\])]*$", name)  # "speed [m/s]" is "s]" in "speed [m"
-            entries |= (
-                {f"{name}/{rest}": each for rest, each in inside.items()}
-                if is_unit
-                else {name: inside}
-            )
-        else:
-            entries[name] = (item.asstr() if h5py.check_string_dtype(item.dtype) else item)[()]
-    return entries

@@ -6,7 +6,6 @@ import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
-from itertools import chain, product
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
@@ -61,11 +60,6 @@ class NamedArray(np.ndarray):
         """Return a computed array, or a number instead of an array without axes."""
         return array[()] if array.ndim == 0 else super().__array_wrap__(array, context)
 
-    def _ipython_key_completions_(self) -> list[Any]:
-        """Return what IPython offers after A[: names, or tuples of names of several axes."""
-        named = [names for names in self.names if names]
-        return list(product(*named)) if len(named) > 1 else [*chain(*named)]
-
     def __repr__(self) -> str:
         return repr(np.asarray(self))
 
@@ -115,9 +109,6 @@ class ByName(tuple[Named, ...]):
         Because of this method, dict(modes) is a dictionary from names to entries.
         """
         return [entry.name for entry in self]  # type: ignore[attr-defined]  # entries have names
-
-    def _ipython_key_completions_(self) -> list[str]:
-        return self.keys()
 
     def values(self) -> Any:
         """Return the entries, which are this tuple, as `dict.values` does."""

@@ -362,20 +362,3 @@ def wrapped(text: str, width: int | None) -> str:
         textwrap.fill(line, width, break_long_words=False, break_on_hyphens=False)
         for line in text.split("\n")
     )
-
-
-class RowsMade(Sequence[tuple[Any, ...]]):
-    """Sequence of the rows of a table, each computed when it is accessed: number -> row."""
-
-    def __init__(self, count: int, row: Callable[[int], tuple[Any, ...]]) -> None:
-        self._count = count
-        self._row = row
-
-    def __len__(self) -> int:
-        return self._count
-
-    def __getitem__(self, index: Any) -> Any:
-        """Return the row with a number. Raises IndexError beyond the last one, which ends loops."""
-        if not 0 <= index < self._count:
-            raise IndexError(index)
-        return self._row(index)

@@ -302,10 +302,6 @@ class LinearModel(StatesAndInputs, ByValue, Result, Reported):
                 return replace(self, **shown._asdict()).select(inputs=inputs)
         raise BadInputError("the index is not a pair of names; write linear[outputs, inputs]")
 
-    def _ipython_key_completions_(self) -> list[tuple[str, str]]:
-        outputs = dict.fromkeys((*self.states, *self.outputs))
-        return [(output, name) for output in outputs for name in self.inputs]
-
     def __iter__(self) -> Iterator[np.ndarray]:
         """Yield A, B, C and D, for A, B, C, D = linear and control.ss(*linear)."""
         return map(np.asarray, (self.A, self.B, self.C, self.D))

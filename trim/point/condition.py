@@ -23,7 +23,6 @@ from hfa_support.errors import (
 )
 from hfa_support.files import NUMBER, checked, read_named
 from hfa_support.matrices import LinearTable
-from hfa_support.public_arguments import check_fields
 from hfa_support.reporting.text import shown_values, with_shown_unit
 from hfa_support.units import conversion_factor
 from trim.point.status import FREE, HELD, LIMIT
@@ -73,7 +72,6 @@ class TrimCondition:
 
         Raises BadInputError for a faulty field.
         """
-        check_fields(self)
         model = self.model
         if self.rates is None:
             vars(self)["rates"] = dict.fromkeys(model.steady, 0.0)

@@ -154,9 +154,6 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
         """Return the names of the states, inputs and outputs, the keys of dict(point)."""
         return (*self.model.states, *self.model.inputs, *self.model.outputs)
 
-    def _ipython_key_completions_(self) -> tuple[str, ...]:
-        return self.keys()
-
     @property
     def x(self) -> np.ndarray:
         """State X0 as an array, (n,)."""

@@ -20,7 +20,6 @@ from hfa_support.reporting.results import ByValue, Matrix, Result, RootTable, St
 from hfa_support.reporting.rows import ByName
 from hfa_support.reporting.text import (
     SHOWN_AS_ZERO,
-    RowsMade,
     Table,
     beside_unit,
     eigenvalue_text,
@@ -432,7 +431,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
 
         count = len(self.reasons)
         if count <= _MOST_ROWS:
-            return Table(header, RowsMade(count, row), labels=len(labels))
+            return Table(header, [*map(row, range(count))], labels=len(labels))
         between = (f"({count - 2 * _ROWS_AT_END:,} more)", *("..." for _ in header[1:]))
         head = [row(i) for i in range(_ROWS_AT_END)]
         tail = [row(i) for i in range(count - _ROWS_AT_END, count)]
@@ -485,7 +484,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
                 *np.concatenate([shown[i], *matrices]).tolist(),
             )
 
-        return Table(header, RowsMade(len(self.reasons), row))
+        return Table(header, _RowsMade(len(self.reasons), row))
 
     def _headings_of_linear_model(self) -> list[str]:
         """Return the headings of the parts of the eigenvalues, and of the entries of A and B."""
@@ -515,13 +514,11 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         """
         if not isinstance(index, str):
             return _linear_model_at(self, index)
-        refuse_unknown("unknown variable", index, self._ipython_key_completions_())
+        known = (*self.variables, *self.model.states, *self.model.inputs)
+        refuse_unknown("unknown variable", index, known)
         if index in self.variables:
             return self.values[:, self.variables.index(index)]
         return np.asarray((self.states if index in self.model.states else self.inputs)[index])
-
-    def _ipython_key_completions_(self) -> tuple[str, ...]:
-        return (*self.variables, *self.model.states, *self.model.inputs)
 
     def to_xarray(self) -> xarray.Dataset:
         """Return states, inputs, A, B, eigenvalues, limits reached and reasons over the axes.
@@ -656,3 +653,20 @@ def _linear_model_at(swept: Sweep, index: int) -> LinearModel:
     problem = TrimProblem(model, condition, values_at)
     point = OperatingPoint._of(problem, problem.system.scaled(values_at), Status.TRIMMED)
     return point.linearize()
+
+
+class _RowsMade(Sequence[tuple[Any, ...]]):
+    """Sequence of the rows of a table, each computed when it is accessed: number -> row."""
+
+    def __init__(self, count: int, row: Callable[[int], tuple[Any, ...]]) -> None:
+        self._count = count
+        self._row = row
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, index: Any) -> Any:
+        """Return the row with a number. Raises IndexError beyond the last one, which ends loops."""
+        if not 0 <= index < self._count:
+            raise IndexError(index)
+        return self._row(index)

@@ -116,9 +116,6 @@ class Identified(Result, Reported):
         refuse_unknown("no estimate of", name, tuple(self.parameters))
         return self.parameters[name]
 
-    def _ipython_key_completions_(self) -> list[str]:
-        return list(self.parameters)
-
     @property
     def ok(self) -> bool:
         """True if there are no findings."""

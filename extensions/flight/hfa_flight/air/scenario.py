@@ -32,7 +32,6 @@ from hfa_support.errors import (
     refuse_unless_positive,
     shown,
 )
-from hfa_support.public_arguments import check_fields
 from hfa_support.reporting.report import Reported
 from trim.linear.delays import in_samples, step_count
 from trim.point.operating_point import OperatingPoint
@@ -175,7 +174,6 @@ class Scenario(Reported):
 
     def __post_init__(self) -> None:
         """Raise BadInputError if times do not fit each other, or for an invalid factor or delay."""
-        check_fields(self)
         interval = self.tick if self.sample is None else self.sample
         object.__setattr__(self, "interval", interval)
         self._refuse_wrong_times()

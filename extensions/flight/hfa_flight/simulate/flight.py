@@ -257,9 +257,6 @@ class Flight(StatesAndInputs, Result, Reported):
         flown = getattr(self.loop.plant, "model", self.model)
         return series(self.model, self.states, self.inputs, name, flown.p)
 
-    def _ipython_key_completions_(self) -> tuple[str, ...]:
-        return self.point.keys()
-
     @cached_property
     def exceeded(self) -> tuple[ControlExcess, ...]:
         """Inputs that exceeded their control limits inside the envelope, largest excess first.
