@@ -158,8 +158,10 @@ def check_methods(kind: type, makers: Callable[[str], str]) -> None:
         _checking_classes.add(base)
         if not base.__module__.startswith(OWN):
             continue
+        # Inherited fields have annotations of another module.
+        is_made_here = is_dataclass(base) and not any(map(is_dataclass, base.__bases__))
         for name, member in [*vars(base).items()]:
-            if name.startswith("_") and not (name == "__init__" and is_dataclass(base)):
+            if name.startswith("_") and not (name == "__init__" and is_made_here):
                 continue
             if isinstance(member, FunctionType):
                 setattr(base, name, checked(member, makers))
