@@ -6,12 +6,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from hfa_support.public_arguments import Declared
+
 if TYPE_CHECKING:
     from hfa_support.reporting.rows import Row
 
 
 @dataclass(frozen=True, eq=False)
-class About:
+class About(Declared):
     """Texts and names of a model in reports, options and files.
 
     title: name in reports, or "" for the name of the model
@@ -69,7 +71,7 @@ class About:
 
 
 @dataclass(frozen=True, eq=False)
-class Domain:
+class Domain(Declared):
     """States at which the equations of a model are valid, beside the limits of its signals.
 
     range: state, input or output -> (lowest, highest, source of this range). Values beyond the
@@ -92,7 +94,7 @@ class Domain:
 
 
 @dataclass(frozen=True, eq=False)
-class Trimming:
+class Trimming(Declared):
     """What a model knows about its own trims.
 
     alternatives: groups of names, of which a trim imposes one, beside speed and airspeeds. Imposing
@@ -117,7 +119,7 @@ class Trimming:
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class Source(Declared):
     """The file of a model, and how another process makes the model again.
 
     text: argument of --aircraft from which the model was loaded, or ""

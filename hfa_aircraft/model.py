@@ -45,6 +45,7 @@ from hfa_support.errors import (
     shown,
 )
 from hfa_support.origin import fingerprint, instructions
+from hfa_support.public_arguments import Declared
 from hfa_support.reporting.report import Reported
 from hfa_support.reporting.text import with_unit
 from hfa_support.units import conversion_factor, split_unit
@@ -56,7 +57,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Model(Reported):
+class Model(Declared, Reported):
     """Aircraft model x' = f(x, u, p, w), y = h(x, u, p, w).
 
     name: name of the model

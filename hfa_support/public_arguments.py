@@ -7,7 +7,6 @@ import os
 import sys
 from collections import ChainMap
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import is_dataclass
 from functools import cache, wraps
 from inspect import signature
 from itertools import chain
@@ -79,7 +78,7 @@ def _is_of(value: Any, annotated: Any) -> bool:
     if not isinstance(value, classes):
         return False
     if kind in (int, float):  # an array of one number is not a number
-        return not (isinstance(value, bool) or getattr(value, "ndim", 0))
+        return not (isinstance(value, bool) or getattr(value, "ndim", 0) > 0)
     if word in ("an array", "a list") and isinstance(value, str | bytes):
         return False
     has_texts = str in get_args(annotated) and isinstance(value, Collection)
@@ -144,9 +143,13 @@ def _advice(kinds: Iterable[Any], makers: Callable[[str], str]) -> str:
     return "".join(f"; {text}" for kind in kinds if (text := makers(getattr(kind, "__name__", ""))))
 
 
+class Declared:
+    """Base class of dataclasses whose fields are given as their annotations state."""
+
+
 def check_methods(kind: type, makers: Callable[[str], str]) -> None:
     """Replace the public methods of a class of the project, and of its bases, by `checked` ones,
-    and how an object of a dataclass is made.
+    and how a `Declared` object is made.
 
     Each class is changed once.
 
@@ -158,10 +161,8 @@ def check_methods(kind: type, makers: Callable[[str], str]) -> None:
         _checking_classes.add(base)
         if not base.__module__.startswith(OWN):
             continue
-        # Inherited fields have annotations of another module.
-        is_made_here = is_dataclass(base) and not any(map(is_dataclass, base.__bases__))
         for name, member in [*vars(base).items()]:
-            if name.startswith("_") and not (name == "__init__" and is_made_here):
+            if name.startswith("_") and not (name == "__init__" and issubclass(base, Declared)):
                 continue
             if isinstance(member, FunctionType):
                 setattr(base, name, checked(member, makers))

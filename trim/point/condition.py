@@ -23,13 +23,14 @@ from hfa_support.errors import (
 )
 from hfa_support.files import NUMBER, checked, read_named
 from hfa_support.matrices import LinearTable
+from hfa_support.public_arguments import Declared
 from hfa_support.reporting.text import shown_values, with_shown_unit
 from hfa_support.units import conversion_factor
 from trim.point.status import FREE, HELD, LIMIT
 
 
 @dataclass(frozen=True)
-class TrimCondition:
+class TrimCondition(Declared):
     """Trim condition: f(X, U) = rates and y(X, U) = values, with free variables within limits.
 
     Some of X, U and y are imposed. The other X and U are free within limits. All values are in the

@@ -32,6 +32,7 @@ from hfa_support.errors import (
     refuse_unless_positive,
     shown,
 )
+from hfa_support.public_arguments import Declared
 from hfa_support.reporting.report import Reported
 from trim.linear.delays import in_samples, step_count
 from trim.point.operating_point import OperatingPoint
@@ -112,7 +113,7 @@ class Uncertainty:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Scenario(Reported):
+class Scenario(Declared, Reported):
     """Initial condition, reference, disturbances, noise, gusts and timing of a flight.
 
     By default, nothing disturbs the flight.
