@@ -72,10 +72,7 @@ def refuse_beyond_the_atmosphere(altitude: ca.DM | float) -> None:
 
     altitude: ft, one number or several
     """
-    heights = [altitude]
-    if not isinstance(altitude, float):
-        heights = ca.DM(altitude).full().ravel().tolist()
-    for height in heights:
+    for height in ca.DM(altitude).full().ravel().tolist():
         if not 0.0 <= height <= HIGHEST_ALTITUDE:
             raise BadInputError(
                 f"altitude is {height:g} ft; give an altitude from 0 to {HIGHEST_ALTITUDE:g} ft"

@@ -10,7 +10,7 @@ from hfa_model.declaration import check_in_range, parameters_of, rigid_panels, v
 from hfa_model.dynamics import Loads, aircraft_loads
 from hfa_model.parameters import INPUTS, STATES, Input, Parameters, State, default_parameters
 from hfa_model.variants import DYNAMICS, VARIANTS, Variant
-from hfa_support.errors import BadInputError, is_finite, refuse_unknown, shown
+from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.rows import Row
 from hfa_support.reporting.text import without_rounding
 from hfa_support.units import si_factor
@@ -94,10 +94,8 @@ def aircraft(dynamics: str | Variant = "published", parameters: Parameters | Non
     200.0
     """
     values = default_parameters().values if parameters is None else parameters
-    for name, value in values._asdict().items():
-        if not is_finite(value):
-            raise BadInputError(f"parameter {name} is {shown(value)}; give a finite number")
-        if name in _SIZES and value < 0.0:
+    for name in _SIZES:
+        if (value := getattr(values, name)) < 0.0:
             raise BadInputError(f"parameter {name} is {value:g}; give a number of at least 0")
     if not isinstance(dynamics, str):
         return rigid_panels(dynamics, values, panel_groups)

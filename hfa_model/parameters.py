@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -293,13 +294,7 @@ def load_parameters(name: str | Path) -> ParameterSet:
     """
     if str(name) not in NAMED:
         return _read(str(name))
-    packaged = _packaged(str(name))
-    return replace(  # a copy, so that the cached set stays as it is
-        packaged,
-        sources={**packaged.sources},
-        notes={**packaged.notes},
-        covariance=packaged.covariance.copy(),
-    )
+    return deepcopy(_packaged(str(name)))  # the cached set stays as it is
 
 
 def _read(name: str) -> ParameterSet:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -40,7 +39,6 @@ class PublishedModel(ByValue, Reported):
         return in_degrees(self.dihedral)
 
 
-@cache
 def published_models() -> tuple[PublishedModel, ...]:
     """Return the printed linear models (A1, B1) at 15 deg and (A2, B2) at 5 deg, in this order.
 
@@ -52,7 +50,7 @@ def published_models() -> tuple[PublishedModel, ...]:
 
 
 def _model(case: dict[str, Any]) -> PublishedModel:
-    """Return one of the printed linear models, with read-only arrays."""
+    """Return one of the printed linear models."""
     A = np.array(case["A"], dtype=float)
     B = np.array(case["B"], dtype=float)
     decimals = published_data()["printed_decimals"]
@@ -62,6 +60,4 @@ def _model(case: dict[str, Any]) -> PublishedModel:
     speed_row, pitch_column = (LINEAR_STATES.index(name) for name in ("speed", "pitch"))
     # This entry, -g, is printed with fewer decimals.
     half_unit_A[speed_row, pitch_column] = 0.5 * 10.0 ** -decimals["A[speed][pitch]"]
-    for array in (A, B, half_unit_A, half_unit_B):
-        array.setflags(write=False)
     return PublishedModel(float(np.radians(case["dihedral_deg"])), A, B, half_unit_A, half_unit_B)

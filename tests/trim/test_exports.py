@@ -24,7 +24,6 @@ EXPORTS = {
     "sweep to pandas": lambda point: hfa.sweep(point.model, dihedral=[0.1, 0.2]).to_pandas(),
     "sweep to xarray": lambda point: hfa.sweep(point.model, dihedral=[0.1, 0.2]).to_xarray(),
     "point to pandas": lambda point: point.to_pandas(),
-    "point to xarray": lambda point: point.to_xarray(),
     "modes to pandas": lambda point: point.modes.to_pandas(),
     "flight to pandas": lambda point: hfa.fly(point.model, point, None, duration=0.01).to_pandas(),
     "a sheet by reportlab": lambda point: point.save("sheet.pdf"),

@@ -405,10 +405,9 @@ def exact_cell(value: float, unit: str) -> float | str:
     shown = float(shown_values(value, unit)) + 0.0  # 0 in place of -0
     if not unit.startswith("rad"):
         return shown
-    # of the conversion and the doubles next to it, the shortest that is read as the value
-    beside = (math.nextafter(shown, end) for end in (math.inf, -math.inf))
-    same = [near for near in (shown, *beside) if math.radians(near) == value]
-    return min(same, key=lambda near: len(repr(near)), default=f"{value!r} {unit}")
+    # of the conversion and the doubles next to it, the first that is read as the value
+    near = (shown, *(math.nextafter(shown, end) for end in (math.inf, -math.inf)))
+    return next((each for each in near if math.radians(each) == value), f"{value!r} {unit}")
 
 
 #: Entries of a condition file, with their types.

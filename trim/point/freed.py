@@ -33,7 +33,6 @@ def with_parameters_as_inputs(model: Model, names: tuple[str, ...]) -> Model:
         starts = {name: model.parameters[name].start for name in names}
         return model.trimming.initial({**starts, **imposed})
 
-    computed = None if model.trimming.begin is None else begin
     # the original value of each changed parameter, without those that are inputs now
     declared = {name: value for name, value in model.source.declared.items() if name not in names}
     return replace(
@@ -41,7 +40,7 @@ def with_parameters_as_inputs(model: Model, names: tuple[str, ...]) -> Model:
         inputs={**model.inputs, **{name: model.parameters[name] for name in names}},
         parameters={name: signal for name, signal in model.parameters.items() if name not in names},
         equations=equations,
-        trimming=replace(model.trimming, begin=computed),
+        trimming=replace(model.trimming, begin=begin),
         source=replace(model.source, declared=declared),
     )
 

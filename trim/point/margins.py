@@ -134,12 +134,6 @@ def all_margins(
     ends = zip(named_limits.lowest.tolist(), named_limits.highest.tolist(), strict=True)
     limits = dict(zip(named_limits.names, ends, strict=True))
     assumed = dict(zip(named_limits.names, named_limits.assumed.tolist(), strict=True))
-    for state, output in model.replaced.items():
-        declared = limits[output]
-        lowest, highest = _limits_by_state(model, x, u, state, output, limits[state])
-        limits[output] = max(declared[0], lowest), min(declared[1], highest)
-        if limits[output] != declared:
-            assumed[output] = assumed[state]
 
     margins = {}
     for name, (lowest, highest) in limits.items():
@@ -147,21 +141,6 @@ def all_margins(
         about = (lowest, highest, signal.unit, signal.nominal, assumed[name])
         margins[name] = Margin(name, values[name], role, *about)
     return margins
-
-
-def _limits_by_state(
-    model: Model, x: Any, u: Any, state: str, output: str, limits: tuple[float, float]
-) -> tuple[float, float]:
-    """Return the limits of an output that follow from those of the state it replaces."""
-    # The output, such as gamma = pitch - alpha for the pitch, is affine in the state:
-    # y(limit) = y(trim) + slope (limit - value of the state at the trim).
-    value = getattr(x, state)
-    step = model.states[state].nominal
-    moved = x._replace(**{state: value + step})
-    y = model.outputs_at(x, u, [output])[output]
-    slope = (model.outputs_at(moved, u, [output])[output] - y) / step
-    lowest, highest = sorted(y + slope * (limit - value) for limit in limits)
-    return lowest, highest
 
 
 #: Outputs whose product is the largest lift, of a model that declares them.

@@ -18,12 +18,10 @@ from hfa_support.files import NUMBER, checked, read_json, write_text
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Record, Result, json_text
 from hfa_support.reporting.text import in_degrees
-from hfa_support.units import conversion_factor, si_unit
+from hfa_support.units import conversion_factor
 from trim.point.status import Status
 
 if TYPE_CHECKING:
-    import xarray
-
     from hfa_support.reporting.rows import ByName, Sheet
     from trim import LinearModel, Mode
     from trim.point.margins import Margin
@@ -344,16 +342,6 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
 
         return trim.linearize(self.model, self, **options)
 
-    def to_xarray(self) -> xarray.Dataset:
-        """Return each state, input and output with its unit. Requires xarray."""
-        from trim.tables import dataset
-
-        values = {
-            name: ((), value, {"units": self.model.unit(name)})
-            for name, value in dict(self).items()
-        }
-        return dataset(values, {}, self.model.title)
-
     def save(self, path: str | Path, document: str = "") -> None:
         """Write the point as .json, from which `load` restores the exact numbers, or its sheet.
 
@@ -397,10 +385,7 @@ class OperatingPoint(StatesAndInputs, Result, Reported):
             unit = model.unit(name)
             factor = conversion_factor(units.get(name, unit), unit)
             if factor is None:
-                known = dict.fromkeys((unit, si_unit(unit)))
-                raise BadInputError(
-                    f"{path}: {name} is in {shortened(units[name])}; use {' or '.join(known)}"
-                )
+                raise BadInputError(f"{path}: {name} is in {shortened(units[name])}; use {unit}")
             values[name] = value * factor
         return _point_at(model, values, stored["residuals"], Status(stored["status"]))
 

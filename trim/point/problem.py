@@ -125,23 +125,23 @@ class TrimProblem:
             raise BadInputError(
                 "this point is not an equilibrium, and no variable is free; free a variable"
             )
-        rows = self.system.equations.rows
-        for index in range(self.system.affected_count, len(rows)):  # that no unknown affects
-            if not rows[index].is_rate:
-                self._refuse_unaffected_output(index)
+        self._refuse_unaffected_outputs()
 
-    def _refuse_unaffected_output(self, index: int) -> None:
+    def _refuse_unaffected_outputs(self) -> None:
         """Raise BadInputError if an imposed output, which no unknown affects, has another value."""
-        model, row = self.model, self.system.equations.rows[index]
-        residual = self.at(self.system.start).residual[index]
-        if abs(residual) <= BALANCE:
-            return
-        imposed = self.condition.imposed[row.name]
-        actual = model.describe(row.name, imposed + residual * row.scale)
-        raise BadInputError(
-            f"{row.name} is {model.describe(row.name, imposed)}, but no free variable changes "
-            f"it from {actual}; free what it depends on, or remove this value"
-        )
+        describe = self.model.describe
+        for place, row in enumerate(self.system.equations.rows):
+            if row.is_rate or place < self.count[0]:
+                continue
+            residual = self.at(self.system.start).residual[place]
+            if abs(residual) <= BALANCE:
+                continue
+            imposed = self.condition.imposed[row.name]
+            actual = describe(row.name, imposed + residual * row.scale)
+            raise BadInputError(
+                f"{row.name} is {describe(row.name, imposed)}, but no free variable changes "
+                f"it from {actual}; free what it depends on, or remove this value"
+            )
 
     def keeping(self, kept: tuple[str, ...]) -> TrimProblem:
         """Return the problem in which some states are imposed at their start values."""

@@ -132,13 +132,13 @@ class _Search:
         if not (speed and self.throttles):
             return
         ends = []
-        for share, end, what in ((1.0, "full throttle", "small"), (0.0, "idle", "large")):
+        sides = ((1.0, -1.0, "full throttle", "small"), (0.0, 1.0, "idle", "large"))
+        for share, sign, end, what in sides:
             held = self.throttle(share)
             at = self.released(held, speed)
             if at is None:
                 return
-            excess = at.rests[speed] if share == 0.0 else -at.rests[speed]
-            if excess > _LEAST_REPORTED * self.rows[speed].scale:
+            if sign * at.rests[speed] > _LEAST_REPORTED * self.rows[speed].scale:
                 size = f"{self._force(at, speed)} too {what}{self._thrust(at)}"
                 yield _Reason(f"at {end} the thrust is {size}", at, held)
                 return

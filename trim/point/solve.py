@@ -15,7 +15,7 @@ import numpy as np
 
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
-from hfa_support.reporting.results import Result, without_empty
+from hfa_support.reporting.results import Result
 from trim.point import searches
 from trim.point.condition import (
     OTHER_UNITS,
@@ -46,7 +46,7 @@ def failure(problem: TrimProblem, nearest: np.ndarray) -> str:
     nearest: the best scaled unknowns found, (k,), possibly beyond their limits
     """
     z = problem.clip(nearest)
-    imbalances = _imbalances(problem, z)
+    imbalances = _imbalances(OperatingPoint._of(problem, z, Status.FAILED))
     if not imbalances:
         broken = problem.system.watched.broken(problem.at(z).y)
         if not broken:
@@ -75,18 +75,14 @@ def _causes(problem: TrimProblem, nearest: np.ndarray) -> Iterator[str]:
         yield f"no effect of {' and '.join(idle)}; free another variable"
 
 
-def _imbalances(problem: TrimProblem, z: np.ndarray) -> list[str]:
+def _imbalances(point: OperatingPoint) -> list[str]:
     """Return texts such as "speed by -0.3 ft/s^2" on imbalances above `MINOR`, largest first."""
-    model, rows = problem.model, problem.system.equations.rows
-    residuals = problem.at(z).residual
-    sizes = np.abs(residuals)
-    least = max(BALANCE, MINOR * sizes.max())
+    sizes = {name: abs(residual) for name, residual in point.scaled_residuals.items()}
+    least = max(BALANCE, MINOR * point.residual)
     texts = []
-    for place in np.argsort(-sizes, kind="stable").tolist():
-        if sizes[place] > least:
-            row = rows[place]
-            unit = model.rate_unit(row.name) if row.is_rate else model.unit(row.name)
-            text = f"{row.name} by {residuals[place] * row.scale:.3g} {unit}"
+    for name in sorted(sizes, key=lambda name: -sizes[name]):
+        if sizes[name] > least:
+            text = f"{name} by {point.residuals[name]:.3g} {point.equation_unit(name)}"
             texts.append(text.removesuffix(" 1"))  # without a unit
     return texts
 
@@ -357,7 +353,7 @@ class CommandedTrim(Result):
     beyond: free variable outside its limits -> the limit that it exceeds
     model: model of the aircraft
     reason: why no values were found, or ""
-    unheld: commanded state that is no variable of a trim, or ""
+    unheld: commanded state that is no variable of a trim, or None
     """
 
     command: Mapping[str, float]
@@ -365,7 +361,7 @@ class CommandedTrim(Result):
     beyond: Mapping[str, float]
     model: Model
     reason: str = ""
-    unheld: str = ""
+    unheld: str | None = None
 
     @property
     def is_reachable(self) -> bool | None:
@@ -383,12 +379,7 @@ class CommandedTrim(Result):
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
-        return {
-            "command": self.command,
-            "needed": self.needed,
-            "beyond": self.beyond,
-            "reason": self.reason,
-        } | without_empty(unheld=self.unheld or None)
+        return {name: value for name, value in super()._entries().items() if name != "model"}
 
 
 def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> CommandedTrim:

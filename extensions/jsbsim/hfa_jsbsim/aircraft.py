@@ -631,7 +631,7 @@ class Equations:
         """
         properties = self.properties
         presents = [*properties.presents()]
-        used = self.used_symbols()
+        used = self.used_symbols() if presents else set()
         for symbol, present, writer in presents:
             if present.is_constant() and key_of(symbol) in used:
                 kept = f"{shortened(writer.name)} ({float(present):g})"
@@ -641,7 +641,7 @@ class Equations:
         self._substitute(dict.fromkeys(self._idle, 0.0))
         self._freeze()
         faults = []
-        used = self.used_symbols()
+        used = self.used_symbols() if properties.unknowns else set()
         for unknown in properties.unknowns:
             if key_of(unknown.symbol) not in used:
                 continue

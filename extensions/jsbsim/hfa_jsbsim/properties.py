@@ -120,6 +120,7 @@ class Writer:
     present: that value in a steady flight, if it is known, or None.
     name: the property, for messages.
     is_on: function without arguments that returns whether the element is executed; None for always.
+    readers: writers whose values depend on this one.
     """
 
     compute: Callable[[], Any]
@@ -132,6 +133,7 @@ class Writer:
     present: ca.SX | None = None
     name: str = ""
     is_on: Callable[[], Any] | None = None
+    readers: set[Writer] = field(default_factory=set)
 
 
 class Unknown(NamedTuple):
@@ -325,7 +327,7 @@ class Properties:
     def loop_in(self, value: Any) -> LoopError | None:
         """Return the error of a loop on which a value depends, or None."""
         loops = self._loops
-        if loops.keys().isdisjoint(symbols_of(value)):
+        if not loops or loops.keys().isdisjoint(symbols_of(value)):
             return None
         inside = symbols_of(self.in_files(value))
         errors: Iterator[Any] = (loop.error for key, loop in loops.items() if key in inside)
@@ -401,22 +403,22 @@ class Properties:
         self.left_out.pop(_key(component, is_always=False), None)
 
     def replace(self, values: Mapping[str, Any]) -> None:
-        """Set properties to values and remove their writers. Values in loops are forgotten."""
+        """Set properties to values and remove their writers. What depends on them is forgotten."""
         for name, value in values.items():
-            self.writers[canonical(name)] = []
+            before = self.writers.pop(canonical(name), [])
             self.define(name, value)
-        loops = self._loops.keys()
-        for writers in self.writers.values():
-            for writer in writers:
-                if writer.value is None or isinstance(writer.value, float | int):
-                    continue
-                # The effect of an engine, which is no expression, is forgotten in any case.
-                is_expression = isinstance(writer.value, ca.SX)
-                if not is_expression or (loops and loops & symbols_of(writer.value)):
-                    writer.value = writer.present = None
-                    if writer.component is not None:  # noted when it is read again
-                        for is_always in (False, True):
-                            self.left_out.pop(_key(writer.component, is_always), None)
+            for writer in before:
+                self._forget(writer)
+
+    def _forget(self, writer: Writer) -> None:
+        """Forget the value of a writer, and all that depend on it."""
+        writer.value = writer.present = None
+        if writer.component is not None:  # noted when it is read again
+            for is_always in (False, True):
+                self.left_out.pop(_key(writer.component, is_always), None)
+        readers, writer.readers = writer.readers, set()
+        for reader in readers:
+            self._forget(reader)
 
     def writer(self, name: str) -> Writer | None:
         """Return the last writer that was added for a property, or None if it has none."""
@@ -482,6 +484,7 @@ class Properties:
 
         Raises BadInputError if functions are nested too deeply.
         """
+        writer.readers.update(self._running[-1:])
         if writer in self._running:
             if writer.past is not None:
                 return writer.past.symbol

@@ -67,20 +67,3 @@ def test_a_limit_is_exceeded_by_rounding_only(side):
     assert trim_at(side * (40.0 + 0.9 * slack), -40.0, 40.0).ok
     with pytest.raises(NoSolutionError, match="u at m"):
         trim_at(side * (40.0 + 1.1 * slack), -40.0, 40.0)
-
-
-def test_an_output_is_limited_by_itself_and_by_the_state_it_replaces():
-    """y = 2 x has the lower limit 2 (-1) of x, above its own -3, and its own upper limit 5, below
-    that of x, 2 (4).
-    """
-    model = Model(
-        "lever",
-        {"x": Signal("m", min=-1.0, max=4.0)},
-        {"u": Signal("m")},
-        lambda x, u, p, w: ({"x": u.u - x.x}, {"y": 2.0 * x.x}),
-        outputs={"y": Signal("m", min=-3.0, max=5.0)},
-        replaced={"x": "y"},
-        trim={"y": 1.0},
-    )
-    margin = trim(model).margins["y"]
-    assert (margin.lowest, margin.highest) == pytest.approx((-2.0, 5.0))
