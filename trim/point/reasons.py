@@ -1,4 +1,4 @@
-"""Why a condition has no trim: in turn, the speed, the lift and a moment are released, and what is
+"""Why a condition has no trim: in turn, the speed, a moment and the lift are released, and what is
 to balance them is followed over its range, with all other equations balanced by Newton's method.
 """
 
@@ -7,7 +7,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from itertools import chain, product
+from itertools import chain
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -46,7 +46,7 @@ def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimE
     """
     posed = TrimProblem(model, condition)  # with a speed in place of an airspeed
     search = _Search(posed, error.attempt)
-    reasons = (search.of_thrust, search.of_lift, search.of_controls, search.of_rest)
+    reasons = (search.of_thrust, search.of_controls, search.of_lift, search.of_rest)
     for text, at, saturated in chain.from_iterable(reason() for reason in reasons):
         if at and not error.required:
             attempt = OperatingPoint._of(posed, at.z, Status.FAILED)
@@ -198,24 +198,28 @@ class _Search:
             yield from _Search(freed, self.attempt).of_lift()
             return
         unit = conversion_factor("deg", self.model.unit(alpha)) or 1.0
-        shares = (0.5, 0.0, 1.0) if self.throttles else (0.0,)
-        tried: dict[float, list[_Balance]] = {share: [] for share in shares}
-        for angle, share in product((_ANGLES_OF_ATTACK * unit).tolist(), shares):
-            held = {alpha: angle, **self.throttle(share)}
-            if at := self.released(held, alpha, speed, "load_factor"):
-                tried[share].append(at)
-                if self._lack(at) <= 0.0:
-                    return
-        if not all(tried.values()):
-            return
-        best = max(chain(*tried.values()), key=lambda at: at.values.get("lift", -self._lack(at)))
+        tried: list[_Balance] = []
+        for share in (0.5, 0.0, 1.0) if self.throttles else (0.0,):
+            held = ({alpha: angle, **self.throttle(share)} for angle in _ANGLES_OF_ATTACK * unit)
+            found = [self.released(each, alpha, speed, "load_factor") for each in held]
+            balances = [at for at in found if at]
+            if not balances or min(map(self._lack, balances)) <= 0.0:
+                return
+            tried += balances
+        best = max(tried, key=lambda at: at.values.get("lift", -self._lack(at)))
         values, size = best.values, "too small"
         if {"lift", "weight"} <= values.keys():
             size = f"{100.0 * values['lift'] / values['weight']:.0f} % of the weight"
         at_alpha = f"at {alpha} {self.model.describe(alpha, values[alpha])}"
-        needed = self.posed.condition.imposed.get("load_factor", 1.0)
-        more = f"; {100.0 * needed:.0f} % is needed" if needed != 1.0 else ""
+        needed = self.posed.condition.imposed.get("load_factor", 1.0 / np.cos(self.bank(best)))
+        more = f"; {100.0 * needed:.0f} % is needed" if abs(needed - 1.0) > 1e-3 else ""
         yield _Reason(f"with balanced moments the greatest lift is {size}, {at_alpha}{more}", best)
+
+    def bank(self, at: _Balance) -> float:
+        """Return the angle of bank in rad, 0 for a model without one."""
+        name = recognized(self.model.states).get("phi", "")
+        factor = conversion_factor(self.model.unit(name), "rad") if name else None
+        return at.values[name] * factor if factor else 0.0
 
     def _lack(self, at: _Balance) -> float:
         """Return a measure of the lift that is missing, which increases alpha."""

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 
 from hfa_jsbsim.aircraft import Equations
-from hfa_jsbsim.catalog import access, of_component, without_numbers
+from hfa_jsbsim.catalog import of_component, without_numbers
 from hfa_jsbsim.parts import Parts
 from hfa_jsbsim.properties import MOTION, SETTING, Note
 from hfa_jsbsim.xml_file import Element
@@ -75,7 +75,7 @@ def notes_on_omitted(parts: Parts, equations: Equations) -> list[Note]:
 
     Raises BadInputError, with file and line, for a property that affects the forces.
     """
-    notes = [*_notes_on_writers(parts, equations), *_notes_on_constants(equations)]
+    notes = [*_notes_on_writers(equations), *_notes_on_constants(equations)]
     if any(file.feeds and file.kind != "electric_engine" for file in parts.engines):
         notes.append(Note(_NO_BURN, rank=MOTION))
     for component, what, is_always in equations.properties.left_out.values():
@@ -109,16 +109,16 @@ def refuse_unsupported(element: Element) -> None:
             raise child.error(f"{fault} and is not supported; remove this element")
 
 
-def _notes_on_writers(parts: Parts, equations: Equations) -> Iterator[Note]:
+def _notes_on_writers(equations: Equations) -> Iterator[Note]:
     """Yield notes on commands of the pilot that the files set, too.
 
     Raises BadInputError if the files set a built-in JSBSim property that cannot be set.
     """
+    properties, faults = equations.properties, []
     for name, in_files in equations.set_in_files.items():
-        is_read, rights = name in equations.properties.names_read, access(name, parts.thrusters)
-        fault = ""
-        if rights == "R":  # without effect if it is not read
-            fault = "is a read-only JSBSim property" if is_read else ""
+        is_read, fault = name in properties.names_read, ""
+        if properties.is_read_only(name):
+            fault = "is a read-only JSBSim property"
         elif of_component(name):
             fault = "" if is_read else "is a failure or limit of a component, which cannot be set"
         # What this package reads nowhere, JSBSim reads in its own code.
@@ -127,10 +127,9 @@ def _notes_on_writers(parts: Parts, equations: Equations) -> Iterator[Note]:
         ):
             fault = "moves a force in JSBSim and cannot be set here"
         if fault:
-            raise BadInputError(
-                f"{in_files[-1].where}: {shortened(name)} {fault}; remove the element that sets "
-                "this property"
-            )
-        is_of_pilot = len(equations.properties.writers[name]) > len(in_files)
+            faults.append(f"{in_files[-1].where}: {shortened(name)} {fault}")
+        is_of_pilot = len(properties.writers[name]) > len(in_files)
         if "-cmd-norm" in name and is_of_pilot and is_read:
             yield Note(_SET_TWICE, shortened(name), in_files[-1].where, SETTING)
+    if faults:
+        raise BadInputError(f"{'; '.join(faults)}; remove what sets this")

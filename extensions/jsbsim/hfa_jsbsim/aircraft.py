@@ -113,7 +113,7 @@ class Equations:
         """
         self.parts = parts
         self.notes: list[Note] = []
-        self.properties = Properties(parts.choices.filters, self._is_native)
+        self.properties = Properties(parts.choices.filters, self._is_native, self._is_read_only)
         #: Property that the user made an input -> name of the input.
         self.chosen: dict[str, str] = {}
         self.starts: dict[str, float] = {}
@@ -405,6 +405,7 @@ class Equations:
 
     def _define_property(self, element: Element, overrides: bool) -> None:
         """Set the property of a <property> element."""
+        # - JSBSim ignores the value of a read-only property.
         # - A writable built-in property is set if the element has a value, with two exceptions.
         #   Pilot commands keep their symbols. A parameter keeps its symbol, and the value becomes
         #   its value at the start, except for the levers mixture and advance.
@@ -420,11 +421,7 @@ class Equations:
         ):
             self.properties.define_constant(full_name, value, element.where)
             return
-        if rights == "R":
-            raise element.error(
-                f"{shortened(element.text)} is a read-only JSBSim property; remove this <property>"
-            )
-        if rights and "value" in element.attributes:
+        if rights not in ("", "R") and "value" in element.attributes:
             own = self.properties.writer(element.text)  # of JSBSim itself, such as a lever's symbol
             symbol = own.compute() if own is not None and not own.is_of_file else None
             parameter = next((name for name, p in self.parameters.items() if p is symbol), "")
@@ -600,6 +597,10 @@ class Equations:
         is_zero_until_set = full_name.startswith(_ZERO_UNTIL_SET) and not of_component(full_name)
         return bool(access(full_name, self.parts.thrusters)) and not is_zero_until_set
 
+    def _is_read_only(self, full_name: str) -> bool:
+        """Return whether JSBSim ignores what components set a property to."""
+        return access(canonical(full_name), self.parts.thrusters) == "R"
+
     def _set_in_files(self) -> Iterator[tuple[str, list[Writer]]]:
         """Yield JSBSim's own properties, with the writers of the files that are ever executed."""
         properties = self.properties
@@ -611,7 +612,7 @@ class Equations:
                 if "/malfunction/" in name and writer.component is None:
                     continue  # JSBSim ignores the value of a <property>
                 on = 1.0 if writer.is_on is None else writer.is_on()
-                if of_component(name):  # 0: no failure
+                if of_component(name) or name == "propulsion/cutoff_cmd":  # 0: no failure
                     on = on * properties.value_of(writer, name, writer.where)
                 if not is_zero(properties.in_files(on)):
                     in_files.append(writer)

@@ -2,7 +2,8 @@
 
 `python -m hfa_jsbsim.catalog` of commit 3367509be wrote this file from the package jsbsim. It lists
 the properties of small test aircraft with engines of all kinds, whose files define no properties. A
-property of some engines has their kinds and thrusters after its access rights.
+property of some engines has their kinds and thrusters after its access rights. That the cut-off of
+all engines stops those with a turbine alone was found by flights of JSBSim.
 """
 
 from __future__ import annotations
@@ -43,11 +44,12 @@ def access(name: str, engines: Sequence[tuple[str, str]]) -> str:
         return "RW"
     # Such as "RW piston_engine propeller"; without kinds, all engines have the property.
     rights, *kinds = _properties().get(without_numbers(name), "").split() or [""]
-    engine = _OF_ENGINE.match(name)
-    if engine is None:
+    if engine := _OF_ENGINE.match(name):
+        number = int(engine[1] or 0)
+        engines = engines[number : number + 1]
+    elif not kinds:
         return rights
-    number = int(engine[1] or 0)
-    has_it = number < len(engines) and not (kinds and {*kinds}.isdisjoint(engines[number]))
+    has_it = any(not kinds or not {*kinds}.isdisjoint(each) for each in engines)
     return rights if has_it else ""
 
 

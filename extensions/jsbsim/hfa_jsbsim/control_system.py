@@ -149,6 +149,8 @@ def _add_component(component: Element, properties: Properties, order: int, execu
     compute = partial(_output, component, properties)
     writer = Writer(compute, component.where, order, component, is_of_file=True)
     for output_name in dict.fromkeys(names):
+        if properties.is_read_only(output_name):
+            continue
         own = _if_executed(writer, output_name, execute, properties) if execute else writer
         properties.add_writer(output_name, own)
 

@@ -206,12 +206,19 @@ class Properties:
     writers: writers of each property, in the order in which they were added.
     """
 
-    def __init__(self, has_filter_states: bool, is_native: Callable[[str], Any]) -> None:
+    def __init__(
+        self,
+        has_filter_states: bool,
+        is_native: Callable[[str], bool],
+        is_read_only: Callable[[str], bool],
+    ) -> None:
         """Begin without a property.
 
         is_native: function (name) -> whether JSBSim computes a property that no file sets
+        is_read_only: function (name) -> whether a component of a file cannot set a property
         """
         self.has_filter_states = has_filter_states
+        self.is_read_only = is_read_only
         self.commands = ca.SX()
         self._is_native = is_native
         self.unknowns: list[Unknown] = []
