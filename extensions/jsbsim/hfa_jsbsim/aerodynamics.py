@@ -263,17 +263,10 @@ class Reactions:
     def _magnitude(self, element: Element) -> Any:
         """Return the magnitude of a force, lb, or moment, ft lb, from its function or property."""
         function = element.find("function")
+        if function is not None:
+            return function_value(function, self._properties)
         name = f"{_prefix(element)}/{_magnitude_name(element)}"
-        if function is None:
-            return self._properties.read_or(name, 0.0, element.where)
-        value = function_value(function, self._properties)
-        if error := self._properties.loop_in(value):
-            statement = f"this external {element.name} is omitted"
-            name = shortened(element.attributes.get("name", ""))
-            note = Note(statement, f"{name} ({error.cause})", element.where)
-            self._properties.notes.append(note)
-            return 0.0
-        return value
+        return self._properties.read_or(name, 0.0, element.where)
 
     def _read(self, names: list[str], element: Element) -> ca.SX:
         """Return the values of properties as a column, by default their initial values."""

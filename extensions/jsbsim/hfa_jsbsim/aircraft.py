@@ -74,8 +74,6 @@ _COMMANDS = {
 _TURNED_BY = {"roll_rate": "aileron", "pitch_rate": "elevator", "yaw_rate": "rudder"}
 #: Name of a command, which programs around JSBSim set.
 _NAME_OF_COMMAND = re.compile("(cmd|command)[^/]*$")
-#: JSBSim's properties that are 0 until a file or a pilot sets them.
-_ZERO_UNTIL_SET = ("fcs/", "gear/tailhook", "gear/wing-fold")
 #: Times late in a flight, s, without a common period.
 _LATE = tuple(1e5 * math.sqrt(prime) for prime in (2, 3, 5, 7, 11))
 #: Most rates in a sentence.
@@ -113,7 +111,8 @@ class Equations:
         """
         self.parts = parts
         self.notes: list[Note] = []
-        self.properties = Properties(parts.choices.filters, self._is_native, self._is_read_only)
+        self._rights = partial(access, engines=parts.thrusters)
+        self.properties = Properties(parts.choices.filters, self._rights)
         #: Property that the user made an input -> name of the input.
         self.chosen: dict[str, str] = {}
         self.starts: dict[str, float] = {}
@@ -413,7 +412,7 @@ class Equations:
         #   the name of a command becomes a constant, which may be an input.
         value = element.as_number(element.attributes.get("value", "0"))
         full_name = canonical(element.text)
-        rights = access(full_name, self.parts.thrusters)
+        rights = self._rights(full_name)
         if full_name in self.chosen:
             self.starts.setdefault(self.chosen[full_name], value)
         elif _NAME_OF_COMMAND.search(full_name) and not (
@@ -592,20 +591,11 @@ class Equations:
             else:
                 self.parameters[name] = constant.symbol
 
-    def _is_native(self, full_name: str) -> bool:
-        """Return whether JSBSim computes a property that is not 0 until a file or pilot sets it."""
-        is_zero_until_set = full_name.startswith(_ZERO_UNTIL_SET) and not of_component(full_name)
-        return bool(access(full_name, self.parts.thrusters)) and not is_zero_until_set
-
-    def _is_read_only(self, full_name: str) -> bool:
-        """Return whether JSBSim ignores what components set a property to."""
-        return access(canonical(full_name), self.parts.thrusters) == "R"
-
     def _set_in_files(self) -> Iterator[tuple[str, list[Writer]]]:
         """Yield JSBSim's own properties, with the writers of the files that are ever executed."""
         properties = self.properties
         for name, writers in list(properties.writers.items()):
-            if not access(name, self.parts.thrusters):
+            if not self._rights(name):
                 continue
             in_files = []
             for writer in (each for each in writers if each.is_of_file):
@@ -642,7 +632,7 @@ class Equations:
         self._substitute(dict.fromkeys(self._idle, 0.0))
         self._freeze()
         faults = []
-        used = self.used_symbols() if properties.unknowns else set()
+        used = self.used_symbols()
         for unknown in properties.unknowns:
             if key_of(unknown.symbol) not in used:
                 continue

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 
 from hfa_aircraft.rigid.tables import Interpolator
+from hfa_jsbsim.catalog import of_component
 from hfa_jsbsim.xml_file import Element, number_of
 from hfa_support.errors import BadInputError, shortened
 
@@ -91,6 +92,8 @@ _ON_GROUND = re.compile(
     r"gear/unit(\[\d+\])?/"
     "(WOW|wheel-speed-fps|compression-ft|compression-velocity-fps|slip-angle-deg)"
 )
+#: JSBSim's properties that are 0 until a file or a pilot sets them.
+_ZERO_UNTIL_SET = ("fcs/", "gear/tailhook", "gear/wing-fold")
 
 
 class LoopError(BadInputError):
@@ -206,21 +209,14 @@ class Properties:
     writers: writers of each property, in the order in which they were added.
     """
 
-    def __init__(
-        self,
-        has_filter_states: bool,
-        is_native: Callable[[str], bool],
-        is_read_only: Callable[[str], bool],
-    ) -> None:
+    def __init__(self, has_filter_states: bool, rights: Callable[[str], str]) -> None:
         """Begin without a property.
 
-        is_native: function (name) -> whether JSBSim computes a property that no file sets
-        is_read_only: function (name) -> whether a component of a file cannot set a property
+        rights: function (name) -> access rights of a property of JSBSim itself, as `catalog.access`
         """
         self.has_filter_states = has_filter_states
-        self.is_read_only = is_read_only
+        self._rights = rights
         self.commands = ca.SX()
-        self._is_native = is_native
         self.unknowns: list[Unknown] = []
         self._looping: list[Writer] = []  # those that need their value of the past
         self.travels: list[tuple[Element, ca.SX]] = []
@@ -238,6 +234,15 @@ class Properties:
         # Place of the running writer in the order of evaluation: `read` prefers earlier writers.
         self._order = AFTER_ALL
         self._running: list[Writer] = []
+
+    def is_read_only(self, name: str) -> bool:
+        """Return whether JSBSim ignores to what components set a property."""
+        return self._rights(canonical(name)) == "R"
+
+    def _is_native(self, full_name: str) -> bool:
+        """Return whether JSBSim computes a property that is not 0 until a file or pilot sets it."""
+        is_zero_until_set = full_name.startswith(_ZERO_UNTIL_SET) and not of_component(full_name)
+        return bool(self._rights(full_name)) and not is_zero_until_set
 
     def define(self, name: str, value: Any) -> None:
         """Add a value of a property that components of the control system may override."""

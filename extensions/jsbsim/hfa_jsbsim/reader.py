@@ -147,8 +147,8 @@ class _Declaration:
             position = equations.properties.read(_POSITIONS[name], "")
             equations.outputs[name] = equations.resolved(position)
         for name, (first, second) in self._splits().items():
-            difference = equations.inputs[second].symbol - equations.inputs[first].symbol
-            equations.outputs[name] = difference
+            u = equations.inputs
+            equations.outputs[name] = u[second].symbol - u[first].symbol
 
     def model(self, source: Source, notes: list[Note]) -> Model:
         """Return the model of the aircraft."""
