@@ -280,12 +280,12 @@ class Tracking(Result, Reported):
         return f"no ({self._need_text(deciding_trim)})"
 
     def _need_text(self, deciding_trim: CommandedTrim) -> str:
-        """Return the variable farthest beyond its limit, "elevator_center needs -71 deg, limit -30
+        """Return the largest variable beyond its limit, "elevator_center needs -71 deg, limit -30
         deg and 1 more", or why there is no trim.
         """
         if deciding_trim.reason:
             return deciding_trim.reason.removeprefix("no trim: ")
-        name = max(deciding_trim.beyond, key=deciding_trim.excess)
+        name = next(iter(deciding_trim.beyond))
         describe = deciding_trim.model.describe
         more = f" and {len(deciding_trim.beyond) - 1} more" if len(deciding_trim.beyond) > 1 else ""
         return (

@@ -56,8 +56,7 @@ def with_found_parameters(
     fixed = model.with_parameters(**found)
     problem = None
     with suppress(BadInputError):  # a failed trim can have parameters that the model refuses
-        kept = () if point.found_by is None else point.found_by.kept
-        problem = TrimProblem(fixed, condition, point.values, kept)
+        problem = TrimProblem(fixed, condition, point.values, point.trim_problem.kept)
     inputs = record(tuple(model.inputs))(*(point[name] for name in model.inputs))
     found_point = replace(point, inputs=inputs, model=fixed, found_by=problem)
     # `_undetermined` is cached from the solved problem, in which the parameters were unknowns. It

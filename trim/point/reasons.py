@@ -8,7 +8,6 @@ import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from itertools import chain
-from types import MappingProxyType
 from typing import NamedTuple
 
 import casadi as ca
@@ -52,8 +51,7 @@ def explained(error: TrimError, model: Model, condition: TrimCondition) -> TrimE
             attempt = OperatingPoint._of(posed, at.z, Status.FAILED)
             error = TrimError(failure(posed, at.z), attempt)
         details = str(error).removeprefix("no trim: ")
-        message = f"no trim: {text} ({details})"
-        return TrimError(message, error.attempt, error.required, saturated)
+        return TrimError(f"no trim: {text} ({details})", error.attempt, error.required, saturated)
     return error
 
 
@@ -75,7 +73,7 @@ class _Reason(NamedTuple):
 
     text: str
     at: _Balance | None = None
-    saturated: Mapping[str, float] = MappingProxyType({})
+    saturated: Mapping[str, float] = {}
 
 
 class _Search:
@@ -149,8 +147,7 @@ class _Search:
         """Return the thrust and the power in brackets, "" without an output thrust."""
         if "thrust" not in at.values:
             return ""
-        powers = (power for name, power in at.values.items() if name[:-1] == "power")
-        hp = [power for power in powers if power > 0.0]
+        hp = [hp for name, hp in at.values.items() if name[:-1] == "power" and hp > 0.0]
         of = f" from {len(hp)} x {hp[0]:.0f} hp" if hp else ""
         return f" ({at.values['thrust']:.0f} {self.model.unit('thrust')}{of})"
 
@@ -185,8 +182,11 @@ class _Search:
         throttle = self.throttles[0]
         at = self.model.describe(throttle, before.values[throttle])
         jump = f"{self._force(before, speed)} too small to {self._force(after, speed)} too large"
-        text = f"no throttle balances the drag: at {throttle} {at} the thrust jumps from {jump}"
-        yield _Reason(text + self._thrust(before), before)
+        yield _Reason(
+            f"no throttle balances the drag: at {throttle} {at} the thrust jumps from {jump}"
+            f"{self._thrust(before)}",
+            before,
+        )
 
     def of_lift(self) -> Iterator[_Reason]:
         """Yield the greatest lift at an imposed airspeed if it is too small at all angles."""
@@ -253,13 +253,12 @@ class _Search:
                 nearest = ends[abs(high) < abs(low)]
                 if nearest and low * high > 0.0 and min(abs(low), abs(high)) > least:
                     rest = self.model.describe(f"{state}_dot", nearest.rests[state])
-                    saturated = {name: nearest.values[name]}
                     at = self.model.describe(name, nearest.values[name])
                     yield _Reason(
                         f"the {moment} moment is not balanced at either end of {name}: "
                         f"{rest} remain at {at}",
                         nearest,
-                        saturated,
+                        {name: nearest.values[name]},
                     )
 
     def of_rest(self) -> Iterator[_Reason]:

@@ -64,7 +64,7 @@ def _causes(problem: TrimProblem, nearest: np.ndarray) -> Iterator[str]:
     """Yield the active limits, and the free variables that are too few or without an effect."""
     balances_beyond_limits = problem.balanced(nearest)
     binding = binding_limits(problem, nearest)
-    yield f"active limits: {'; '.join(binding.values())}" if binding else "no limit is active"
+    yield f"active limits: {'; '.join(binding)}" if binding else "no limit is active"
     equations, unknowns = problem.count
     effects = problem.balanced_effects(problem.clip(nearest)).matrix
     without = np.flatnonzero(~np.any(effects, axis=0))
@@ -87,8 +87,8 @@ def _imbalances(point: OperatingPoint) -> list[str]:
     return texts
 
 
-def binding_limits(problem: TrimProblem, nearest: np.ndarray) -> dict[str, str]:
-    """Return a sentence for each free variable at a limit, name -> sentence.
+def binding_limits(problem: TrimProblem, nearest: np.ndarray) -> list[str]:
+    """Return a sentence for each free variable at a limit.
 
     If the equations balance only beyond this limit, the sentence contains the value that balance
     requires.
@@ -102,7 +102,7 @@ def binding_limits(problem: TrimProblem, nearest: np.ndarray) -> dict[str, str]:
     required = (nearest if problem.balanced(nearest) else z) * problem.system.scales
     at_lowest, at_highest = limits.at_limits(values)
     beyond = ~limits.within(required)
-    sentences = {}
+    sentences = []
     for i, name in enumerate(problem.free):
         if at_lowest[i]:
             sentence = f"{name} at minimum {describe(name, limits.lowest[i])}"
@@ -112,7 +112,7 @@ def binding_limits(problem: TrimProblem, nearest: np.ndarray) -> dict[str, str]:
             continue
         if beyond[i]:
             sentence += f", {describe(name, required[i])} required"
-        sentences[name] = sentence
+        sentences.append(sentence)
     return sentences
 
 
@@ -337,7 +337,7 @@ def _error_of(problem: TrimProblem, nearest: np.ndarray, others: int) -> TrimErr
     message = failure(problem, nearest)
     beyond_limits = ""  # `TrimError.required`
     if problem.balanced(nearest):
-        beyond_limits = "; ".join(binding_limits(problem, nearest).values())
+        beyond_limits = "; ".join(binding_limits(problem, nearest))
     if others:
         message += f"; {others} other initial points failed too"
     attempt = OperatingPoint._of(problem, problem.clip(nearest), Status.FAILED)
@@ -350,7 +350,8 @@ class CommandedTrim(Result):
 
     command: state -> commanded deviation from the trim
     needed: free variable -> value at which the equations balance; empty if none was found
-    beyond: free variable outside its limits -> the limit that it exceeds
+    beyond: free variable outside its limits -> the limit that it exceeds, the largest for its
+        nominal value first
     model: model of the aircraft
     reason: why no values were found, or ""
     unheld: commanded state that is no variable of a trim, or None
@@ -367,15 +368,6 @@ class CommandedTrim(Result):
     def is_reachable(self) -> bool | None:
         """Whether the aircraft has a trim at the command, within all limits; None if unknown."""
         return None if self.unheld else not (self.beyond or self.reason)
-
-    def excess(self, name: str) -> float:
-        """Return by how much a free variable exceeds its limit, relative to its range, or the
-        excess itself for a variable without two limits.
-        """
-        lowest, highest = self.model.limits[name]
-        span = highest - lowest
-        excess = abs(self.needed[name] - self.beyond[name])
-        return excess / span if math.isfinite(span) else excess
 
     def _entries(self) -> dict[str, Any]:
         """Return the entries of the file, name -> value."""
@@ -401,7 +393,10 @@ def commanded_trim(point: OperatingPoint, command: Mapping[str, float]) -> Comma
         return CommandedTrim(command, {}, {}, point.model, reason=str(error))
     needed = {name: found[name] for name in found.trim_problem.asked.free}
     beyond = {}
-    for name, value in needed.items():
+    for name in sorted(
+        needed, key=lambda name: -abs(needed[name]) / point.model.signal(name).nominal
+    ):
+        value = needed[name]
         lowest, highest = point.trim_problem.asked.limits_of(name)
         if not lowest <= value <= highest:
             beyond[name] = lowest if value < lowest else highest
