@@ -8,7 +8,7 @@ from .air.scenario import (
     Scenario as Scenario,
     Uncertainty as Uncertainty,
 )
-from .air.signals import CommandedStates as CommandedStates, CommandSteps as CommandSteps
+from .air.signals import CommandSteps as CommandSteps
 from .air.turbulence import (
     AirFilter as AirFilter,
     scales_and_intensities as scales_and_intensities,

@@ -72,10 +72,10 @@ _OF_FILES = ("basis", "network", "set")
 #: Kind of policy -> options that it does not use.
 _UNUSED: Mapping[str, tuple[str, ...]] = {
     NONE: (*_OF_THE_GAME, *_OF_FILES),
-    EXACT: _OF_FILES,
+    EXACT: ("command", *_OF_FILES),
     **dict.fromkeys(LAWS, ("command", "reference", *_OF_FILES)),
-    GAIN: ("delta", "Q", "network", "set"),
-    NETWORK: ("delta", "Q"),
+    GAIN: ("command", "delta", "Q", "network", "set"),
+    NETWORK: ("command", "delta", "Q"),
     TABLE: ("reference", "keep_inside", "filter", *_OF_THE_GAME, *_OF_FILES),
     DEPLOYMENT: ("command", "reference", *_OF_THE_GAME, *_OF_FILES),
 }

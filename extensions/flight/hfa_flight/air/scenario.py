@@ -134,12 +134,6 @@ class Scenario(Declared, Reported):
     delay: delay of every command, s, a whole number of ticks
     sample: interval of the noise, of turbulence and of a filter or function that acts as the
         policy, s, a whole number of ticks. Default: a tick
-    ticks: number of ticks of the flight
-    steps_per_tick: number of rows in a tick
-    interval: duration of a sample, s
-    ticks_per_sample: number of ticks in a sample
-    sample_count: number of samples of the flight
-    delayed_ticks: number of ticks by which every command is delayed
 
     Raises BadInputError if times are not multiples of each other or are too long, a factor is not
     positive, the delay or the sample is not a whole number of ticks, or there are both a gust and
@@ -166,26 +160,10 @@ class Scenario(Declared, Reported):
     air: Mapping[str, Waveform] = field(default_factory=dict)
     delay: float = 0.0
     sample: float | None = None
-    ticks: int = field(init=False, repr=False, default=0)
-    steps_per_tick: int = field(init=False, repr=False, default=0)
-    interval: float = field(init=False, repr=False, default=0.0)
-    ticks_per_sample: int = field(init=False, repr=False, default=0)
-    sample_count: int = field(init=False, repr=False, default=0)
-    delayed_ticks: int = field(init=False, repr=False, default=0)
 
     def __post_init__(self) -> None:
         """Raise BadInputError if times do not fit each other, or for an invalid factor or delay."""
-        interval = self.tick if self.sample is None else self.sample
-        object.__setattr__(self, "interval", interval)
         self._refuse_wrong_times()
-        for name, count in (
-            ("ticks", round(self.duration / self.tick)),
-            ("steps_per_tick", round(self.tick / self.step)),
-            ("ticks_per_sample", round(interval / self.tick)),
-            ("sample_count", step_count(self.duration, interval)),
-            ("delayed_ticks", in_samples(self.delay, self.tick).whole),
-        ):
-            object.__setattr__(self, name, count)
         for name, factor in self.errors.items():
             refuse_unless_positive(f"the factor on {name}", factor)
         if not isinstance(self.gust, Gust | None):
@@ -227,6 +205,36 @@ class Scenario(Declared, Reported):
                 raise BadInputError(
                     f"{name} is {time:g} s; give a multiple of the tick, {self.tick:g} s"
                 )
+
+    @property
+    def interval(self) -> float:
+        """Duration of a sample, s."""
+        return self.tick if self.sample is None else self.sample
+
+    @property
+    def ticks(self) -> int:
+        """Number of ticks of the flight."""
+        return round(self.duration / self.tick)
+
+    @property
+    def steps_per_tick(self) -> int:
+        """Number of rows in a tick."""
+        return round(self.tick / self.step)
+
+    @property
+    def ticks_per_sample(self) -> int:
+        """Number of ticks in a sample."""
+        return round(self.interval / self.tick)
+
+    @property
+    def sample_count(self) -> int:
+        """Number of samples of the flight."""
+        return step_count(self.duration, self.interval)
+
+    @property
+    def delayed_ticks(self) -> int:
+        """Number of ticks by which every command is delayed."""
+        return in_samples(self.delay, self.tick).whole
 
     @property
     def moving_air(self) -> bool:

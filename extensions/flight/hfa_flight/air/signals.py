@@ -13,7 +13,6 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError, refuse_unknown
 from hfa_support.reporting.report import Reported
-from hfa_support.reporting.results import Result
 
 #: Bandwidth, rad/s, and damping of the command filter, those of SimVFA (Thomsen 2018).
 BANDWIDTH, DAMPING = 0.5, 2.0
@@ -67,10 +66,6 @@ class CommandSteps(Reported):
         """Return r'(t), (k,), as a CasADi expression."""
         return self._summed(t, lambda late: _response(late).rate)
 
-    def end(self, t: Any) -> ca.SX:
-        """Return the unfiltered command r_step(t), (k,), as a CasADi expression."""
-        return self._summed(t, lambda late: late >= 0.0)
-
     def _summed(self, t: Any, response: Callable[[Any], Any]) -> ca.SX:
         """Return Σ_i (R_i - R_i-1) response(t - t_i), (k,)."""
         total = ca.SX.zeros(len(self.names))
@@ -96,51 +91,6 @@ def _response(late: Any) -> _Response:
     p, q = middle - apart, middle + apart
     slow, fast = ca.exp(-p * tau), ca.exp(-q * tau)
     return _Response(1.0 - (q * slow - p * fast) / (q - p), p * q * (slow - fast) / (q - p))
-
-
-@dataclass(frozen=True, eq=False)
-class CommandedStates(Result):
-    """Reference x_d(t), (k,), of a flight: steps of some states, not filtered, 0 for the others.
-
-    commands: command steps of some of the states
-    states: names of the k states of the linear model
-    """
-
-    commands: CommandSteps
-    states: tuple[str, ...]
-
-    @property
-    def size(self) -> int:
-        """Number of states."""
-        return len(self.states)
-
-    @property
-    def is_stepping(self) -> bool:
-        """True, because the reference is constant between the steps."""
-        return True
-
-    @property
-    def breaks(self) -> np.ndarray:
-        """Times of the steps, s."""
-        return self.commands.times
-
-    @property
-    def until(self) -> float:
-        """Time of the last step, s."""
-        return float(self.commands.times[-1]) if len(self.commands.times) else 0.0
-
-    def at(self, t: Any) -> ca.SX:
-        """Return the reference x_d(t), (k,), as a CasADi expression."""
-        commanded = dict(zip(self.commands.names, ca.vertsplit(self.commands.end(t)), strict=True))
-        return ca.vertcat(*(commanded.get(state, 0.0) for state in self.states))
-
-    def _entries(self) -> dict[str, Any]:
-        """Return the entries of the file, name -> value."""
-        return {
-            "names": self.commands.names,
-            "times": self.commands.times,
-            "values": self.commands.values,
-        }
 
 
 @dataclass(frozen=True, repr=False)

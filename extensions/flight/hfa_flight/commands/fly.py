@@ -31,7 +31,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.waveform import Waveform, stacked
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.scenario import Scenario, with_errors
-from hfa_flight.air.signals import CommandedStates, TimeVector
+from hfa_flight.air.signals import TimeVector
 from hfa_flight.air.turbulence import Turbulence
 from hfa_flight.needs import ALL, SHARE, needed_share
 from hfa_flight.options import (
@@ -57,7 +57,7 @@ from hfa_flight.policies.policy import GainPolicy, Policy, open_loop
 from hfa_flight.simulate.closed_loop import FlightLoop, NonlinearPlant
 from hfa_flight.simulate.envelope import flight_envelope
 from hfa_flight.simulate.flight import Flight, lengthened, simulated_loop
-from hfa_support.errors import BadInputError, refuse_unknown, warn
+from hfa_support.errors import BadInputError, warn
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Entries
 from hfa_support.reporting.text import Table, shown_unit, shown_value
@@ -156,8 +156,8 @@ class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
     )
     picture: Path | None = picture_option("the flight")
     command: Mapping[str, str] = option(
-        f"steps of a state, or with --policy {NONE} of an input: times, s, and deviations from the "
-        "trim",
+        f"steps of an input with --policy {NONE}, or of the scheduling variable of a gain table: "
+        "times, s, and deviations from the trim",
         _COMMAND,
         named=True,
     )
@@ -265,12 +265,12 @@ def _refuse_contradictions(request: FlyRequest, many: bool = False) -> None:
     beside = "cannot be combined with --{}; remove one of the two"
     if request.reference:
         require_policy(request, "--reference")
-        refuse(request, ("command", "keep_inside", "filter"), beside.format("reference"))
+        refuse(request, ("keep_inside", "filter"), beside.format("reference"))
     if not request.filter:
         refuse(request, ("rate", "filter_turbulence"), "applies only with --filter; add --filter")
     if request.filter:
         require_policy(request, "--filter")
-        refuse(request, ("command", "keep_inside"), beside.format("filter"))
+        refuse(request, ("keep_inside",), beside.format("filter"))
     if request.keep_inside:
         refuse(request, ("command",), beside.format("keep-inside"))
     is_random = request.turbulence is not None or bool(request.noise)
@@ -352,14 +352,11 @@ def _steering(
         game = noted_game(given_weights(request, model), linear, of_flights=True)
         settings = {"horizon": request.horizon, "margin": request.margin}
         return _Steering(policy_of_word(request.kind, game, point, limits, **settings))
-    # A constant gain follows a command as its reference, or a reference with feedforward.
-    reference = CommandedStates(command_steps(commands), model.linear) if commands else None
-    for name in commands:
-        refuse_unknown("a gain cannot follow a command of", name, model.linear)
+    # A constant gain follows a reference with feedforward.
     signals = each_of("--reference", model, request.reference, deviation_signal)
     policy = policy_of_options(request, linear)
     if not signals:
-        return _Steering(policy, reference)
+        return _Steering(policy)
     game = weighted_game(given_weights(request, model), linear).game
     tracking = tracking_of(linear, game, policy, signals, duration)
     policy = GainPolicy(policy.name, tracking.K, tracking.inputs)

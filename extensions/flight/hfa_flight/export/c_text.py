@@ -29,7 +29,7 @@ from hfa_flight.policies.filtered_policy import (
     before_command,
     command_of,
 )
-from hfa_flight.policies.policy import FunctionPolicy, GainPolicy, Policy
+from hfa_flight.policies.policy import GainPolicy, Policy
 from hfa_flight.policies.scheduled_gains import ScheduledGainPolicy
 from hfa_support.files import folder_written_whole, written_whole
 from hfa_support.native.c_code import c_function
@@ -242,17 +242,6 @@ _BODY_OF_GAIN = """    for (int i = 0; i < HFA_INPUTS; i++) {
         u[i] = hfa_u0[i];
         for (int j = 0; j < HFA_LINEAR_STATES; j++) u[i] -= hfa_K[i][j] * z[j];
     }"""
-#: With a gain table: K linear between breakpoints of the state at {place}, constant beyond.
-_BODY_OF_TABLE = """    const double eta = x[{place}];
-    int cell = 0;
-    while (cell < {last} && eta > breakpoint[cell + 1]) cell++;
-    double share = (eta - breakpoint[cell]) / (breakpoint[cell + 1] - breakpoint[cell]);
-    share = share < 0.0 ? 0.0 : share > 1.0 ? 1.0 : share;
-    for (int i = 0; i < HFA_INPUTS; i++) {{
-        u[i] = hfa_u0[i];
-        for (int j = 0; j < HFA_LINEAR_STATES; j++)
-            u[i] -= (gain[cell][i][j] + share * (gain[cell + 1][i][j] - gain[cell][i][j])) * z[j];
-    }}"""
 _BODY_OF_CALL = """    double v[HFA_INPUTS];
     policy(z, v);
     for (int i = 0; i < HFA_INPUTS; i++) u[i] = hfa_u0[i] + v[i];"""
@@ -264,14 +253,12 @@ class _PolicyInC(NamedTuple):
     K: gain at the trim, zero for a nonlinear policy
     formula: comment on the function hfa_policy
     body: body of this function
-    tables: declaration -> values of the constants that the body reads
     function: source of the function that the body calls, or ""
     """
 
     K: np.ndarray
     formula: str
     body: str
-    tables: dict[str, Any]
     function: str
 
 
@@ -320,7 +307,6 @@ def c_model_texts(
                     "const double hfa_A": linear.A,
                     "const double hfa_B": linear.B,
                     "const double hfa_K": in_c.K,
-                    **in_c.tables,
                     "const int hfa_linear_state": model.state_places(model.linear),
                     "const char *const hfa_state_name": [f'"{name}"' for name in states],
                     "const char *const hfa_state_unit": [f'"{unit}"' for unit in states.values()],
@@ -338,36 +324,25 @@ def c_model_texts(
 
 def _policy_in_c(linear: LinearModel, policy: Policy | None) -> _PolicyInC:
     """Return the source of a policy, or of u = u0 without one."""
-    no_gain = np.zeros(linear.B.T.shape)
-    formula_of_gain = "u = u0 - K z: the policy at x. Nothing is limited."
-    if isinstance(policy, FunctionPolicy):
-        formula = "u = u0 + v(z): the policy at x, within the control limits. K is zero."
-        z = ca.SX.sym("z", policy.function.numel_in(0))
-        v = ca.Function("policy", [z], [policy.expression(z)])
-        function = "\n" + c_function(v, "policy", ("z",), ("v",))
-        return _PolicyInC(no_gain, formula, _BODY_OF_CALL, tables={}, function=function)
+    K = np.zeros(linear.B.T.shape)
     if policy is None or isinstance(policy, GainPolicy):
-        K = no_gain if policy is None else policy.K
-        all_states = no_gain.copy()
-        all_states[:, : K.shape[1]] = K  # which may not see the positions of servos
-        return _PolicyInC(all_states, formula_of_gain, _BODY_OF_GAIN, tables={}, function="")
-    assert isinstance(policy, ScheduledGainPolicy)  # of a file without a sample time
-    model, schedule = linear.point.model, policy.schedule
-    K = schedule.table.at(linear.point.values[model.schedule])
-    if len(schedule.breakpoints) == 1:
-        return _PolicyInC(K, formula_of_gain, _BODY_OF_GAIN, tables={}, function="")
-    formula = (
-        f"u = u0 - K({model.schedule}) z: the policy at x, K linear between breakpoints "
-        "and constant\n   beyond; hfa_K is K at x0. Nothing is limited."
-    )
-    place = model.state_places((model.schedule,))[0]
-    # `last` is the number of the last cell between two breakpoints.
-    body = _BODY_OF_TABLE.format(place=place, last=len(schedule.breakpoints) - 2)
-    tables = {
-        "static const double breakpoint": schedule.breakpoints,
-        "static const double gain": schedule.gains,
-    }
-    return _PolicyInC(K, formula, body, tables, function="")
+        if policy is not None:
+            K[:, : policy.K.shape[1]] = policy.K  # which may not see the positions of servos
+        formula = "u = u0 - K z: the policy at x. Nothing is limited."
+        return _PolicyInC(K, formula, _BODY_OF_GAIN, function="")
+    formula = "u = u0 + v(z): the policy at x, within the control limits. K is zero."
+    if isinstance(policy, ScheduledGainPolicy):  # of a file without a sample time
+        model, table = linear.point.model, policy.schedule.table
+        K = table.at(linear.point.values[model.schedule])
+        formula = (
+            f"u = u0 - K({model.schedule}) z: the policy at x, K linear between breakpoints "
+            "and constant\n   beyond; hfa_K is K at x0. Nothing is limited."
+        )
+    z = ca.SX.sym("z", len(linear.states))
+    command = command_of(policy, ca.SX(0.0), z, ca.DM(policy.held_inputs(0, 0.0)))
+    v = ca.Function("policy", [z], [ca.densify(command)])
+    source = c_function(v, "policy", ("z",), ("v",))
+    return _PolicyInC(K, formula, _BODY_OF_CALL, function=f"\n{source}")
 
 
 def _parameters(model: Model) -> str:

@@ -23,7 +23,6 @@ from hfa_flight.air.held_step import slices_of
 from hfa_flight.air.scenario import Scenario
 from hfa_flight.air.sensors import measured, names_with_errors, values_in_air
 from hfa_flight.policies.policy import (
-    SAME_TIME,
     GainPolicy,
     Measurements,
     OpenLoop,
@@ -157,7 +156,6 @@ class HeldParts(NamedTuple):
     policy: inputs that the policy holds, such as a gain
     noise: (k,), errors of the sensors `Scenario.sensors`
     gust: held inputs of the gust (`Gust.held_inputs`)
-    begin: (1,), time from which these inputs are held, s, if commands step during the flight
     delay: (2 + 2 m,), times between which the delayed commands are interpolated, and the commands
       at these times
     """
@@ -166,7 +164,6 @@ class HeldParts(NamedTuple):
     policy: Any
     noise: Any
     gust: Any
-    begin: Any
     delay: Any
 
 
@@ -247,7 +244,6 @@ class FlightLoop:
             policy=self.policy.held.shape[1],
             noise=0 if scenario.samples is None else len(self._sensed),
             gust=0 if scenario.gust is None else scenario.gust.held_inputs(0).size,
-            begin=1 if self.breaks.size else 0,
             # Two times, and the commands of all inputs at both.
             delay=2 + 2 * len(model.inputs) if scenario.delayed_ticks else 0,
         )
@@ -267,7 +263,7 @@ class FlightLoop:
         winds = {} if scenario.gust is None else scenario.gust.winds(t, inputs.gust)
         for name, waveform in scenario.air.items():
             winds[name] = winds.get(name, 0.0) + waveform.at(t)
-        reference = self._reference(t, inputs)
+        reference = self._reference(t)
 
         # The states with the errors of their sensors, and the command that follows from them.
         states = x[rows]
@@ -332,14 +328,11 @@ class FlightLoop:
         """Time at which the last signal, gust, noise or step ends, s, or inf if one never ends."""
         return max([self.scenario.driven_until, *self.breaks.tolist()])
 
-    def _reference(self, t: ca.SX, inputs: HeldParts) -> Any:
+    def _reference(self, t: ca.SX) -> Any:
         """Return the reference x_d(t) of the states of the linear model, (k,)."""
-        # A reference that steps keeps the value that it has at the beginning of the held inputs.
         reference = self.scenario.reference
-        if reference is None:
-            return ca.SX.zeros(len(self.plant.point.model.linear))
-        is_held = getattr(reference, "is_stepping", False) and inputs.begin.numel()
-        return reference.at(inputs.begin if is_held else t)
+        count = len(self.plant.point.model.linear)
+        return ca.SX.zeros(count) if reference is None else reference.at(t)
 
     def start(self) -> np.ndarray:
         """Return y at time 0: the initial condition of the scenario, and the cost."""
@@ -357,7 +350,6 @@ class FlightLoop:
         scenario = self.scenario
         time = tick * scenario.tick if time is None else time
         held.policy[:] = self.policy.held_inputs(tick, time)
-        held.begin[:] = time + SAME_TIME  # so that a step at this time has happened
         sample = tick // scenario.ticks_per_sample
         if scenario.samples is not None:
             held.noise[:] = scenario.samples[sample]

@@ -3,7 +3,6 @@
 import base64
 import io
 import json
-import math
 import pickle
 import shutil
 import zipfile
@@ -71,7 +70,6 @@ def message_of(folder, text):
         ('file = "ppo_gtm.zip"', 'file = "ppo_gtm.py"', "give a file with the suffix .onnx"),
         ("speed = {scale = 20.0}", "speed = {scale = 0}", "observation.speed.scale is 0"),
         ("speed = {scale = 20.0}", 'speed = {about = "start"}', 'give "trim" or a number'),
-        ("box = [-1, 1], map = \"trim + 14", "box = [-2, 1], map = \"trim + 14", "but the policy contains"),
         ("box = [-1, 1], map = \"trim + 14", "box = [1, -1], map = \"trim + 14", "[lowest, highest]"),
         ('normalizer = "ppo_gtm.pkl"', 'activation = "relu"', "contains 'tanh'; remove activation"),
         ('normalizer = "ppo_gtm.pkl"', 'normalizer = "ppo_c172.pkl"', "normalizes 8 observations"),
@@ -230,10 +228,6 @@ NORMALIZED = {"mean": [0.0] * 4, "variance": [1.0] * 4}
         ({"file": ca.Function("f", [ca.SX.sym("o", 3)], [ca.SX.zeros(2)])}, "requires 3 observa"),
         ({"file": ca.Function("f", [ca.SX.sym("o", 4)], [ca.SX.zeros(3)])}, "returns 3 actions"),
         ({"file": ca.Function("f", [o := ca.SX.sym("o", 4)], [ca.log(o[:2] - 1.0)])}, "not finite"),
-        (
-            {"normalizer": NORMALIZED | {"variance": [1.0, 1.0, math.inf, 1.0]}},
-            "variance[2] is inf",
-        ),
         (
             {"normalizer": NORMALIZED | {"variance": [0.0] * 4, "epsilon": 0.0}},
             "plus epsilon is po",

@@ -17,7 +17,7 @@ from nominal import nominal_game
 from project import ROOT
 
 import hfa
-from hfa_flight import GainSchedule, Scenario, Waveform
+from hfa_flight import GainSchedule, Scenario, Waveform, declared_sensors
 from hfa_model import LINEAR_STATES, STATES, Input, Parameters, State
 
 pytestmark = needs_gcc
@@ -196,21 +196,25 @@ def test_an_fmu_behind_a_filter_simulates_the_flight(folder):
     assert np.ptp(known[:, 1]) > 1e-2
 
 
+def compiled_filter(folder):
+    """Compile the filter in C; return the text of its header, and what that says of the memory."""
+    compiled(folder / "c", "-O0", "-shared", "-fPIC", "hfa_filter.c", "-o", "library.so")
+    header = Path("c/hfa_filter.h").read_text("utf-8")
+    words = ("MEMORY", "KNOWN")
+    return header, *(int(re.search(rf"FILTER_{word} (\d+)", header)[1]) for word in words)
+
+
 def test_an_exported_filter_equals_the_policy_behind_it(folder):
     """The C code gives the commands of the policy, to rounding, over 120 samples with random, impossible,
     missing and frozen values. It is switched on in flight, where the states are not known, and from
     sample 100 on flies from known states: its memory is 0 but for the entry KNOWN of the header, 1.
     """
     exported(*FILTER, "-o", "c")
-    compiled(folder / "c", "-O0", "-shared", "-fPIC", "hfa_filter.c", "-o", "library.so")
+    _, size, known = compiled_filter(folder)
     linear = model_at(10.0, "published")
     policy = hfa.filter(linear, NOISE, "moderate:40000").policy(exact_gain(10.0))
     last = trim = np.array([linear.point[name] for name in policy.filter.sensors])
     random = np.random.default_rng(1)
-    header = Path("c/hfa_filter.h").read_text("utf-8")
-    size, known = (
-        int(re.search(rf"FILTER_{word} (\d+)", header)[1]) for word in ("MEMORY", "KNOWN")
-    )
     memory, u = np.zeros(size), np.zeros(5)
     for number in range(120):
         y = trim + innovations_of(policy.filter) * random.uniform(-1.0, 1.0, 4)
@@ -233,14 +237,6 @@ def test_an_exported_filter_equals_the_policy_behind_it(folder):
     assert policy.unused > 0
 
 
-#: Sensors of a pitot tube and a vane, with biases of these two.
-IN_THE_AIR = {
-    "airspeed": hfa.Sensor(0.3, 2.0),
-    "angle_of_attack": hfa.Sensor(0.003, 0.017),
-    **{name: NOISE[name] for name in ("pitch", "pitch_rate", "dihedral")},
-}
-
-
 @pytest.mark.slow
 def test_an_exported_filter_with_servos_and_a_delay_equals_its_policy_and_flies(folder):
     """The C code of a filter with sensors in the air, biases, servos of 20 ms and commands that act 10 ms
@@ -253,37 +249,23 @@ def test_an_exported_filter_with_servos_and_a_delay_equals_its_policy_and_flies(
     sizes = {**dict.fromkeys(linear.states[:6], 0.1), "speed": 20.0, "pitch_rate": 0.05}
     sizes |= {**dict.fromkeys(linear.inputs, 0.1), "throttle": 40.0}
     hfa.solve(hfa.game(linear, sizes=sizes, rate=100.0)).save("K.npz")
-    angles = {"airspeed": 1.0}
-    typed = [
-        f"--{what}={name}={value / angles.get(name, math.radians(1.0))!r}"
-        for name, sensor in IN_THE_AIR.items()
-        for what, value in (
-            ("noise", getattr(sensor, "noise", sensor)), ("bias", getattr(sensor, "bias", 0.0)),
-        )
-        if value
-    ]  # fmt: skip
-    latency = ["--servo", "20ms", "--rate", "100", "--delay", "10ms"]
-    exported(
-        *latency, "--policy", "K.npz", "--filter", "--turbulence=light:20000", *typed, "-o", "c"
-    )
-    compiled(folder / "c", "-O0", "-shared", "-fPIC", "hfa_filter.c", "-o", "library.so")
-    header = Path("c/hfa_filter.h").read_text("utf-8")
-    size, known = (
-        int(re.search(rf"FILTER_{word} (\d+)", header)[1]) for word in ("MEMORY", "KNOWN")
-    )
+    words = "--servo 20ms --rate 100 --delay 10ms --policy K.npz --filter --turbulence light:20000"
+    exported(*words.split(), "--sensors", "aircraft", "-o", "c")
+    header, size, known = compiled_filter(folder)
     assert "FILTER_AIRSPEED, /* output airspeed, ft/s */" in header
 
-    policy = hfa.filter(linear, IN_THE_AIR, "light:20000").policy(np.load("K.npz")["K"])
+    kalman = hfa.filter(linear, declared_sensors(model), "light:20000")
+    policy = kalman.policy(np.load("K.npz")["K"])
     policy, _ = policy.in_scenario(Scenario(1.0, delay=0.01))
     policy.begin(point.x)
     memory, u, random = np.eye(1, size, known).ravel(), np.zeros(5), np.random.default_rng(1)
     for number in range(60):
-        y = policy.filter.at_trim + innovations_of(policy.filter) * random.uniform(-2.0, 2.0, 5)
+        y = policy.filter.at_trim + innovations_of(policy.filter) * random.uniform(-2.0, 2.0, 6)
         called(folder / "c", "hfa_filter", memory, y, u)
         np.testing.assert_allclose(u, policy(0.01 * number, y), rtol=1e-11, atol=1e-11)
     assert np.abs(memory[-5:]).max() > 1e-4  # the command under way
     files = ("loop_filter.c", "hfa_filter.c", "hfa_aircraft.c")
-    compiled(folder / "c", "-O1", *files, "-lm", "-o", "loop_filter")
+    compiled(folder / "c", "-O0", *files, "-lm", "-o", "loop_filter")
     printed = subprocess.run([str(folder / "c" / "loop_filter")], capture_output=True, text=True)
     ends = {line.split()[0]: float(line.split()[1]) for line in printed.stdout.splitlines()}
     assert abs(ends["speed"] - point["speed"]) < 0.5

@@ -10,7 +10,6 @@ from held_inputs import over_hold
 from policy_cases import (
     FOLDER,
     GTM,
-    ROOT,
     aircraft,
     gtm_deployment,
     model_of,
@@ -301,15 +300,7 @@ def gain_of_gtm(**tables):
     return gtm_deployment({"file": ca.Function("gain", [o], [0.1 * o[1:3]])}, **tables)
 
 
-def refusal(points=(45.0,), observation=None, action=None, **settings):
-    """Return the message with which `assess` refuses these points, entries and settings."""
-    right = gain_of_gtm()
-    tables = {"observation": observation or {}, "action": action or {}}
-    wrong = right.changed(**{name: {**getattr(right, name), **t} for name, t in tables.items()})
-    with pytest.raises(hfa.BadInputError) as caught:
-        assess(model_of(f"{ROOT}/examples/gtm.py:UNCERTAIN_GTM"), wrong, points, **settings)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
+RIGHT = gain_of_gtm()
 
 
 @pytest.mark.parametrize(
@@ -321,14 +312,21 @@ def refusal(points=(45.0,), observation=None, action=None, **settings):
         ),
         ({"action": {"elevator": {"map": "a**a"}}}, "action.elevator: the formula"),
         ({"points": ["45"]}, "give operating points"),
-        ({"points": []}, "points is empty"),
         ({"box": {"pich": 0.1}}, "did you mean pitch"),
         ({"box": {"pitch": -1.0}}, "box of pitch"),
+        ({"sensors": {"airspeed": 0.3}}, "airspeed, which no observation contains"),
+        ({"sensors": {"speed": hfa.Sensor(0.3, every=0.1)}}, "requires a filter"),
     ],
 )
-def test_wrong_formulas_points_and_boxes_are_refused(given, said):
-    """Wrong formulas, points and boxes are refused in one line."""
-    assert said in refusal(**given)
+def test_wrong_arguments_are_refused(given, said):
+    """Wrong formulas, points, boxes, and sensors that the policy cannot use, are refused in one line."""
+    tables = given.keys() & {"observation", "action"}
+    deployment = RIGHT.changed(**{name: getattr(RIGHT, name) | given[name] for name in tables})
+    settings = {name: value for name, value in given.items() if name not in tables}
+    with pytest.raises(hfa.BadInputError) as caught:
+        assess(aircraft("ppo_gtm"), deployment, **{"points": [45.0], **settings})
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("judge", [hfa.assess, hfa.environment])

@@ -24,7 +24,6 @@ def test_flights_of_a_deployment_behind_a_filter_have_its_sensors():
     ("options", "said"),
     [
         ({}, "not drawn; .* or add samples=N"),
-        ({"samples": 0}, "members is 0"),
         ({"samples": 2, "weights": (np.eye(4), np.eye(2))}, "weights are of .* a single flight"),
         ({"seed": 2}, "add samples=N"),
         ({"samples": 2, "share": 1.2}, r"share is 1\.2"),

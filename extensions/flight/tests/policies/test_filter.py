@@ -483,9 +483,7 @@ def test_a_pass_says_which_rms_is_far_above_its_prediction(point, linear, gain):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        ("fly --filter", "requires the noise of its sensors"),
         ("fly --filter --noise speed=.3 --policy none", "give --policy exact"),
-        ("fly --filter --noise speed=.3 --command speed=1:2", "cannot be combined with --filter"),
         ("export -o c --fade 1", "add --filter"),
     ],
 )
