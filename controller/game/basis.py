@@ -185,25 +185,6 @@ def bases_of_size(size: int, states: int) -> list[str]:
 _ROUNDED = 1e-6
 
 
-def q_function(game: Game, P: np.ndarray) -> np.ndarray:
-    """Return H (n + m + k, n + m + k) of the Q-function Q(x, u, w) = [x; u; w]'H [x; u; w].
-
-      H = [[Q, N, 0], [N', R, 0], [0, 0, -δ² I]] + α [A B E]'P [A B E]
-
-    With δ = inf, H is over (x, u), (n + m, n + m).
-
-    P: (n, n)
-    """
-    plant = np.hstack([game.A, game.B])
-    weights = game.weights
-    if math.isfinite(game.delta):
-        plant = np.hstack([plant, game.E])
-        disturbances = game.E.shape[1]
-        weights = np.pad(weights, (0, disturbances))
-        weights[-disturbances:, -disturbances:] = -(game.delta**2) * np.eye(disturbances)
-    return np.asarray(weights + game.discount * plant.T @ P @ plant)
-
-
 def q_extremum(game: Game, H: np.ndarray) -> dict[str, np.ndarray]:
     """Return P, K and L, name -> matrix, at the extremum of a Q-function over u and w.
 

@@ -10,6 +10,7 @@ import numpy as np
 from controller.game.zero_sum import Game
 from hfa_support.errors import BadInputError, refuse_unless_positive
 from hfa_support.matrices import of_step, spectral_abscissa
+from trim.linear.delays import in_samples
 
 #: Largest logarithm of the growth of a mode in a sample: the weights of the held game grow with its
 #: square, and rounding then changes the value by about 1 %.
@@ -38,12 +39,11 @@ def held(game: Game, rate: float | None, delay: float = 0.0) -> Game:
     refuse_unless_positive("rate", rate, " 1/s")
     dt = 1.0 / rate
     step = game.sampled(dt)
-    n, m = game.B.shape
-    count = round(delay / dt)
-    if not (math.isfinite(delay) and math.isclose(count * dt, delay, rel_tol=1e-9)):
+    count, rest = in_samples(delay, dt) if 0.0 <= delay < math.inf else (0, delay)
+    if rest:
         raise BadInputError(
             f"the delay is {delay:g} s, not a whole number of samples of {dt:g} s; give "
-            f"{max(count, 1) * dt:g} s, or another rate"
+            f"{(count or 1) * dt:g} s, or another rate"
         )
     growth = spectral_abscissa(game.A) * dt
     if growth > MOST_GROWTH:
@@ -51,33 +51,28 @@ def held(game: Game, rate: float | None, delay: float = 0.0) -> Game:
             f"a mode grows by e^{growth:.3g} in a sample of {dt:g} s, and doubles lose the game of"
             f" such samples; give a rate of at least {1.01 * rate * growth / MOST_GROWTH:.3g} 1/s"
         )
+    n, m = game.B.shape
     held_inputs = np.block([[game.A, game.B], [np.zeros((m, n + m))]])
     _, weights = of_step(held_inputs.T, game.weights, dt)  # ∫ e^(M't) W e^(Mt) dt
-    weights = (weights + weights.T) / 2.0
-    held_game = replace(step, Q=weights[:n, :n], N=weights[:n, n:], R=weights[n:, n:])
-    for age in range(count, 0, -1):
-        held_game = _a_sample_later(held_game, age)
-    return held_game
-
-
-def _a_sample_later(game: Game, age: int) -> Game:
-    """Return a game whose inputs act a sample later: a command is a state, then it acts.
-
-    age: of the command when it acts, in samples
-    """
-    n, m = game.B.shape
-    names = game.names
-    older = tuple(f"{name}_{age}_before" for name in names.inputs)
+    # Of z, the commands under way and the new one, the first command acts. The others move up.
+    late, names = count * m, game.names
+    weights = np.pad((weights + weights.T) / 2.0, (0, late))
+    z, command = slice(n + late), slice(n + late, None)
+    moved = np.zeros((n + late, n + late + m))
+    moved[:n, : n + m] = np.hstack([step.A, step.B])
+    moved[n:, n + m :] = np.eye(late)
+    older = (f"{name}_{age}_before" for age in range(count, 0, -1) for name in names.inputs)
     return replace(
-        game,
-        A=np.block([[game.A, game.B], [np.zeros((m, n + m))]]),
-        B=np.vstack([np.zeros((n, m)), np.eye(m)]),
-        E=np.pad(game.E, [(0, m), (0, 0)]),
-        Q=game.weights,
-        R=np.zeros((m, m)),
-        N=np.zeros((n + m, m)),
+        step,
+        A=moved[:, z],
+        B=moved[:, command],
+        E=np.pad(step.E, [(0, late), (0, 0)]),
+        Q=weights[z, z],
+        R=weights[command, command],
+        N=weights[z, command],
         names=names._replace(
-            states=names.states + older, state_units=names.state_units + names.input_units
+            states=(*names.states, *older),
+            state_units=names.state_units + count * names.input_units,
         ),
-        half_widths=None,
+        half_widths=None if count else step.half_widths,
     )

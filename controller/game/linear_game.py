@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ from hfa_aircraft.readers.matrices_file import (
     entries_of,
     entries_of_row,
     is_discrete,
+    numbers_of_shape,
     one_number,
     plant_matrices,
     plant_names,
@@ -38,7 +39,7 @@ from hfa_support.errors import (
     refuse_unless_positive,
     shortened,
 )
-from hfa_support.matrices import LARGEST, checked_matrix, in_order, labels_of, shape_text
+from hfa_support.matrices import in_order, labels_of
 from hfa_support.reporting.text import with_unit
 from trim.linear.linear_model import LinearModel, is_state_space
 
@@ -62,12 +63,15 @@ def default_weight(
 
     Raises BadInputError, which names the model, if the matrix in the file has a wrong shape.
     """
-    names_of = {"Q": (states, states), "R": (inputs, inputs), "N": (states, inputs)}
-    rows, columns = names_of[matrix]
+    positions = positions_of_servos(model)  # whose commands have the weights
+    # What is asked about, and what a plant file has weights of.
+    of_states = states, [name for name in model.linear if name not in positions]
+    of_inputs = inputs, list(model.inputs)
+    sides = {"Q": (of_states, of_states), "R": (of_inputs, of_inputs), "N": (of_states, of_inputs)}
+    (rows, rows_of_file), (columns, columns_of_file) = sides[matrix]
     stored = model.about.weights.get(matrix)
     if stored is None and matrix == "N":
         return np.zeros((len(states), len(inputs)))
-    positions = positions_of_servos(model)  # whose commands have the weights
     if stored is None:
         sizes = {name: model.signals[name].nominal for name in rows}
         return np.diag([0.0 if name in positions else sizes[name] ** -2.0 for name in rows])
@@ -75,14 +79,18 @@ def default_weight(
         declared = [stored.get(name, 0.0) for name in rows]
         units = [model.native_factor(name) for name in rows]
         return np.diag(declared / np.square(units))
+    with prefix_errors(model.name):
+        weight = numbers_in(matrix, stored)
+        if weight.ndim == 1 and matrix != "N":
+            weight = np.diag(weight)
+        shape = len(rows_of_file), len(columns_of_file)
+        weight = numbers_of_shape(matrix, {matrix: weight}, shape)
     # A plant file has the weights of states and inputs divided by their nominal values.
-    weight = _matrix_of_file(matrix, model)
-    places = {name: place for place, name in enumerate(model.linear)}
-    places |= {name: place for place, name in enumerate(model.inputs)}
-    row_places = [places[name] for name in rows]
-    column_places = [places[name] for name in columns]
-    weight_of_names = weight[np.ix_(row_places, column_places)]
-    return np.asarray(weight_of_names / np.outer(model.nominal(rows), model.nominal(columns)))
+    of_rows = np.equal.outer(np.array(rows), np.array(rows_of_file)) / model.nominal(rows)[:, None]
+    of_columns = np.equal.outer(np.array(columns_of_file), np.array(columns)) / model.nominal(
+        columns
+    )
+    return np.asarray(of_rows @ weight @ of_columns)
 
 
 def weights_of_flights(linear: LinearModel, Q: Any = None, R: Any = None) -> dict[str, Any]:
@@ -123,27 +131,6 @@ def sizes_text(game: Game) -> str:
     weights = np.diag(game.weights).tolist()
     rows = zip(states + inputs, state_units + input_units, weights, strict=True)
     return ", ".join(f"{name} {with_unit(w**-0.5, unit, 0.0)}" for name, unit, w in rows if w)
-
-
-def _matrix_of_file(matrix: str, model: Model) -> np.ndarray:
-    """Return Q, R or N of the file of a linear plant, for all linear states and inputs.
-
-    Raises BadInputError, which names the model, if the matrix has a wrong shape.
-    """
-    positions, m = len(positions_of_servos(model)), len(model.inputs)
-    n = len(model.linear) - positions
-    shape = {"Q": (n, n), "R": (m, m), "N": (n, m)}[matrix]
-    with prefix_errors(model.name):
-        weight = numbers_in(matrix, model.about.weights[matrix])
-        if weight.ndim == 1 and matrix != "N":
-            weight = np.diag(weight)
-        weight = checked_matrix(matrix, weight, LARGEST)
-        if weight.shape != shape:
-            rule = f"give {shape_text(shape)}, to match A and B"
-            raise BadInputError(f"{matrix} is {shape_text(weight.shape)}; {rule}")
-    if matrix != "R":
-        weight = np.pad(weight, [(0, positions), (0, positions if matrix == "Q" else 0)])
-    return weight
 
 
 def default_disturbance(model: Model, states: Sequence[str]) -> np.ndarray:
@@ -321,16 +308,15 @@ MODEL_KEYS = ("A", "B", "E", "Q", "R", "delta", "N")
 DISCRETE_KEYS = ("time", "dt", "discount")
 
 
-@dataclass(frozen=True)
-class Defaults:
+class Defaults(NamedTuple):
     """Default values for entries that a plant file does not contain.
 
     values: "E", "Q", "R" or "delta" -> default; entries without a default are omitted
     words: the same keys -> source of the default, for a note: "as in the paper"
     """
 
-    values: Mapping[str, Any] = field(default_factory=dict)
-    words: Mapping[str, str] = field(default_factory=dict)
+    values: Mapping[str, Any] = MappingProxyType({})
+    words: Mapping[str, str] = MappingProxyType({})
 
 
 class StoredGame(NamedTuple):
@@ -396,19 +382,15 @@ def stored_game(
 
 def _time(stored: Mapping[str, Any]) -> dict[str, Any]:
     """Return the entries dt and discount of a game in discrete time, {} in continuous time."""
-    if not is_discrete(stored):
-        if "discount" in stored:
-            raise BadInputError(
-                'discount requires a discrete-time plant; remove it, or add time = "discrete"'
-            )
-        return {}
-    time: dict[str, Any] = {"dt": True}  # discrete time with an unknown sample time
-    if stored.get("dt", True) is not True:
-        time["dt"] = one_number("dt", stored["dt"])
+    time: dict[str, Any] = {}
+    if is_discrete(stored):
+        time["dt"] = True  # with an unknown sample time
+        if stored.get("dt", True) is not True:
+            time["dt"] = one_number("dt", stored["dt"])
+        if not time["dt"]:
+            raise BadInputError('dt is 0, but time is "discrete"; give the sample time in s')
     if "discount" in stored:
         time["discount"] = one_number("discount", stored["discount"])
-    if not time["dt"]:
-        raise BadInputError('dt is 0, but time is "discrete"; give the sample time in s')
     return time
 
 

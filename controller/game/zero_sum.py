@@ -22,9 +22,8 @@ from hfa_support.errors import (
     shown,
 )
 from hfa_support.matrices import LARGEST, balanced, checked_matrix, power_of_two, shape_text
-from hfa_support.reporting.report import Report, Reported
+from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import ByValue
-from hfa_support.reporting.text import matrix_records, matrix_table, numbered
 
 #: Larger entries of a critic overflow when P S P is squared, and are meaningless.
 LARGEST_CRITIC_ENTRY = 1e50
@@ -33,10 +32,6 @@ SYMMETRIC = 1e-12
 #: Smallest sample time, multiplied by the largest entry of A. The entries of A - I of a step have
 #: then at least ten digits.
 SHORTEST = 1e-6
-
-
-#: Matrices with more rows or columns are not printed: they are wider than a terminal.
-_MOST_PRINTED = 12
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -166,45 +161,6 @@ class Game(ByValue, Reported):
         """
         return hash((*map(np.sum, (self.A, self.Q, self.R, self.N)), self.delta))
 
-    def report(self) -> Report:
-        """Return a report with the matrices of the game, with named rows and columns.
-
-        Matrices with more than `_MOST_PRINTED` rows or columns are omitted from the text.
-        """
-        states = self.names.states
-        inputs = self.names.inputs
-        disturbances = numbered("d", self.E.shape[1])
-        names = {
-            "A": (states, states),
-            "B": (states, inputs),
-            "E": (states, disturbances),
-            "Q": (states, states),
-            "R": (inputs, inputs),
-        }
-        cross = ""
-        if self.N.any():
-            names["N"] = (states, inputs)
-            cross = " + 2 z'Nu"
-        # name -> labels of the rows, labels of the columns, matrix
-        entries = {name: (*labels, getattr(self, name)) for name, labels in names.items()}
-        tables = [
-            matrix_table(name, *labelled)
-            for name, labelled in entries.items()
-            if max(map(len, labelled[:2])) <= _MOST_PRINTED
-        ]
-        stored = (*names, "delta")
-        change, time = "z'", ""
-        if self.is_discrete:
-            change, time = "z⁺", f", discount {self.discount:g} a step" * (self.discount != 1.0)
-            stored += ("dt", "discount")
-        return Report(
-            title=f"Game on {self.names.origin}, delta {self.delta:.6g}{time}:"
-            f" {change} = A z + B u + E d, cost z'Qz{cross} + u'Ru - delta^2 d'd",
-            parts=tables,
-            data={name: getattr(self, name) for name in stored},
-            records=matrix_records(entries),
-        )
-
     @cached_property
     def weights(self) -> np.ndarray:
         """Matrix [[Q, N], [N', R]] of the cost rate of (z, u), (n + m, n + m)."""
@@ -266,7 +222,7 @@ class Game(ByValue, Reported):
         In continuous time, K = R⁻¹(B'P + N') and L = δ⁻² E'P. In discrete time, the policies are
         optimal for one step, followed by the cost z'P z:
 
-          [K; -L] = (W + α G'P G)⁻¹ (α G'P A + [N 0]'),  G = [B E],  W = blkdiag(R, -δ² I)
+          [K; -L] = H_aa⁻¹ H_ax,  a = (u, w), with H of the Q-function (`q_function`)
 
         Both are nan if no extremum exists. With δ = inf, L is 0.
 
@@ -277,19 +233,16 @@ class Game(ByValue, Reported):
             raise BadInputError(f"P is {shape_text(np.shape(P))}; give {n} x {n}, states x states")
         if not self.is_discrete:
             return self._over_R(self.B.T @ P + self.N.T), self.E.T @ P / self.delta**2
-        m = len(self.R)
-        G = np.hstack([self.B, self.E / self.delta])
-        W = -np.eye(G.shape[1])
-        W[:m] = 0.0
-        W[:m, :m] = self.R
-        right = self.discount * G.T @ P @ self.A
-        right[:m] += self.N.T
+        (n, m), k = self.B.shape, self.E.shape[1]
+        H = q_function(self, P)
+        L = np.zeros((k, n))
         try:
             with np.errstate(all="ignore"):
-                gains = np.linalg.solve(W + self.discount * G.T @ P @ G, right)
+                gains = np.linalg.solve(H[n:, n:], H[n:, :n])
         except np.linalg.LinAlgError:
-            gains = np.full_like(right, np.nan)
-        return gains[:m], -gains[m:] / self.delta
+            return np.full((m, n), np.nan), L + np.nan
+        L[: len(gains) - m] = -gains[m:]
+        return gains[:m], L
 
     def suboptimality_weight(self, P: np.ndarray) -> np.ndarray:
         """Return the weight (m, m) of u - u* in the cost above the value z'P z.
@@ -398,6 +351,25 @@ class Game(ByValue, Reported):
             )
 
 
+def q_function(game: Game, P: np.ndarray) -> np.ndarray:
+    """Return H (n + m + k, n + m + k) of the Q-function Q(x, u, w) = [x; u; w]'H [x; u; w].
+
+      H = [[Q, N, 0], [N', R, 0], [0, 0, -δ² I]] + α [A B E]'P [A B E]
+
+    With δ = inf, H is over (x, u), (n + m, n + m).
+
+    P: (n, n)
+    """
+    plant = np.hstack([game.A, game.B])
+    weights = game.weights
+    if math.isfinite(game.delta):
+        plant = np.hstack([plant, game.E])
+        disturbances = game.E.shape[1]
+        weights = np.pad(weights, (0, disturbances))
+        weights[-disturbances:, -disturbances:] = -(game.delta**2) * np.eye(disturbances)
+    return np.asarray(weights + game.discount * plant.T @ P @ plant)
+
+
 def _zero_order_hold(A: np.ndarray, inputs: np.ndarray, dt: float) -> np.ndarray:
     """Return [Φ Γ] (n, n + k) of the step z⁺ = Φ z + Γ v of z' = A z + B v with constant v.
 
@@ -408,7 +380,7 @@ def _zero_order_hold(A: np.ndarray, inputs: np.ndarray, dt: float) -> np.ndarray
     inputs: B, rates of z per input v, (n, k)
     dt: duration of the step, s
     """
-    from scipy.linalg import expm
+    from trim.linear.delays import zero_order_hold
 
     scaled_A, units = balanced(A)
     fastest = float(np.abs(scaled_A).max())
@@ -423,11 +395,8 @@ def _zero_order_hold(A: np.ndarray, inputs: np.ndarray, dt: float) -> np.ndarray
     # keeps the digits.
     inputs = inputs / units[:, None]
     sizes = power_of_two(np.abs(inputs).max(axis=0)) * (fastest or 1.0)
-    rates = np.hstack([scaled_A, inputs / sizes])
-    rates_of_inputs = np.zeros((inputs.shape[1], rates.shape[1]))
-    exponential = expm(dt * np.vstack([rates, rates_of_inputs]))
-    step = units[:, None] * exponential[: len(A)]
-    return np.asarray(step * np.append(1.0 / units, sizes))
+    step = np.hstack(zero_order_hold(scaled_A, inputs / sizes, dt))
+    return np.asarray(units[:, None] * step * np.append(1.0 / units, sizes))
 
 
 def rates_of_step(step: np.ndarray, dt: float) -> np.ndarray | None:
@@ -451,17 +420,15 @@ def rates_of_step(step: np.ndarray, dt: float) -> np.ndarray | None:
 
 def _refuse_other_shapes(game: Game) -> None:
     """Raise BadInputError for empty matrices, and for matrices that do not match A and B."""
-    n = len(game.A)
-    m = game.B.shape[1]
+    n, m, k = len(game.A), game.B.shape[1], game.E.shape[1]
     if 0 in (n, m):
         raise BadInputError("A or B is empty; a game needs at least one state and one input")
-    if not game.E.shape[1]:
+    if not k:
         raise BadInputError(
             "E has no columns; leave E out for the identity, and set delta=inf for a game"
             " without disturbance"
         )
-    shapes = {"A": (n, n), "B": (n, m), "E": (n, game.E.shape[1]), "Q": (n, n), "R": (m, m)}
-    shapes["N"] = (n, m)
+    shapes = {"A": (n, n), "B": (n, m), "E": (n, k), "Q": (n, n), "R": (m, m), "N": (n, m)}
     for name, shape in shapes.items():
         actual = getattr(game, name).shape
         if actual != shape:
@@ -502,8 +469,8 @@ def _checked_numbers(delta: Any, dt: Any, discount: Any) -> dict[str, float | bo
 def is_definite(matrix: np.ndarray) -> bool:
     """Return whether a symmetric matrix (n, n) is positive definite.
 
-    Where its smallest eigenvalue may be rounding, leading minors decide in rationals. Each diagonal
-    entry must be at least 1 / `LARGEST`.
+    Where its smallest eigenvalue may be rounding, the signs of the characteristic polynomial decide
+    in rationals. Each diagonal entry must be at least 1 / `LARGEST`.
     """
     from flint import fmpq, fmpq_mat
 
@@ -513,9 +480,8 @@ def is_definite(matrix: np.ndarray) -> bool:
     if abs(least) > 10 * len(matrix) * np.finfo(float).eps:
         return least > 0.0
     exact = [[fmpq(*entry.as_integer_ratio()) for entry in row] for row in matrix.tolist()]
-    symmetric = fmpq_mat(exact) + fmpq_mat(exact).transpose()
-    corners = ([row[:k] for row in symmetric.tolist()[:k]] for k in range(1, len(exact) + 1))
-    return all(fmpq_mat(corner).det() > 0 for corner in corners)
+    minus_symmetric = -(fmpq_mat(exact) + fmpq_mat(exact).transpose())
+    return all(coefficient > 0 for coefficient in minus_symmetric.charpoly().coeffs())
 
 
 def least_scaled_eigenvalue(matrix: np.ndarray) -> float:

@@ -15,8 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controller.critic.training_run import DataSummary, Excitation
-from controller.game.basis import q_function
-from controller.game.zero_sum import Game, rates_of_step
+from controller.game.zero_sum import Game, q_function, rates_of_step
 from controller.learning.recording import (
     RANK_TOLERANCE,
     Transitions,

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from controller.critic.training_run import SETTLED, Excitation, TrainingRun
-from controller.game.basis import basis, q_extremum, q_function
-from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, is_definite
+from controller.game.basis import basis, q_extremum
+from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, is_definite, q_function
 from controller.learning.recording import (
     excitation_of,
     plant_of,

@@ -81,10 +81,8 @@ def ball_matrix(matrix: np.ndarray | list[list[arb]] | arb_mat | Near | Pair) ->
 
     if isinstance(matrix, Near):
         rows, columns = matrix.middle.shape
-        errors = arb_mat(rows, 1, [arb(0, matrix.error)] * rows) * ball_matrix(
-            np.ones((1, columns))
-        )
-        return ball_matrix(matrix.middle) + errors
+        errors = [arb(0, matrix.error)] * (rows * columns)
+        return ball_matrix(matrix.middle) + arb_mat(rows, columns, errors)
     if isinstance(matrix, Pair):
         return ball_matrix(matrix.high) + ball_matrix(Near(matrix.low, matrix.error))
 
@@ -169,6 +167,8 @@ def block_entries(blocks: list[list[Any]]) -> list[list[Any]]:
 
 def part(matrix: Any, rows: slice, columns: slice = slice(None)) -> Any:
     """Return some rows of a matrix, and some of their columns."""
+    if isinstance(matrix, np.ndarray):
+        return matrix[rows, columns]
     if isinstance(matrix, Near):
         return Near(matrix.middle[rows, columns], matrix.error)
     if isinstance(matrix, Pair):
@@ -227,10 +227,6 @@ class Near:
         """Return the middle."""
         return Near(self.middle)
 
-    def nrows(self) -> int:
-        """Return the number of rows."""
-        return len(self.middle)
-
     def transpose(self) -> Near:
         """Return the ball of the transposed matrices."""
         return Near(self.middle.T, self.error)
@@ -276,9 +272,6 @@ class Near:
         rounding = (n + 2) * ROUNDOFF * self.size * other.size
         error = self.error * other.size + self.size * other.error
         return _near(self.middle @ other.middle, error + rounding)
-
-    def __rmul__(self, other: Any) -> Near:
-        return Near.of(other) * self
 
 
 #: Slices of a factor in a product of `Pair`, of 22 bits with up to 256 columns, beside the rest.
@@ -420,7 +413,7 @@ def is_positive_definite(matrix: Any) -> bool | None:
         return True
     if isinstance(matrix, Near):
         return None
-    _, last = _elimination(matrix)
+    _, last = _elimination(ball_matrix(matrix))
     return True if last > 0 else False if last < 0 else None
 
 

@@ -29,8 +29,6 @@ from controller.riccati.balls import (
 from controller.riccati.equation import (
     Equation,
     Units,
-    pencil_blocks,
-    users_units,
 )
 from controller.riccati.lyapunov import (
     NEWTON_STEPS,
@@ -39,6 +37,8 @@ from controller.riccati.lyapunov import (
     SignFunction,
     change_along,
     half_the_bits,
+    one_of,
+    product,
     solved_in_bits,
 )
 from controller.riccati.rationals import states_without_cost
@@ -267,32 +267,33 @@ def corrections(equation: Equation, X: Any) -> Iterator[Candidate]:
 def stabilizing_in_doubles(equation: Equation) -> np.ndarray:
     """Return the stabilizing X, (n, n), in doubles that nothing proves.
 
-    [1; X], in discrete time [1; X; -gains], spans the stable subspace of the `half_plane_matrix` M:
-    (1 + sign(M)) [1; X] = 0.
-
     Raises FailedError, LinAlgError or ValueError.
     """
-    X = stable_subspace_in_doubles(half_plane_in_doubles(equation), equation.n)
+    X = stable_subspace(half_plane_in_doubles(equation), equation.n)
     has_no_cost = states_without_cost(equation.game)
     X[has_no_cost] = X[:, has_no_cost] = 0.0
     return X
 
 
-def stable_subspace_in_doubles(half_plane: np.ndarray, n: int) -> np.ndarray:
-    """Return X, (n, n), symmetric, of the stable subspace [1; X] or [1; X; -gains] of a matrix.
+def stable_subspace(half_plane: Any, n: int) -> Any:
+    """Return X, (n, n), symmetric, of the stable subspace [1; X] of a matrix M, (2n, 2n), by least
+    squares: (1 + sign(M)) [1; X] = 0.
 
-    Raises FailedError, LinAlgError or ValueError.
+    Raises FailedError, LinAlgError, ValueError or ZeroDivisionError.
     """
-    found = SignFunction(half_plane)
+    found: Any = SignFunction(half_plane)
     if found.stable != n:
         raise FailedError(f"there are {found.stable} stable eigenvalues instead of {n}")
-    to_zero = found.sign + np.eye(len(found.sign))  # times [1; X; -gains], by least squares
-    basis, triangle = np.linalg.qr(to_zero[:, n:])
-    X = -np.linalg.solve(triangle, basis.T @ to_zero[:, :n])[:n]
-    X = (X + X.T) / 2.0
-    if not np.isfinite(X).all():
-        raise FailedError("the candidate is not finite")
-    return X
+    to_zero, every_row = found.sign + one_of(found.sign), slice(None)
+    of_1, of_X = part(to_zero, every_row, slice(n)), part(to_zero, every_row, slice(n, None))
+    if isinstance(to_zero, np.ndarray):
+        basis, triangle = np.linalg.qr(of_X)
+        X = -np.linalg.solve(triangle, basis.T @ of_1)
+        if not np.isfinite(X).all():
+            raise FailedError("the candidate is not finite")
+        return (X + X.T) / 2.0
+    square = product(of_X.transpose(), of_X)  # of the normal equations: there are digits enough
+    return symmetric(-square.solve(product(of_X.transpose(), of_1)))
 
 
 def half_plane_in_doubles(equation: Equation) -> np.ndarray:
@@ -300,20 +301,18 @@ def half_plane_in_doubles(equation: Equation) -> np.ndarray:
 
     Raises LinAlgError in discrete time if z = -1 is an eigenvalue.
     """
-    near: Any = equation.in_doubles
-    if not equation.is_discrete:
-        return hamiltonian(*(block.middle for block in near.blocks()))
-    matrices = near.A, near.G, near.Q, near.W, near.C
-    return half_plane_of_steps(*(matrix.middle for matrix in matrices))
+    if equation.is_discrete:
+        return half_plane_of_steps(equation.n, *pencil_in_doubles(equation))
+    return hamiltonian(*(block.middle for block in equation.in_doubles.blocks()))
 
 
-def half_plane_of_steps(
-    A: np.ndarray, G: np.ndarray, Q: np.ndarray, W: np.ndarray, C: np.ndarray
-) -> np.ndarray:
-    """Return the block of states and costates of (L + M)⁻¹ (L - M), with the pencil L - z M of the
-    matrices of `Equation`.
-    """
-    L, M = map(np.block, pencil_blocks(A, G, Q, W, C, np.eye(n := len(A))))
+def pencil_in_doubles(equation: Equation) -> list[np.ndarray]:
+    """Return L and M of the pencil L - z M of an equation in discrete time in doubles."""
+    return [near.middle for near in equation.in_doubles.pencil()]
+
+
+def half_plane_of_steps(n: int, L: np.ndarray, M: np.ndarray) -> np.ndarray:
+    """Return the block of states and costates of (L + M)⁻¹ (L - M), with the pencil L - z M."""
     # λ = (z - 1) / (z + 1) where L - z M is singular: the unit disk becomes the left half-plane.
     return np.linalg.solve(L + M, L - M)[: 2 * n, : 2 * n]
 
@@ -326,13 +325,14 @@ def first_units(game: Game, delta: float) -> Units:
     matrices = game.A, game.B, game.E, game.Q, game.R
     entries = np.concatenate([matrix.ravel() for matrix in matrices])
     exponents = np.frexp(entries[entries != 0.0])[1]
-    if np.abs(exponents).max(initial=0) <= MODERATE_EXPONENT:
-        return users_units(game)._replace(disturbances=disturbance_units(game, delta))
-    weight = _input_weights(game, game.B, game.Q)
-    S = (game.B / np.where(weight > 0.0, weight, 1.0)) @ game.B.T + game.E @ game.E.T / delta**2
-    of_states, of_costates = np.split(np.log2(balanced(hamiltonian(game.A, S, game.Q))[1]), 2)
-    states = np.round(0.5 * (of_states - of_costates)).astype(int)
-    return Units(states, -_half_exponents(weight), disturbance_units(game, delta))
+    states, inputs = (np.zeros(size, dtype=int) for size in game.B.shape)
+    if np.abs(exponents).max(initial=0) > MODERATE_EXPONENT:
+        weight = _input_weights(game, game.B, game.Q)
+        S = (game.B / np.where(weight > 0.0, weight, 1.0)) @ game.B.T + game.E @ game.E.T / delta**2
+        of_states, of_costates = np.split(np.log2(balanced(hamiltonian(game.A, S, game.Q))[1]), 2)
+        states = np.round(0.5 * (of_states - of_costates)).astype(int)
+        inputs = -_half_exponents(weight)
+    return Units(states, inputs, disturbance_units(game, delta))
 
 
 def _input_weights(game: Game, B: np.ndarray, X: np.ndarray) -> np.ndarray:
@@ -366,7 +366,7 @@ def candidate_in_bits(game: Game, delta: float) -> Candidate:
     with failures():
         units = first_units(game, delta)
         equation = Equation(game, units, delta)
-        X = _without_noise(_of_stable_subspace(equation), game)
+        X = _without_noise(stable_subspace(equation.half_plane_matrix(), equation.n), game)
         for _ in range(MOST_CHANGES):
             root = _root_of(midpoints(X), game, float(half_the_bits()))
             if root is None:
@@ -382,25 +382,5 @@ def candidate_in_bits(game: Game, delta: float) -> Candidate:
 def _without_noise(X: arb_mat, game: Game) -> arb_mat:
     """Return the midpoints of the symmetric part of X, exact, with 0 for states without cost."""
     # P is exactly 0 for states that never move a state with a cost; their entries of X are noise.
-    matrix = symmetric(X)
-    for i in np.flatnonzero(states_without_cost(game)).tolist():
-        for j in range(len(game.A)):
-            matrix[i, j] = matrix[j, i] = 0
-    return matrix
-
-
-def _of_stable_subspace(equation: Equation) -> arb_mat:
-    """Return X, (n, n), as `stabilizing_in_doubles` does, by the normal equations of least squares.
-
-    Raises FailedError or ZeroDivisionError.
-    """
-    n, every_row = equation.n, slice(None)
-    found = SignFunction(equation.half_plane_matrix())
-    if found.stable != n:
-        raise FailedError(f"there are {found.stable} stable eigenvalues instead of {n}")
-    to_zero = (found.sign + identity(found.sign.nrows())).mid()  # times [1; X], or [1; X; -gains]
-    of_1, of_X = part(to_zero, every_row, slice(n)), part(to_zero, every_row, slice(n, None))
-    # Normal equations of of_X [X; -gains] = -of_1.
-    transposed = of_X.transpose()
-    square = (transposed * of_X).mid()
-    return -part(square.solve((transposed * of_1).mid()), slice(n))
+    has_cost = ball_matrix(np.diag(1.0 * ~states_without_cost(game)))
+    return (has_cost * symmetric(X) * has_cost).mid()

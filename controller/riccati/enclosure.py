@@ -15,7 +15,6 @@ from controller.game.zero_sum import SYMMETRIC, Game, least_scaled_eigenvalue
 from controller.riccati.balls import (
     ATTEMPTS,
     BITS,
-    Near,
     ball_matrix,
     bits,
     is_positive_definite,
@@ -39,7 +38,6 @@ from controller.riccati.lyapunov import (
     FailedError,
     NotProvedError,
     solved_in_bits,
-    solved_in_doubles,
 )
 from controller.riccati.rationals import zeros_of
 from controller.riccati.refusal import (
@@ -163,8 +161,9 @@ class Enclosure:
         if self.bits >= ATTEMPTS[-2]:
             zero_states = zero_states | _rounds_to_zero(self.P).all(1)
             zero_gains = zero_gains | _rounds_to_zero(self.K)
-        P_middle, P_radius = _without(self.numbers("P"), zero_states | zero_states[:, None])
-        K_middle, K_radius = _without(self.numbers("K"), zero_gains)
+        zero_entries = zero_states | zero_states[:, None]
+        P_middle, P_radius = np.where(zero_entries, 0.0, self.numbers("P"))
+        K_middle, K_radius = np.where(zero_gains, 0.0, self.numbers("K"))
         with np.errstate(all="ignore"):
             sizes = sizes_of(P_middle)
             has_value = sizes > np.diag(P_radius)
@@ -200,11 +199,6 @@ class Digits(NamedTuple):
     def are_known(self) -> bool:
         """True if the midpoints, with 0 for what may be 0, are right to the last digit."""
         return self.radius < ALL_DIGITS and self.of_zeros < OF_ZEROS
-
-
-def _without(numbers: Numbers, are_zero: np.ndarray) -> Numbers:
-    """Return numbers with 0 for those that are known to be 0."""
-    return Numbers(*(np.where(are_zero, 0.0, each) for each in numbers))
 
 
 def _digits(middle: np.ndarray, radius: np.ndarray, scales: np.ndarray) -> Digits:
@@ -297,9 +291,9 @@ def _outcomes(
             with suppress(NotProvedError):
                 yield why_not_the_value(stabilizing(candidate))
             with precision(2 * BITS), suppress(FailedError):
-                equation = Equation(game, equation.units, delta)
-                *_, candidate = corrections(equation, ball_matrix(candidate.X))
-                yield _outcome(candidate.in_balls, digits=digits, in_bits=False)
+                equation, balls = Equation(game, equation.units, delta), ball_matrix(candidate.X)
+                for candidate in corrections(equation, balls):
+                    yield _outcome(candidate.in_balls, digits=digits, in_bits=False)
     with precision(2 * BITS):
         refuse_modes(game)  # a mode because of which no delta has a value
     # Candidates in bits.
@@ -386,11 +380,9 @@ class Certificate(Result):
         L. With V of F V + V F' + W = 0 and W = diag(1 / P_ii), the sum is tr(W Z) = tr(V c), which
         is linear in each entry: the magnitudes of its factors are added. Likewise in discrete time.
         """
-        with np.errstate(all="ignore"), precision(self.enclosure.bits):
-            try:
-                change = _first_order_change(self.enclosure)
-            except (FailedError, ZeroDivisionError):
-                return math.inf
+        change = math.inf
+        with np.errstate(all="ignore"), precision(self.enclosure.bits), suppress(FailedError):
+            change = _first_order_change(self.enclosure)
         return change if math.isfinite(change) else math.inf
 
     @cached_property
@@ -473,7 +465,7 @@ def _first_order_change(enclosure: Enclosure) -> float:
 
     nan or inf if numbers overflow.
 
-    Raises FailedError or ZeroDivisionError.
+    Raises FailedError.
     """
     game, (states, inputs, disturbances, exact_T) = enclosure.game, enclosure.units
     # P, K, L, V and W are those of the states y in units of the proof, F is that of T y.
@@ -482,20 +474,19 @@ def _first_order_change(enclosure: Enclosure) -> float:
     is_known = sizes > np.diag(enclosure.numbers("P").radius)  # other P_ii may be 0
     W = np.diag(np.where(is_known, 1.0 / np.where(is_known, sizes, 1.0), 0.0))
     equation, _, gains, _ = enclosure.proved
-    F, T = equation.in_doubles.loop(Near.of(gains)).middle, np.eye(len(P))
+    loop, T = equation.loop(gains), np.eye(len(P))
     T_inverse = T
     if exact_T is not None:
         T, T_inverse = midpoints(exact_T), midpoints(exact_T.inv())
     # V solves F V + V F' + W = 0, which is solved in the states T y of F.
     W_of_Ty, is_discrete = T @ W @ T.T, equation.is_discrete
-    V_of_Ty = solved_in_doubles(F.T, W_of_Ty, is_discrete=is_discrete)
-    if V_of_Ty is None:
-        loop = equation.loop(gains).transpose()
-        V_of_Ty = midpoints(solved_in_bits(loop, ball_matrix(W_of_Ty), is_discrete=is_discrete))
+    V_of_Ty = midpoints(
+        solved_in_bits(loop.transpose(), ball_matrix(W_of_Ty), is_discrete=is_discrete)
+    )
     V = T_inverse @ V_of_Ty @ T_inverse.T
     # Changes of A, B and E count as 2 Σ (P V)_ij dF_ij, in discrete time with P F V in place of
     # P V, where dF = √α (dA - dB K + dE L).
-    of_F = P @ (T_inverse @ F @ T @ V if equation.is_discrete else V)
+    of_F = P @ (T_inverse @ midpoints(loop) @ T @ V if equation.is_discrete else V)
     twice = 2.0 * math.sqrt(game.discount) * of_F
     # tr(V c), term by term: what a change of a matrix is multiplied by, the matrix, units of both
     # sides

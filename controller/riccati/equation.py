@@ -18,7 +18,6 @@ from controller.riccati.balls import (
     Near,
     Pair,
     ball_matrix,
-    identity,
     norm,
     part,
     scaled,
@@ -52,13 +51,6 @@ class Units(NamedTuple):
     def gain(self, rows: arb_mat) -> arb_mat:
         """Return a gain for the states y, (m, n), from one for the states of the equation."""
         return rows if self.T is None else rows * self.T
-
-
-def users_units(game: Game) -> Units:
-    """Return the units in which the user gave a game: all exponents are 0."""
-    sizes = (*game.B.shape, game.E.shape[1])
-    states, inputs, disturbances = (np.zeros(size, dtype=int) for size in sizes)
-    return Units(states, inputs, disturbances)
 
 
 class Entries(NamedTuple):
@@ -343,26 +335,16 @@ class Equation:
         A, S, Q = self.blocks()
         return stacked([[A, -S], [-Q, -A.transpose()]]).mid()
 
-    def pencil(self) -> tuple[arb_mat, arb_mat]:
+    def pencil(self) -> tuple[Any, Any]:
         """Return L and M, (2n + m + k, 2n + m + k), whose pencil L - z M is singular at the
-        eigenvalues z of the loop of both players in discrete time, and at their inverses.
+        eigenvalues z of the loop of both players in discrete time, and at 1 / z.
         """
-        L, M = map(stacked, pencil_blocks(self.A, self.G, self.Q, self.W, self.C, identity(self.n)))
-        return L, M
-
-
-def pencil_blocks(A: Any, G: Any, Q: Any, W: Any, C: Any, one: Any) -> Any:
-    """Return the blocks of L and of M, whose pencil L - z M is singular at the eigenvalues z of the
-    loop of both players in discrete time, and at 1 / z.
-
-    A, G, Q, W, C: of `StepEquation`, matrices of balls or doubles
-    one: the identity, (n, n)
-    """
-    of_states, of_gains, of_inputs = 0 * A, 0 * G, 0 * W
-    L = [[A, of_states, G], [-1 * Q, one, -1 * C], [C.transpose(), of_gains.transpose(), W]]
-    M = [
-        [one, of_states, of_gains],
-        [of_states, A.transpose(), of_gains],
-        [of_gains.transpose(), G.transpose() * -1, of_inputs],
-    ]
-    return L, M
+        A, G, C, one = self.A, self.G, self.C, self.kind(np.eye(self.n))
+        none, no_gains = one * 0, G * 0
+        L = [[A, none, G], [-self.Q, one, -C], [C.transpose(), no_gains.transpose(), self.W]]
+        M = [
+            [one, none, no_gains],
+            [none, A.transpose(), no_gains],
+            [no_gains.transpose(), -G.transpose(), self.W * 0],
+        ]
+        return stacked(L), stacked(M)

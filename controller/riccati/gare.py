@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controller.game.basis import q_function
 from controller.game.linear_game import game
-from controller.game.zero_sum import Game
+from controller.game.zero_sum import Game, q_function
 from controller.riccati.balls import BITS, ball_matrix, midpoints, precision
 from controller.riccati.closed_loops import ClosedLoops, rounded_loop
 from controller.riccati.enclosure import (
@@ -260,18 +259,16 @@ def solve(game: Game) -> Solution:
     >>> solution.K.round(4).tolist(), round(solution.delta_min, 4)
     ([[3.0972]], 1.0)
     """
+    error = NoSolutionError
     try:
         enclosure = decided(game, game.delta)
     except UndecidedError as undecided:
-        if math.isinf(game.delta):
-            raise
-        advice = minimum_delta(game).advice(game.delta)
-        raise UndecidedError(f"{undecided}; {advice}") from None
+        error, enclosure = UndecidedError, str(undecided)
     if isinstance(enclosure, str):
-        if math.isinf(game.delta):
-            raise NoSolutionError(enclosure)
-        advice = minimum_delta(game).advice(game.delta)
-        raise NoSolutionError(f"no value of the game: {enclosure}; {advice}")
+        if math.isfinite(game.delta):
+            says = "no value of the game: " * (error is NoSolutionError)
+            enclosure = f"{says}{enclosure}; {minimum_delta(game).advice(game.delta)}"
+        raise error(enclosure)
     P, K = enclosure.rounded("P"), enclosure.rounded("K")
     if not (np.isfinite(P).all() and np.isfinite(K).all()):
         raise NoSolutionError("P or K is beyond the range of doubles; choose other units")

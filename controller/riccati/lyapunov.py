@@ -85,7 +85,7 @@ class SignFunction(Generic[Middle]):
         else:
             raise FailedError("an eigenvalue may be on the axis")
         self.sign = matrix
-        self.stable = round(float((_one(matrix) - matrix).trace()) / 2.0)
+        self.stable = round(float((one_of(matrix) - matrix).trace()) / 2.0)
 
     def lyapunov(self, C: Middle) -> Middle:
         """Return D with M'D + D M = C sign + sign'C, (n, n), for a symmetric C.
@@ -108,7 +108,7 @@ def product(*factors: Any) -> Any:
     return result
 
 
-def _one(matrix: Any) -> Any:
+def one_of(matrix: Any) -> Any:
     """Return the identity of the size of a square matrix."""
     return np.eye(len(matrix)) if isinstance(matrix, np.ndarray) else identity(matrix.nrows())
 
@@ -140,7 +140,7 @@ class Lyapunov(Generic[Middle]):
     """
 
     def __init__(self, F: Middle, *, is_discrete: bool) -> None:
-        self._one = _one(F)
+        self._one = one_of(F)
         self._to_rates: Any = _inverse(F + self._one) if is_discrete else None
         of_rates = product(F - self._one, self._to_rates) if is_discrete else F
         self.sign_function: SignFunction[Middle] = SignFunction(of_rates)
@@ -190,20 +190,13 @@ def solved_in_bits(F: arb_mat, C: arb_mat, *, is_discrete: bool) -> arb_mat:
 
     Raises FailedError.
     """
-    rounded = solved_in_doubles(midpoints(F), midpoints(C), is_discrete=is_discrete)
-    if rounded is not None:
-        return ball_matrix(rounded)
-    return Lyapunov(F.mid(), is_discrete=is_discrete).solve(-C.mid())
-
-
-def solved_in_doubles(F: np.ndarray, C: np.ndarray, *, is_discrete: bool) -> np.ndarray | None:
-    """Return D as `solved_in_bits` does, (n, n), or None if its residual may be larger."""
+    of_F, of_C = midpoints(F), midpoints(C)
     with suppress(FailedError), np.errstate(all="ignore"):
-        D = Lyapunov(F, is_discrete=is_discrete).solve(-C)
-        residual = change_along(Near(F), Near(D), is_discrete=is_discrete) + Near(C)
-        if residual.size < 1e-6 * np.linalg.norm(C):
-            return D
-    return None
+        D = Lyapunov(of_F, is_discrete=is_discrete).solve(-of_C)
+        residual = change_along(Near(of_F), Near(D), is_discrete=is_discrete) + Near(of_C)
+        if residual.size < 1e-6 * np.linalg.norm(of_C):
+            return ball_matrix(D)
+    return Lyapunov(F.mid(), is_discrete=is_discrete).solve(-C.mid())
 
 
 def discounted(loop: arb_mat, game: Game) -> arb_mat:

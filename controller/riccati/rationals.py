@@ -7,10 +7,7 @@ mode is not reached at all, or has no cost at all, are facts on a boundary, whic
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from functools import lru_cache
-from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -20,11 +17,11 @@ from controller.riccati.balls import ball_matrix, block_entries
 from controller.riccati.lyapunov import discounted, stability_of
 
 if TYPE_CHECKING:
-    from flint import acb, fmpq, fmpq_mat, fmpz_poly
+    from flint import acb, fmpq_mat, fmpz_poly
 
 
-#: A prime: a matrix that has a rank modulo it has at least this rank in rationals.
-PRIME = 2**61 - 1
+#: Bound of the integer gains by which modes are moved.
+MOST_OF_GAIN = 1000
 #: Largest number of states that are decided in rationals, which takes seconds.
 MOST_STATES = 50
 
@@ -59,85 +56,35 @@ class RationalGame(NamedTuple):
         return self._replace(A=self.A - self.B * over_R, Q=self.Q - self.N * over_R, N=0 * self.N)
 
 
-def unreachable_modes(A: fmpq_mat, B: fmpq_mat) -> fmpz_poly | None:
-    """Return the characteristic polynomial of the modes of A that B does not reach, None for none.
+def unreachable_modes(A: fmpq_mat, B: fmpq_mat) -> fmpz_poly:
+    """Return the characteristic polynomial of the modes of A that B does not reach.
+
+    No gain K moves these modes: their polynomial divides that of A - B K for each K, and is the
+    common divisor if its degree is what the rank of [B AB A²B ...] leaves.
 
     A: (n, n)
     B: (n, m)
     """
     from flint import fmpq_mat
 
-    n = A.nrows()
-    if _reaches_all_modulo_prime(A, B):
-        return None
-    reached, A_power_B = B, B
-    rank = reached.rank()
-    for _ in range(n):
-        A_power_B = A * A_power_B
-        with_next_power = fmpq_mat(block_entries([[reached, A_power_B]]))
-        _, pivots = echelon(with_next_power)
-        if len(pivots) == rank:
-            break
-        reached, rank = columns_of(with_next_power, pivots), len(pivots)
-    if rank == n:
-        return None
-    # The rows L with L B = L A B = ... = 0 span an invariant subspace: L A = F L, with the
-    # modes of F. In some columns, L is square and not singular.
-    L = null_space(reached.transpose()).transpose()
-    _, pivots = echelon(L)
-    F = columns_of(L * A, pivots) * columns_of(L, pivots).inv()
-    return F.charpoly().numer()
+    n, m = A.nrows(), B.ncols()
+    modes, numbers = A.charpoly().numer(), np.random.default_rng(0)
+    while True:
+        K = fmpq_mat(m, n, numbers.integers(-MOST_OF_GAIN, MOST_OF_GAIN, m * n).tolist())
+        modes = modes.gcd((A - B * K).charpoly().numer())
+        if modes.degree() == 0 or modes.degree() == n - _number_of_reached(A, B):
+            return modes
 
 
-def _reaches_all_modulo_prime(A: fmpq_mat, B: fmpq_mat) -> bool:
-    """Return whether [B AB A²B ...] has the rank n modulo a prime: True proves it in rationals."""
-    from flint import nmod_mat
-
-    def modulo(matrix: fmpq_mat) -> nmod_mat:
-        entries = [int(e.p) * pow(int(e.q), -1, PRIME) % PRIME for e in matrix.entries()]
-        return nmod_mat(matrix.nrows(), matrix.ncols(), entries, PRIME)
-
-    try:
-        step, block = modulo(A), modulo(B)
-    except ValueError:  # the prime divides a denominator
-        return False
-    n = A.nrows()
-    reached: list[Any] = []
-    for _ in range(n):
-        reached += chain.from_iterable(block.transpose().tolist())  # columns as rows
-        if nmod_mat(len(reached) // n, n, reached, PRIME).rank() == n:
-            return True
-        block = step * block
-    return False
-
-
-def echelon(matrix: fmpq_mat) -> tuple[fmpq_mat, list[int]]:
-    """Return the reduced row echelon form, and the numbers of its pivot columns, (rank,)."""
-    reduced, rank = matrix.rref()
-    rows = reduced.tolist()[: int(rank)]
-    return reduced, [next(j for j, entry in enumerate(row) if entry != 0) for row in rows]
-
-
-def columns_of(matrix: fmpq_mat, places: Sequence[int]) -> fmpq_mat:
-    """Return the columns of a matrix with these numbers."""
+def _number_of_reached(A: fmpq_mat, B: fmpq_mat) -> int:
+    """Return the rank of [B AB A²B ...]."""
     from flint import fmpq_mat
 
-    rows = matrix.tolist()
-    return fmpq_mat(len(rows), len(places), [row[j] for row in rows for j in places])
-
-
-def null_space(matrix: fmpq_mat) -> fmpq_mat:
-    """Return a basis of the vectors v with M v = 0, in columns, (n, n - rank)."""
-    from flint import fmpq_mat
-
-    reduced, pivots = echelon(matrix)
-    free = [j for j in range(matrix.ncols()) if j not in pivots]
-    basis = fmpq_mat(matrix.ncols(), len(free))
-    for place, j in enumerate(free):
-        basis[j, place] = 1
-        for i, pivot in enumerate(pivots):
-            basis[pivot, place] = -reduced[i, j]
-    return basis
+    reached, power, before = B, B, 0
+    while (rank := reached.rank()) > before:
+        before, power = rank, A * power
+        reached = fmpq_mat(block_entries([[reached, power]]))
+    return rank
 
 
 def unstable_root(polynomial: fmpz_poly, discount: float, *, is_discrete: bool) -> complex | None:
@@ -183,17 +130,6 @@ def boundary_root(polynomial: fmpz_poly, *, is_discrete: bool) -> complex | None
         if [other is root for other in roots if image.overlaps(other)] == [True]:
             return complex(root) if is_discrete else complex(0.0, complex(root).imag)
     return None
-
-
-def rational_root(value: float) -> fmpq | None:
-    """Return the root of a double if it is rational, or None."""
-    from flint import fmpq
-
-    numerator, denominator = value.as_integer_ratio()
-    # Of a fraction in lowest terms, both roots must be integers.
-    of_numerator, of_denominator = math.isqrt(numerator), math.isqrt(denominator)
-    is_exact = of_numerator**2 == numerator and of_denominator**2 == denominator
-    return fmpq(of_numerator, of_denominator) if is_exact else None
 
 
 def states_without_cost(game: Game) -> np.ndarray:

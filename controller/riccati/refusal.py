@@ -7,6 +7,7 @@ Basar and Bernhard, H-infinity Optimal Control, Theorems 3.7 and 4.11.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -30,7 +31,6 @@ from controller.riccati.rationals import (
     MOST_STATES,
     RationalGame,
     boundary_root,
-    rational_root,
     unreachable_modes,
     unstable_root,
 )
@@ -124,12 +124,27 @@ def prove_value(found: Stabilizing) -> None:
 
 def _is_value(equation: Equation, P: Any, gains: Any) -> bool:
     """Return whether both conditions of `prove_value` are proved by the matrices of an equation."""
-    if not all(weight is None or is_positive_definite(weight) for weight in equation.weights(P)):
-        return False
-    # Without a disturbance, A - B K is the loop of both players, which is stable for any `found`.
-    control_loop = equation.control_loop(gains) if equation.is_disturbed else None
-    is_discrete = equation.is_discrete
-    return control_loop is None or stability_of(control_loop, is_discrete=is_discrete) is True
+    return all(is_met for is_met, _ in _conditions(equation, P, gains))
+
+
+def _conditions(equation: Equation, P: Any, gains: Any) -> Iterator[tuple[bool | None, str]]:
+    """Yield whether each condition of `prove_value` is met, None if neither is proved, and what it
+    means if it is not.
+    """
+    of_inputs, of_disturbances = equation.weights(P)
+    inputs_gain = "in one step, an input gains cost: R + B'P B is indefinite"
+    yield is_positive_definite(of_inputs), inputs_gain
+    if of_disturbances is None:
+        return  # A - B K is the loop of both players, which is stable for any `Stabilizing`
+    delta, loop = equation.delta, equation.control_loop(gains)
+    yield (
+        is_positive_definite(of_disturbances),
+        f"in one step, the disturbance gains more than {delta:.6g} squared of its cost",
+    )
+    yield (
+        stability_of(loop, is_discrete=equation.is_discrete),
+        f"for every input, the gain from the disturbance is at least {delta:.6g}",
+    )
 
 
 #: An eigenvalue whose real part is below this fraction of its size may be on the axis. It proposes
@@ -264,18 +279,8 @@ def why_not_the_value(found: Stabilizing) -> str:
     """Return why the stabilizing solution is proved not to be the value, or "": an input or the
     disturbance gains cost in one step, or A - B K is unstable.
     """
-    equation, P, gains, _ = found
-    of_inputs, of_disturbances = equation.weights(P)
-    if is_positive_definite(of_inputs) is False:
-        return "in one step, an input gains cost: R + B'P B is indefinite"
-    if of_disturbances is not None and is_positive_definite(of_disturbances) is False:
-        return (
-            f"in one step, the disturbance gains more than {equation.delta:.6g} squared of its cost"
-        )
-    control_loop = equation.control_loop(gains)
-    if stability_of(control_loop, is_discrete=equation.is_discrete) is False:
-        return f"for every input, the gain from the disturbance is at least {equation.delta:.6g}"
-    return ""
+    conditions = _conditions(found.equation, found.P, found.gains)
+    return next((reason for is_met, reason in conditions if is_met is False), "")
 
 
 def refuse_modes(game: Game) -> None:
@@ -286,29 +291,22 @@ def refuse_modes(game: Game) -> None:
     """
     if len(game.A) > MOST_STATES:
         return
-    # √discount is taken into A if it is rational; modes on the boundary are then decided.
-    root = rational_root(game.discount)
-    discount = 1.0 if root is not None else game.discount
-    exact = RationalGame.of(game)
+    exact, discount = RationalGame.of(game), game.discount
     # A mode that no input reaches and that is not stable.
-    unreached = unreachable_modes(exact.A * (root or 1), exact.B)
-    unstable = None
-    if unreached is not None:
-        unstable = unstable_root(unreached, discount, is_discrete=game.is_discrete)
+    unreached = unreachable_modes(exact.A, exact.B)
+    unstable = unstable_root(unreached, discount, is_discrete=game.is_discrete)
     if unstable is not None:
         mode = _mode_text(unstable * math.sqrt(discount), game)
         raise ModeError(
             f"(A, B) is not stabilizable: no input reaches the {mode}; change B or leave that mode"
             " out of A"
         )
-    # An undamped mode without cost, which is found only with R⁻¹ and a rational √discount.
+    # An undamped mode without cost, which is found only with R⁻¹ and without a discount.
     if exact.R.rank() < exact.R.nrows() or discount != 1.0:
         return
     plain = exact.without_cross_weights
-    without_cost = unreachable_modes(plain.A.transpose() * (root or 1), plain.Q)
-    undamped = None
-    if without_cost is not None:
-        undamped = boundary_root(without_cost, is_discrete=game.is_discrete)
+    without_cost = unreachable_modes(plain.A.transpose(), plain.Q)
+    undamped = boundary_root(without_cost, is_discrete=game.is_discrete)
     if undamped is not None:
         raise ModeError(
             f"(A, Q) is not detectable: the undamped {_mode_text(undamped, game)} has no cost; give"
@@ -334,6 +332,5 @@ def has_semidefinite_weights(game: Game) -> bool:
     has_weight = weights.any(1)
     if not has_weight.any():
         return True
-    exact = Near(weights[np.ix_(has_weight, has_weight)])
     with precision(BITS):
-        return bool(is_positive_definite(exact) or is_positive_definite(ball_matrix(exact)))
+        return is_positive_definite(weights[np.ix_(has_weight, has_weight)]) is True

@@ -15,7 +15,8 @@ from controller.riccati.candidate import (
     failures,
     half_plane_in_doubles,
     half_plane_of_steps,
-    stable_subspace_in_doubles,
+    pencil_in_doubles,
+    stable_subspace,
 )
 from controller.riccati.enclosure import UndecidedError, decided_at
 from controller.riccati.equation import Equation
@@ -277,11 +278,11 @@ class Search:
     def __init__(self, equation: Equation, P: np.ndarray, F: np.ndarray) -> None:
         self.game, self.units, self.P, self.F = equation.game, equation.units, P, F
         self.E = midpoints(equation.E)
+        # L and M of the pencil in discrete time, else L is the Hamiltonian.
         if equation.is_discrete:
-            steps = (equation.A, equation.B, equation.Q, equation.R, equation.N)
-            self.matrices = tuple(map(midpoints, steps))
+            self.L, self.M = pencil_in_doubles(equation)
         else:
-            self.matrices = (half_plane_in_doubles(equation),)
+            self.L = half_plane_in_doubles(equation)
 
     def first_w(self) -> float:
         """Return the w = 1/δ² at which P has grown by half its size, to the first order, or 1."""
@@ -295,33 +296,41 @@ class Search:
 
     def in_doubles(self, w: float) -> Distances:
         """Return the distances at w = 1/δ², nan if doubles find no value."""
+        n, is_discrete = len(self.P), self.game.is_discrete
         with suppress(FailedError), failures():
-            X = stable_subspace_in_doubles(half_plane := self.half_plane(w), n := len(self.P))
-            if not self.game.is_discrete:
-                loop = half_plane[:n, :n] + half_plane[:n, n:] @ X
-                return self.distances(w, X, np.linalg.eigvals(loop), None)
-            A, G, _, W, C = self.of_steps(w)
-            of_players = W + G.T @ X @ G
-            loop = A - G @ np.linalg.solve(of_players, G.T @ X @ A + C.T)
-            m = len(self.matrices[3])
-            return self.distances(w, X, np.linalg.eigvals(loop), -of_players[m:, m:])
+            half_plane = self.half_plane(w)
+            X = stable_subspace(half_plane, n)
+            poles = np.linalg.eigvals(half_plane[:n, :n] + half_plane[:n, n:] @ X)
+            if is_discrete:
+                poles = (1.0 + poles) / (1.0 - poles)
+            decays = 1.0 - np.abs(poles) if is_discrete else -poles.real
+            slowest = int(np.argmin(decays))
+            decay, pole = float(decays[slowest]), poles[slowest]
+            frequency = abs(float(np.angle(pole) if is_discrete else pole.imag))
+            # The decay falls to 0 as the root of the change of w: its square is nearly linear.
+            # Beyond the w at which P is infinite, P has large negative eigenvalues: -1 is past 0.
+            sizes = np.linalg.eigvalsh(X)
+            of_P = 1.0 / sizes[-1] if sizes[0] > -CLEARLY_NEGATIVE else -1.0
+            numbers = [math.copysign(decay**2, decay), of_P]
+            if is_discrete:  # the least weight, relative to δ²
+                weight = np.eye(self.E.shape[1]) - w * self.E.T @ X @ self.E
+                numbers.append(float(np.linalg.eigvalsh(weight)[0]))
+            return Distances(w, np.array(numbers), frequency)
         return Distances(w, np.full(1, np.nan))
 
     def half_plane(self, w: float) -> np.ndarray:
-        """Return the `half_plane_matrix` at w = 1/δ² in doubles."""
-        if self.game.is_discrete:
-            return half_plane_of_steps(*self.of_steps(w))
-        half_plane, n = self.matrices[0].copy(), len(self.P)
-        half_plane[:n, n:] += w * self.E @ self.E.T
-        return half_plane
+        """Return the `half_plane_matrix` at w = 1/δ² in doubles.
 
-    def of_steps(self, w: float) -> tuple[np.ndarray, ...]:
-        """Return A, G, Q, W and C of `Equation` at w = 1/δ², with a disturbance of weight 1."""
-        A, B, Q, R, N = self.matrices
-        E = math.sqrt(w) * self.E
-        coupling = 0.0 * B.T @ E
-        W = np.block([[R, coupling], [coupling.T, -np.eye(E.shape[1])]])
-        return A, np.hstack([B, E]), Q, W, np.hstack([N, 0.0 * E])
+        The worst disturbance is w E'p with the costate p, in discrete time that after the step.
+        """
+        n, of_disturbance = len(self.P), w * self.E @ self.E.T
+        if self.game.is_discrete:
+            M = self.M.copy()
+            M[:n, n : 2 * n] -= of_disturbance
+            return half_plane_of_steps(n, self.L, M)
+        half_plane = self.L.copy()
+        half_plane[:n, n:] += of_disturbance
+        return half_plane
 
     def proved(self, w: float, frequency: float | None) -> Distances | str:
         """Return the distances at a w = 1/δ² that is proved to have a value, or why it has none.
@@ -344,25 +353,3 @@ class Search:
         # Doubles may see no value where one is proved: a secant leaves nan out.
         numbers = np.where(distances.numbers > 0.0, distances.numbers, np.nan)
         return distances._replace(numbers=numbers)
-
-    def distances(
-        self, w: float, X: np.ndarray, poles: np.ndarray, weight: np.ndarray | None
-    ) -> Distances:
-        """Return the distances of the stabilizing solution X at w = 1/δ².
-
-        poles: of the loop of both players, (n,)
-        weight: 1 - w E'X E, (k, k), in discrete time, else None
-        """
-        is_discrete = self.game.is_discrete
-        decays = 1.0 - np.abs(poles) if is_discrete else -poles.real
-        slowest = int(np.argmin(decays))
-        decay, pole = float(decays[slowest]), poles[slowest]
-        frequency = abs(float(np.angle(pole) if is_discrete else pole.imag))
-        # The decay falls to 0 as the root of the change of w: its square is nearly linear.
-        # Beyond the w at which P is infinite, P has large negative eigenvalues: -1 is past 0.
-        sizes = np.linalg.eigvalsh(X)
-        of_P = 1.0 / sizes[-1] if sizes[0] > -CLEARLY_NEGATIVE else -1.0
-        numbers = [math.copysign(decay**2, decay), of_P]
-        if weight is not None:  # the least weight, relative to δ²
-            numbers.append(float(np.linalg.eigvalsh(weight)[0]))
-        return Distances(w, np.array(numbers), frequency)

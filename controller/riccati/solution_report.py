@@ -95,21 +95,16 @@ def _margins(solution: Solution) -> Iterator[Part]:
         if solution.is_stable:
             yield "Margins: not known, since a mode is undamped up to the rounding of doubles"
         return
-    yield _margins_table(solution)
+    rows = []
+    for name, loop in zip(solution.names.inputs, solution.loops, strict=True):
+        gain = f"{loop.gain_low:.3g} to {loop.gain_high:.3g}"
+        rows.append((name, gain, f"{loop.phase:.4g}", f"{loop.disk:.4g}"))
+    yield Table(("margins at the input", "gain", "phase deg", "disk"), rows)
     unit = "rad/step" if solution.game.dt is True else "rad/s"
     yield (
         f"All inputs at once: disk {disk.disk:.4g}, gain {disk.gain:.4g},"
         f" phase {disk.phase:.4g} deg, at {disk.frequency:.4g} {unit}"
     )
-
-
-def _margins_table(solution: Solution) -> Table:
-    """Return a table with the gain, phase and disk margins of each input."""
-    rows = []
-    for name, loop in zip(solution.names.inputs, solution.loops, strict=True):
-        gain = f"{loop.gain_low:.3g} to {loop.gain_high:.3g}"
-        rows.append((name, gain, f"{loop.phase:.4g}", f"{loop.disk:.4g}"))
-    return Table(("margins at the input", "gain", "phase deg", "disk"), rows)
 
 
 def _weights(solution: Solution) -> Iterator[str]:

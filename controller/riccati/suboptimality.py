@@ -20,6 +20,7 @@ H-infinity Optimal Control, Theorem 4.11.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -34,6 +35,7 @@ from controller.riccati.balls import (
     identity,
     is_positive_definite,
     midpoints,
+    part,
     precision,
     symmetric,
     symmetric_part,
@@ -113,22 +115,19 @@ def suboptimality_of(enclosure: Enclosure, K: np.ndarray, box: np.ndarray) -> Su
     game, gain = enclosure.game, ball_matrix(K)
     suboptimality = without_bound(game, low=0.0)
     for bits in ATTEMPTS:
-        with precision(bits):
+        with precision(bits), suppress(FailedError, NotProvedError, ZeroDivisionError):
             loop = loop_with(game, gain)
             is_stable = is_summable = stability_of(loop, is_discrete=game.is_discrete)
             if game.discount != 1.0:
                 is_summable = stability_of(discounted(loop, game), is_discrete=game.is_discrete)
             if is_summable is False:  # the cost is infinite
                 return without_bound(game, is_stable=is_stable is True)
-            found = replace(
+            suboptimality = replace(
                 suboptimality, is_stable=is_stable is True, is_summable=is_summable is True
             )
-            if is_summable:
-                try:
-                    found = _bounded(found, enclosed_in_bits(enclosure, bits), gain, box)
-                except (FailedError, NotProvedError):
-                    continue
-        suboptimality = found  # perhaps with wide bounds, which more bits make narrower
+            if is_summable:  # perhaps the bounds are wide, and more bits make them narrower
+                closer = enclosed_in_bits(enclosure, bits)
+                suboptimality = _bounded(suboptimality, closer, gain, box)
         is_enclosed = suboptimality.matrix is not None and suboptimality.of_each != math.inf
         if suboptimality.is_known and is_enclosed:
             break
@@ -172,12 +171,9 @@ def _bounded(
 ) -> Suboptimality:
     """Return the suboptimality of a policy with a stable loop over the box of states.
 
-    The given one is returned if no bound is proved with the bits of `precision`.
+    Raises an error as `_solved` does.
     """
-    solved = _solved(enclosure, K)
-    if solved is None:
-        return suboptimality
-    (D, L), P = solved, enclosure.P
+    (D, L), P = _solved(enclosure, K), enclosure.P
     reference = ball_matrix(reference_cost(midpoints(P), box))
     ratio = _largest_ratio(D, reference, box)
     is_positive = is_positive_definite(P - reference * ROUNDOFF)
@@ -191,15 +187,17 @@ def _bounded(
     )
 
 
-def _solved(optimum: Enclosure, K: arb_mat) -> tuple[arb_mat, arb_mat] | None:
+def _solved(optimum: Enclosure, K: arb_mat) -> tuple[arb_mat, arb_mat]:
     """Return the excess D and the gain of the worst disturbance, minus that of the optimum, for
-    u = -K z, or None if they are not proved.
+    u = -K z.
 
     z'D z is what u costs more than the optimum z'P z under its worst disturbance. With Δ = K - K*,
     W W' = V = δ² - E'P E and W M = -E'P B Δ, write the disturbance as L* z + W'⁻¹(v + M z).
     Completing the square then gives a game of v alone: per step, z costs
     z'(Δ'(R + B'P B)Δ + M'M) z, and v costs -v'v. In continuous time, V = δ², M = 0, and R is in the
     place of R + B'P B.
+
+    Raises FailedError, NotProvedError or ZeroDivisionError if they are not proved.
     """
     from flint import arb
 
@@ -217,17 +215,14 @@ def _solved(optimum: Enclosure, K: arb_mat) -> tuple[arb_mat, arb_mat] | None:
             V = V - E.transpose() * optimum.P * E
         W = cholesky(V)
         if W is None:
-            return None
+            raise NotProvedError("the disturbance may gain cost")
         W_inverse = W.inv()
         if game.is_discrete:
             M = -W_inverse * (E.transpose() * optimum.P * B * error)
         F = F + E * optimum.L
         E = E * W_inverse.transpose()
         F, cost = F + E * M, cost + M.transpose() * M
-    try:
-        found = DisturbedLoop(F, E, symmetric_part(cost), game.is_discrete).value(delta)
-    except (FailedError, NotProvedError, ZeroDivisionError):
-        return None
+    found = DisturbedLoop(F, E, symmetric_part(cost), game.is_discrete).value(delta)
     return found.P, W_inverse.transpose() * (found.L + M)
 
 
@@ -261,11 +256,9 @@ def price_of_delay(late: Enclosure, optimum: Enclosure) -> str:
 
     late: game with the delay, whose first states are those of the game without, `optimum`
     """
-    from flint import arb_mat
-
-    P, n = late.P.tolist(), optimum.P.nrows()
+    n = optimum.P.nrows()
     with precision(min(late.bits, optimum.bits)):
-        no_command = arb_mat([row[:n] for row in P[:n]])  # under way
+        no_command = part(late.P, slice(n), slice(n))  # under way
         ratio = _largest_ratio(no_command, optimum.P, np.ones(n))
     if not math.isfinite(ratio.high):
         return "What the delay costs is not known: without it, some states may cost nothing."

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from controller.riccati.balls import ball_matrix, precision
-from controller.riccati.equation import Equation, users_units
+from controller.riccati.candidate import first_units
+from controller.riccati.equation import Equation
 from hfa import Game
 
 
@@ -23,7 +24,7 @@ def test_the_residual_in_discrete_time_contains_the_exact_one(seed):
 
     def residual(bits):
         with precision(bits):
-            equation = Equation(game, users_units(game), game.delta)
+            equation = Equation(game, first_units(game, game.delta), game.delta)
             return equation.gains_and_residual(ball_matrix(np.zeros((1, 1))))[1][0, 0]
 
     found, exact = residual(53), residual(500)

@@ -17,8 +17,8 @@ from flint import arb, arb_mat
 from scipy.linalg import solve_continuous_lyapunov, solve_discrete_lyapunov
 
 from controller.riccati.balls import ball_matrix, precision
-from controller.riccati.candidate import Candidate, corrections
-from controller.riccati.equation import Equation, users_units
+from controller.riccati.candidate import Candidate, corrections, first_units
+from controller.riccati.equation import Equation
 from controller.riccati.lyapunov import FailedError, Lyapunov, NotProvedError
 from controller.riccati.refusal import prove_value, stabilizing
 from hfa import Game
@@ -118,7 +118,7 @@ def test_other_invariant_subspaces_are_refused(name):
     """
     game, right, wrong = GAMES[name]
     with precision(BITS):
-        equation = Equation(game, users_units(game), game.delta)
+        equation = Equation(game, first_units(game, game.delta), game.delta)
         truth = solution(list(right))
         Y = lyapunov_solution(equation, truth)
         assert contains(proved_ball(equation, truth, Y).P, truth)
@@ -139,7 +139,7 @@ def test_each_proved_ball_contains_the_solution_and_its_gains(name):
     game, right, _ = GAMES[name]
     rng = np.random.default_rng(1)
     with precision(BITS):
-        equation = Equation(game, users_units(game), game.delta)
+        equation = Equation(game, first_units(game, game.delta), game.delta)
         truth = solution(list(right))
         gains = equation.gains_and_residual(truth)[0]
         # the change of X whose residual is -1, to the first order
@@ -174,7 +174,7 @@ def test_each_ball_proved_in_doubles_contains_the_solution_and_its_gains(name, m
 
     monkeypatch.setattr(Lyapunov, "solve", wrong)
     with precision(BITS):
-        equation = Equation(game, users_units(game), game.delta)
+        equation = Equation(game, first_units(game, game.delta), game.delta)
         truth = solution(list(right))
         gains = equation.gains_and_residual(truth)[0]
         for size in [0.0, 1e-12, 1e-6, 1e-3] * 8:
@@ -195,7 +195,7 @@ def test_the_ball_about_a_candidate_has_room_for_the_quadratic_term(change):
     """
     game = Game([[0.0]], [[1.0]], Q=[[1.0]], R=[[1.0]])
     with precision(BITS):
-        equation = Equation(game, users_units(game), game.delta)
+        equation = Equation(game, first_units(game, game.delta), game.delta)
         X = ball_matrix(np.array([[1.0 + change]]))
         assert proved_ball(equation, X, lyapunov_solution(equation, X)).P[0, 0].contains(1)
 
@@ -217,7 +217,7 @@ def test_no_ball_is_proved_where_there_is_no_solution(game):
     """
     second = 7 if game.is_discrete else 2
     with precision(BITS):
-        equation = Equation(game, users_units(game), game.delta)
+        equation = Equation(game, first_units(game, game.delta), game.delta)
         for hundredths in range(0, 48, 4) if game.is_discrete else range(-100, 100, 10):
             X = solution([(hundredths, 100), (second, 1)])
             with pytest.raises(NotProvedError):
@@ -235,7 +235,7 @@ def test_no_ball_is_proved_just_below_the_smallest_delta(rate, q, root, dt):
     """
     game = Game([[rate]], [[0.0]], E=[[1.0]], Q=[[q + 5e-4]], R=[[1.0]], delta=1.0, dt=dt)
     with precision(BITS):
-        equation = Equation(game, users_units(game), game.delta)
+        equation = Equation(game, first_units(game, game.delta), game.delta)
         for X in root * np.linspace(0.6, 0.98, 20):
             candidate = ball_matrix(np.array([[X]]))
             with pytest.raises(NotProvedError):
@@ -262,7 +262,7 @@ def test_no_ball_is_proved_just_below_the_smallest_delta(rate, q, root, dt):
 def test_a_stabilizing_solution_of_two_states_may_be_no_value(game, roots, reason):
     """X is proved to stabilize the loop of both players, and not that it is the value."""
     with precision(BITS):
-        equation = Equation(game, users_units(game), game.delta)
+        equation = Equation(game, first_units(game, game.delta), game.delta)
         X = solution(roots)
         found = proved_ball(equation, X, lyapunov_solution(equation, X))
         with pytest.raises(NotProvedError, match=reason):
