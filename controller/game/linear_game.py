@@ -387,8 +387,6 @@ def _time(stored: Mapping[str, Any]) -> dict[str, Any]:
         time["dt"] = True  # with an unknown sample time
         if stored.get("dt", True) is not True:
             time["dt"] = one_number("dt", stored["dt"])
-        if not time["dt"]:
-            raise BadInputError('dt is 0, but time is "discrete"; give the sample time in s')
     if "discount" in stored:
         time["discount"] = one_number("discount", stored["discount"])
     return time
