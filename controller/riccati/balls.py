@@ -190,8 +190,10 @@ def symmetric_part(matrix: Any) -> Any:
 class Near:
     """Ball of matrices about one of doubles, in the norm of Frobenius.
 
-    It computes as balls do. In any order of its sums, a product of doubles differs from A B by at
-    most n u / (1 - n u) |A| |B| with n columns of A and the roundoff u, also by fused operations.
+    It computes as balls do. A product of doubles differs from A B by at most n u / (1 - n u) |A||B|
+    with n columns of A and the roundoff u: in any order of the sums of products A_ij B_jk, also by
+    fused operations. Methods with fewer products, as Strassen's, have a larger bound: they are
+    assumed not to be those of the BLAS.
 
     middle: doubles
     error: radius of the ball

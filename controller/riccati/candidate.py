@@ -42,8 +42,7 @@ from controller.riccati.lyapunov import (
     solved_in_bits,
 )
 from controller.riccati.rationals import states_without_cost
-from hfa_support.matrices import balanced
-from trim.linear.frequency_response import hamiltonian
+from trim.linear.frequency_response import hamiltonian, units_of
 
 if TYPE_CHECKING:
     from flint import arb_mat
@@ -318,10 +317,7 @@ def half_plane_of_steps(n: int, L: np.ndarray, M: np.ndarray) -> np.ndarray:
 
 
 def first_units(game: Game, delta: float) -> Units:
-    """Return units in which the Hamiltonian is balanced, or the user's if they are moderate.
-
-    Source: Benner, Symplectic balancing of Hamiltonian matrices, SIAM J. Sci. Comput. 22 (2001).
-    """
+    """Return units in which the Hamiltonian is balanced, or the user's if they are moderate."""
     matrices = game.A, game.B, game.E, game.Q, game.R
     entries = np.concatenate([matrix.ravel() for matrix in matrices])
     exponents = np.frexp(entries[entries != 0.0])[1]
@@ -329,8 +325,7 @@ def first_units(game: Game, delta: float) -> Units:
     if np.abs(exponents).max(initial=0) > MODERATE_EXPONENT:
         weight = _input_weights(game, game.B, game.Q)
         S = (game.B / np.where(weight > 0.0, weight, 1.0)) @ game.B.T + game.E @ game.E.T / delta**2
-        of_states, of_costates = np.split(np.log2(balanced(hamiltonian(game.A, S, game.Q))[1]), 2)
-        states = np.round(0.5 * (of_states - of_costates)).astype(int)
+        states = np.log2(units_of(game.A, S, game.Q)).astype(int)
         inputs = -_half_exponents(weight)
     return Units(states, inputs, disturbance_units(game, delta))
 

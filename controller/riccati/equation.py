@@ -108,7 +108,8 @@ class Entries(NamedTuple):
         A, B, E, Q, R, N = map(kind, matrices)
         if not (math.isfinite(delta) and game.E.any()):
             return cls(A, B, E, Q, R, N, B, stacked([[A, B]]), R, N)
-        # -δ² I in the units of the disturbances: δ² is the exact sum of two doubles.
+        # -δ² I in the units of the disturbances. With those of `disturbance_units`, in which δ is
+        # nearly 1, δ² is the exact sum of two doubles; in others, the second one may underflow.
         squares = [arb(entry) ** 2 for entry in np.ldexp(delta, disturbances)]
         high = [float(square) for square in squares]
         low = [float(square - double) for square, double in zip(squares, high, strict=True)]

@@ -1,6 +1,8 @@
 """Lyapunov equations F'Z + Z F = C, in discrete time F'Z F - Z = C, and what they prove of loops.
 
-Candidate solutions are computed in doubles or in many bits; balls prove what follows from them.
+Candidate solutions are computed in doubles or in many bits; balls prove what follows from them. F
+is a loop, Z, Y and D are solutions, C is a right side: all (n, n), the latter symmetric. M is a
+matrix whose eigenvalues have Re λ < 0 where F is stable: F, or its transform in discrete time.
 """
 
 from __future__ import annotations

@@ -158,10 +158,8 @@ def _without_cost(game: Game) -> np.ndarray:
 
 def _connected(graph: np.ndarray) -> np.ndarray:
     """Return whether a path leads from node i to node j of a graph, (n, n)."""
-    paths = (graph != 0.0) | np.eye(len(graph), dtype=bool)
-    for _ in range(len(graph).bit_length()):  # each step doubles the length of the paths
-        paths = paths @ paths
-    return np.asarray(paths)
+    n = len(graph)
+    return np.linalg.matrix_power((graph != 0.0) | np.eye(n, dtype=bool), n)
 
 
 class Zeros(NamedTuple):

@@ -22,8 +22,7 @@ def hamiltonian(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
 def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     """Return units u, (n,), in which the Hamiltonian is balanced: states z have the numbers z / u.
 
-    The units are powers of two, in which nothing rounds. If Q = 0, and A and S are not, the largest
-    entries of S and A are also of similar size.
+    The units are powers of two, in which nothing rounds.
 
     A, S, Q: (n, n)
 
@@ -32,15 +31,7 @@ def units_of(A: np.ndarray, S: np.ndarray, Q: np.ndarray) -> np.ndarray:
     _, scaling = balanced(hamiltonian(A, S, Q))
     of_states, of_costates = np.split(np.log2(scaling), 2)
     # The nearest symplectic scaling: that of the costates is the inverse of that of the states.
-    units = np.exp2(np.round(0.5 * (of_states - of_costates)))
-    if not Q.any() and S.any() and A.any():  # balanced also in units that are f times as large
-        S_in_units = S / np.outer(units, units)
-        A_in_units = A * units / units[:, None]
-        with np.errstate(all="ignore"):
-            # They divide S by f², and leave A.
-            logarithm = np.log2(np.abs(S_in_units).max()) - np.log2(np.abs(A_in_units).max())
-            units = units * np.exp2(np.round(0.5 * logarithm))
-    return units
+    return np.asarray(np.exp2(np.round(0.5 * (of_states - of_costates))))
 
 
 class System(NamedTuple):

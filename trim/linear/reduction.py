@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,10 +20,7 @@ def positions(what: str, names: Sequence[str] | None, known: tuple[str, ...]) ->
 
     Raises BadInputError for an unknown name, and for a repeated name.
     """
-    chosen: Any = known if names is None else names
-    if isinstance(chosen, str) or not isinstance(chosen, Iterable):
-        chosen = [chosen]
-    chosen = list(chosen)
+    chosen = [names] if isinstance(names, str) else list(known if names is None else names)
     position_of = {name: index for index, name in enumerate(known)}
     for index, name in enumerate(chosen):
         if not isinstance(name, str) or name not in position_of:
