@@ -12,13 +12,28 @@ from inspect import signature
 from itertools import chain
 from pathlib import Path
 from types import FunctionType, NoneType, UnionType
-from typing import Any, SupportsFloat, SupportsIndex, Union, get_args, get_origin
+from typing import (
+    Any,
+    Protocol,
+    SupportsFloat,
+    SupportsIndex,
+    Union,
+    get_args,
+    get_origin,
+    runtime_checkable,
+)
 
 import numpy as np
 
 from hfa_support.errors import OWN, BadInputError, numbers_in
 from hfa_support.imports import origins_in
 from hfa_support.progress import Progress
+
+
+def _with(method: str) -> type:
+    """Return a class of which all objects with a method are."""
+    return runtime_checkable(type("_With", (Protocol,), {method: None}))
+
 
 #: Kind in an annotation -> the word of a refusal, and the classes of its objects.
 _KINDS: dict[Any, tuple[str, Any]] = {
@@ -28,9 +43,9 @@ _KINDS: dict[Any, tuple[str, Any]] = {
     int: ("a whole number", SupportsIndex),
     float: ("a number", SupportsFloat),
     Path: ("a path", os.PathLike),
-    Mapping: ("a dictionary", Mapping),
+    Mapping: ("a dictionary", _with("keys")),
     **dict.fromkeys((Callable, Progress), ("a function", Callable)),
-    np.ndarray: ("an array", (SupportsFloat, Iterable)),  # others are converted
+    np.ndarray: ("an array", (SupportsFloat, Iterable, _with("__array__"))),  # others are converted
     **dict.fromkeys((Sequence, Collection, Iterable, tuple), ("a list", Iterable)),
 }
 

@@ -188,11 +188,11 @@ class Critic(Reported):
         if self.weights is None or self.basis is None or self.is_quadratic:
             return ca.SX(0.0)
         first = self.basis.quadratic_size
-        terms = _monomials(z, self.basis.exponents[first:])
+        terms = monomials_of(z, self.basis.exponents[first:])
         return ca.dot(ca.DM(self.weights[first:]), terms)
 
 
-def _monomials(z: ca.SX, exponents: np.ndarray) -> ca.SX:
+def monomials_of(z: ca.SX, exponents: np.ndarray) -> ca.SX:
     """Return the monomials of z with these exponents (M, n) as expressions, (M,)."""
     states, one = ca.vertsplit(z), ca.SX(1.0)
     factors_of_monomials = [
@@ -321,7 +321,7 @@ def polynomial_policy(weights: np.ndarray, scales: np.ndarray) -> ca.Function:
             f"{n} states up to one degree"
         )
     z = ca.SX.sym("z", n)
-    u = ca.DM(weights) @ _monomials(ca.DM(scales) * z, exponents)
+    u = ca.DM(weights) @ monomials_of(ca.DM(scales) * z, exponents)
     return ca.Function("policy", [z], [ca.densify(u)])
 
 

@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from controller.critic.critic import monomials_of
 from controller.expansion.series import (
     BITS_OF_SERIES,
     balls,
     in_coordinates,
     nominal_size,
-    polynomial,
     relative_radius,
     root_of,
     series_of_game,
 )
-from controller.game.basis import TO_DEGREE, Basis, basis as named_basis
+from controller.game.basis import TO_DEGREE, Basis, basis as named_basis, monomials
 from controller.game.zero_sum import Game
 from controller.riccati.balls import ball_matrix, precision
 from controller.riccati.gare import Solution
@@ -29,7 +29,7 @@ from hfa_support.errors import BadInputError, NoSolutionError, prefix_errors, sh
 from hfa_support.reporting.report import Report, Reported
 from hfa_support.reporting.results import Matrix, Result, Vector
 from trim.linear.linear_model import LinearModel
-from trim.linear.nonsmooth import near_switches, rates_of
+from trim.linear.nonsmooth import near_switches
 
 if TYPE_CHECKING:
     from controller import Radius
@@ -63,8 +63,7 @@ def deviation_rates(linear: LinearModel, game: Game) -> ca.Function:
                 "trim at which the states of the linear model are constant"
             )
     z, u = rates.sx_in()
-    from_trim = ca.Function("rates", [z, u], [ca.densify(rates(z, u) - at_trim)])
-    return from_trim
+    return ca.Function("rates", [z, u], [ca.densify(rates(z, u) - at_trim)])
 
 
 def rates_about_trim(linear: LinearModel) -> ca.Function:
@@ -89,21 +88,15 @@ def refuse_nonsmooth(linear: LinearModel) -> None:
 
     linear: linear model at the trim
     """
-    model = linear.model
-    rates = rates_of(model.layout)
-    if ca.OP_CALL in {rates.instruction_id(k) for k in range(rates.n_instructions())}:
-        raise BadInputError(
-            f"{model.title}: the equations call a table or another function, which has no power "
-            "series; use an aircraft with smooth equations, or leave out the order"
-        )
-    point = linear.point
+    model, point = linear.model, linear.point
     # Indices of the points near a switch: that of the trim, or none.
     points_near, columns = near_switches(model, point.x[None], point.u[None], model.p[None])
     if points_near.size:
         signals = [(*model.states, *model.inputs)[column] for column in columns]
         raise BadInputError(
-            f"{model.title}: |.|, min, max or a comparison of {', '.join(signals)} switches at the "
-            "trim, where the value has no power series; choose another trim, or leave out the order"
+            f"{model.title}: a table, |.|, min, max or a comparison of {', '.join(signals)} "
+            "switches at the trim, where the value has no power series; choose another trim, or "
+            "leave out the order"
         )
 
 
@@ -222,8 +215,11 @@ class Expansion(Result, Reported):
         """Return the CasADi Function of z with terms of degree `lowest` and more, given in y."""
         z = ca.SX.sym("z", self.states)
         y = ca.DM(self.root.T) @ z
-        parts = [polynomial(y, degree, term) for degree, term in enumerate(terms, lowest)]
-        return ca.Function(name, [z], [sum(parts, ca.SX(0))])
+        parts = [
+            ca.DM(term) @ monomials_of(y, monomials(self.states, degree))
+            for degree, term in enumerate(terms, lowest)
+        ]
+        return ca.Function(name, [z], [ca.densify(sum(parts, ca.SX(0)))])
 
     @cached_property
     def disturbance(self) -> ca.Function:
@@ -257,7 +253,16 @@ def expand(linear: LinearModel, solution: Solution, order: int) -> Expansion:
     >>> expansion.weights.shape, expansion.error < 1e-12
     ((77,), True)
     """
-    _check_order(len(solution.P), order)
+    n = len(solution.P)
+    if order not in range(LOWEST, HIGHEST + 1):
+        raise BadInputError(
+            f"order is {shown(order)}; give a whole number from {LOWEST} to {HIGHEST}"
+        )
+    if (count := comb(n + order - 1, order)) > MOST_COEFFICIENTS:
+        raise BadInputError(
+            f"order {order} of {n} states has {count} coefficients, more than {MOST_COEFFICIENTS}; "
+            "give a lower order, or fewer states"
+        )
     rates = deviation_rates(linear, solution.game)
     root = root_of(solution.P)
     with prefix_errors(linear.model.title):
@@ -286,17 +291,3 @@ def expand(linear: LinearModel, solution: Solution, order: int) -> Expansion:
         error=error,
         nominal=nominal,
     )
-
-
-def _check_order(n: int, order: int) -> None:
-    """Raise BadInputError unless a value of n states can have this degree."""
-    if not isinstance(order, int) or order not in range(LOWEST, HIGHEST + 1):
-        raise BadInputError(
-            f"order is {shown(order)}; give a whole number from {LOWEST} to {HIGHEST}"
-        )
-    count = comb(n + order - 1, order)
-    if count > MOST_COEFFICIENTS:
-        raise BadInputError(
-            f"order {order} of {n} states has {count} coefficients, more than {MOST_COEFFICIENTS}; "
-            "give a lower order, or fewer states"
-        )

@@ -44,9 +44,8 @@ def expansion_report(expansion: Expansion) -> Report:
 
 def name_of_value(degree: int) -> str:
     """Return "V2", "V2 + V3" or "V2 + ... + V4"."""
-    if degree == 2:
-        return "V2"
-    return "V2 + V3" if degree == 3 else f"V2 + ... + V{degree}"
+    between = " + ..." if degree > 3 else ""
+    return "V2" if degree == 2 else f"V2{between} + V{degree}"
 
 
 def _size_of_set(radius: Radius) -> str:

@@ -42,8 +42,8 @@ def scales_of_time(loop: np.ndarray) -> tuple[float, float]:
     The fastest mode determines the step, and the slowest one the duration.
     """
     eigenvalues = np.linalg.eigvals(loop)
-    step = _STEP_OF_FASTEST / float(np.abs(eigenvalues).max())
-    return step, _TIME_CONSTANTS / float(-eigenvalues.real.max())
+    step = _STEP_OF_FASTEST / np.abs(eigenvalues).max()
+    return step, _TIME_CONSTANTS / -eigenvalues.real.max()
 
 
 def flown_until_decayed(

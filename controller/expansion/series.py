@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-import operator
-from collections.abc import Callable, Sequence
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from functools import lru_cache, reduce
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -36,36 +35,10 @@ def in_coordinates(weights: np.ndarray, degree: int, T: np.ndarray) -> np.ndarra
     weights: (k, M), balls
     """
     ring = PowerSeries(len(T), degree)
-    psi = products_of([*T @ ring.variables()], degree, ring.product, ring.constant(1))
+    parts = T @ ring.variables()
+    factors = (np.repeat(parts, powers, axis=0) for powers in monomials(len(T), degree))
+    psi = [reduce(ring.product, each) for each in factors]
     return weights @ np.array(psi)[:, ring.of[degree]]
-
-
-def polynomial(y: ca.SX, degree: int, weights: np.ndarray) -> ca.SX:
-    """Return homogeneous polynomials W ψ(y) as CasADi expressions, (k,).
-
-    y: (n,), expressions
-    degree: degree of the monomials ψ
-    weights: W, (k, M)
-    """
-    psi = products_of(ca.vertsplit(y), degree, operator.mul, ca.SX(1.0))
-    return ca.densify(ca.DM(weights) @ ca.vertcat(*psi))
-
-
-def products_of(parts: list[Any], degree: int, times: Callable[..., Any], one: Any) -> list[Any]:
-    """Return the products of all monomials of a degree of n parts, in the order of `homogeneous`.
-
-    times: function that multiplies two of them
-    one: the product of none
-    """
-    # (a, b, c) -> y_a y_b y_c; a <= b <= c, so that each monomial is made once
-    products: dict[tuple[int, ...], Any] = {(): one}
-    for _ in range(degree):
-        products = {
-            (*factors, following): times(product, parts[following])
-            for factors, product in products.items()
-            for following in range(factors[-1] if factors else 0, len(parts))
-        }
-    return list(products.values())
 
 
 def name_of(exponents: Sequence[int], names: Sequence[str]) -> str:
