@@ -6,9 +6,9 @@ No proof depends on the samples; `check_schedule` proves the statement.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 import scipy.linalg
@@ -192,16 +192,6 @@ _COINCIDENT = 1e6
 _MOST_PIECES = 1_000_000
 
 
-class Sample(NamedTuple):
-    """The closed loop C (n, n) at a scheduling value s, and its derivative in s, both in nominal
-    values of the states.
-    """
-
-    s: float
-    C: np.ndarray
-    slope: np.ndarray
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class ScheduleFound(Reported):
     """A proved statement about a gain schedule.
@@ -256,14 +246,14 @@ def prove_schedule(
     # Samples of the closed loop, for which the proof object of any statement serves.
     n = len(flight.model.linear)
     without_P = ScheduleWitness(_MOST_PIECES, np.zeros(0), np.zeros((0, n, n)))
-    samples = _samples(ScheduleProof(ScheduleStatement(flight, gains, 0.0), without_P))
-    slowest = min(samples, key=lambda sample: -spectral_abscissa(sample.C))
-    slowest_decay = -spectral_abscissa(slowest.C)
+    loops = _sampled(ScheduleProof(ScheduleStatement(flight, gains, 0.0), without_P))
+    decays = [-spectral_abscissa(C) for C in loops.values]
+    slowest_decay = min(decays)
     if decay_rate is None and not slowest_decay > 0.0:
         raise NoSolutionError(
             f"A - B K has an eigenvalue with the real part {-slowest_decay:.6g} 1/s at "
-            f"{flight.model.schedule} {slowest.s:.6g} {flight.model.schedule_unit}, so the loop is "
-            "not stable"
+            f"{flight.model.schedule} {loops.breakpoints[decays.index(slowest_decay)]:.6g} "
+            f"{flight.model.schedule_unit}, so the loop is not stable"
         )
 
     stated_decay = _STATED_SHARE * slowest_decay if decay_rate is None else decay_rate
@@ -272,7 +262,7 @@ def prove_schedule(
         return _first_proved([(statement, without_P)], progress)
     wanted = None if scheduled_rate == "largest" else scheduled_rate
     try:
-        return _first_proved(_with_motion(statement, samples, wanted), progress)
+        return _first_proved(_with_motion(statement, loops, wanted), progress)
     except NoSolutionError as failure:
         still = _first_proved([(statement, without_P)], progress)
         return replace(
@@ -308,14 +298,15 @@ def _first_proved(
     raise NoSolutionError(str(rejected)) from rejected
 
 
-def _samples(proof: ScheduleProof) -> list[Sample]:
-    """Return samples of the closed loop. Raises NoSolutionError where no trim is found."""
+def _sampled(proof: ScheduleProof) -> LinearTable:
+    """Return the closed loop C (n, n), in nominal values of the states, at scheduling values.
+
+    Raises NoSolutionError where no trim is found.
+    """
     low, high = proof.statement.flight.range
     guess = np.array(list(proof.statement.flight.first.values()))
     slope = np.zeros_like(guess)
-    places = np.linspace(low, high, _SAMPLES)
-    step = places[1] - places[0]
-    samples = []
+    places, loops = np.linspace(low, high, _SAMPLES), []
     last = low
     model = proof.statement.flight.model
     nominal = model.nominal(model.linear)
@@ -326,15 +317,12 @@ def _samples(proof: ScheduleProof) -> list[Sample]:
         except Undecided as error:
             raise NoSolutionError(f"{error} at {model.schedule} {s:.6g}") from error
         last = s
-        near = s + 1e-5 * step * (1.0 if s < high else -1.0)  # for a difference quotient
-        C = proof.loop_at(guess, s)
-        C_near = proof.loop_at(guess + slope * (near - s), near)
-        samples.append(Sample(s, to_nominal * C, to_nominal * (C_near - C) / (near - s)))
-    return samples
+        loops.append(to_nominal * proof.loop_at(guess, s))
+    return LinearTable(places, np.array(loops))
 
 
 def _with_motion(
-    statement: ScheduleStatement, samples: Sequence[Sample], wanted: float | None
+    statement: ScheduleStatement, loops: LinearTable, wanted: float | None
 ) -> Iterator[tuple[ScheduleStatement, ScheduleWitness]]:
     """Yield statements about a moving scheduling variable with P, the strongest first."""
     # wanted: rate of the scheduling variable, or None for the largest
@@ -348,21 +336,24 @@ def _with_motion(
         return moving, ScheduleWitness(_MOST_PIECES, np.array(nodes, dtype=float), P_in_units)
 
     # A constant P permits any rate.
-    W = _weight(samples[:: max(1, len(samples) // 16)])  # 16 samples suffice for a weight
-    middle = samples[len(samples) // 2]
-    for weight in (W, _first_weight(middle.C)):
-        P = _lyapunov(middle.C, weight)
-        if all(_is_positive(-(sample.C.T @ P + P @ sample.C)) for sample in samples):
-            yield claim(math.inf if wanted is None else wanted, [middle.s], [P])
+    slopes = np.gradient(loops.values, loops.breakpoints, axis=0)
+    few = slice(None, None, _SAMPLES // 16)  # 16 samples suffice for a weight
+    W = _weight(loops.values[few], slopes[few])
+    middle = loops.values[_SAMPLES // 2]
+    for weight in (W, _first_weight(middle)):
+        P = _lyapunov(middle, weight)
+        if all(_is_positive(-(C.T @ P + P @ C)) for C in loops.values):
+            place = loops.breakpoints[_SAMPLES // 2]
+            yield claim(math.inf if wanted is None else wanted, [place], [P])
 
     # A P that is linear between nodes permits a higher rate with more nodes.
-    best, slowest = 0.0, samples[0].s
+    best = slowest = 0.0
     improving: list[tuple[float, np.ndarray, np.ndarray]] = []
     for fineness in _FINENESS:
         cuts = [np.linspace(*part, fineness + 1)[:-1] for part in gains.pieces(*flight.range)]
         nodes = np.append(np.concatenate(cuts), flight.high)
-        P = np.array([_lyapunov(_loop_near(samples, node), W) for node in nodes.tolist()])
-        permitted, at = _permitted_scheduled_rate(samples, nodes, P)
+        P = np.array([_lyapunov(loop, W) for loop in loops.at(nodes)])
+        permitted, at = _permitted_scheduled_rate(loops, nodes, P)
         if permitted >= best:
             slowest = at
         # An infinite rate is that of a constant P, which was tried above.
@@ -383,30 +374,24 @@ def _with_motion(
     )
 
 
-def _loop_near(samples: Sequence[Sample], s: float) -> np.ndarray:
-    """Return the closed loop at a scheduling value, from the nearest sample."""
-    near = min(samples, key=lambda sample: abs(sample.s - s))
-    return near.C + near.slope * (s - near.s)
-
-
 def _permitted_scheduled_rate(
-    samples: Sequence[Sample], nodes: np.ndarray, P: np.ndarray
+    loops: LinearTable, nodes: np.ndarray, P: np.ndarray
 ) -> tuple[float, float]:
     """Return the largest |ds/dt| for which V = x'P(s) x decreases at all samples, or 0, and the s
     that permits no more.
     """
-    permitted, slowest = math.inf, samples[0].s
-    for sample in samples:
-        k = _piece_of(nodes, sample.s)
+    permitted, slowest = math.inf, nodes[0]
+    for s, C in zip(loops.breakpoints, loops.values, strict=True):
+        k = _piece_of(nodes, s)
         slope = (P[k + 1] - P[k]) / (nodes[k + 1] - nodes[k])
-        product = sample.C.T @ (P[k] + slope * (sample.s - nodes[k]))
+        product = C.T @ (P[k] + slope * (s - nodes[k]))
         S = -(product + product.T)
         if not _is_positive(S):
-            return 0.0, sample.s
+            return 0.0, s
         # V decreases for |ds/dt| < 1 / max |λ| of slope x = λ S x.
         relative_slope = float(np.abs(scipy.linalg.eigh(slope, S, eigvals_only=True)).max())
         if relative_slope * permitted > 1.0:
-            permitted, slowest = 1.0 / relative_slope, sample.s
+            permitted, slowest = 1.0 / relative_slope, s
     return permitted, slowest
 
 
@@ -426,13 +411,16 @@ def _lyapunov(A: np.ndarray, W: np.ndarray) -> np.ndarray:
     return np.asarray((P + P.T) / 2)
 
 
-def _weight(samples: Sequence[Sample]) -> np.ndarray:
+def _weight(loops: np.ndarray, slopes: np.ndarray) -> np.ndarray:
     """Return the W > 0 for which V = x'P x, C'P + P C = -W, permits the largest rate ds/dt found.
 
     V decreases for |ds/dt| < 1 / max |λ| of W⁻¹ dP/ds. Each step increases W along the vectors of
     large |λ|, relative to the others.
+
+    loops: C at scheduling values, (N, n, n)
+    slopes: dC/ds, (N, n, n)
     """
-    W = _first_weight(samples[len(samples) // 2].C)
+    W = _first_weight(loops[len(loops) // 2])
     best, permitted = np.eye(len(W)), 0.0
     for _ in range(_TRIES):
         try:
@@ -442,7 +430,7 @@ def _weight(samples: Sequence[Sample]) -> np.ndarray:
         inverse = np.linalg.inv(root)
         total = np.zeros_like(W)
         largest = 0.0
-        for _, C, slope in samples:
+        for C, slope in zip(loops, slopes, strict=True):
             # dP/ds, by the derivative of C'P + P C = -W:
             # C' dP/ds + dP/ds C = -(P dC/ds + its transpose)
             P_C_slope = _lyapunov(C, W) @ slope
