@@ -138,6 +138,9 @@ class _Search:
                 return
             if sign * at.rests[speed] > _LEAST_REPORTED * self.rows[speed].scale:
                 size = f"{self._force(at, speed)} too {what}{self._thrust(at)}"
+                throttle = self.throttles[0]
+                if throttle in self.posed.condition.limits:
+                    end = f"{throttle} {self.model.describe(throttle, held[throttle])}"
                 yield _Reason(f"at {end} the thrust is {size}", at, held)
                 return
             ends.append(at)
