@@ -14,7 +14,7 @@ import numpy as np
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.gusts import state_of
-from hfa_flight.air.sensors import measured
+from hfa_flight.air.sensors import values_in_air
 from hfa_flight.policies.deployment.policy import DeployedPolicy
 from hfa_flight.policies.estimate import (
     IMPOSSIBLE,
@@ -59,11 +59,6 @@ def enumerators(units: Mapping[str, str], prefix: str = "HFA_") -> str:
     return "\n".join(lines)
 
 
-def or_unused(units: dict[str, str]) -> dict[str, str]:
-    """Return the names and units, or one unused entry, because C permits no empty array."""
-    return units or {"unused": ""}
-
-
 def constant_tables(values_by_declaration: Mapping[str, Any]) -> str:
     """Return C definitions of constant arrays, with matrices row by row.
 
@@ -81,10 +76,6 @@ def braced(values: Any) -> str:
     """Return a number, a text or a nested list as a C initializer."""
     if isinstance(values, list):
         return f"{{{', '.join(map(braced, values))}}}"
-    if values == np.inf:
-        return "HUGE_VAL"
-    if values == -np.inf:
-        return "-HUGE_VAL"
     return str(values)
 
 
@@ -93,16 +84,14 @@ def units_of(model: Model, names: Iterable[str]) -> dict[str, str]:
     return {name: model.unit(name) for name in names}
 
 
-def displaced_state(model: Model) -> tuple[str, float]:
-    """Return a state and its initial deviation, for the example loop.
+def displaced_state(model: Model) -> dict[str, object]:
+    """Return the fields of a state, its initial deviation and unit, for the example loop.
 
-    The state is the speed, with the deviation 1. Without a state `speed`, the first state of the
-    linear model is returned, with 1 % of its nominal size.
+    The first state of the linear model deviates by 1 % of its nominal size.
     """
-    if "speed" in model.states:
-        return "speed", 1.0
     name = model.linear[0]
-    return name, model.states[name].nominal / 100
+    size = model.states[name].nominal / 100
+    return {"state": name.upper(), "amount": size, "unit": model.unit(name)}
 
 
 def write_texts(folder: Path, texts: Mapping[str, str]) -> list[Path]:
@@ -171,8 +160,8 @@ def c_filter_texts(policy: FilteredPolicy, origin: str) -> dict[str, str]:
     origin: comment on the origin of the policy
     """
     model = policy.point.model
-    state, amount = displaced_state(model)
     fields = {
+        **displaced_state(model),
         "origin": comment_lines(origin),
         "title": comment_lines(f"{model.title}, {policy.filter.text()}"),
         "sensors": enumerators(_meanings(policy), "FILTER_"),
@@ -188,9 +177,6 @@ def c_filter_texts(policy: FilteredPolicy, origin: str) -> dict[str, str]:
         "restarts_after": RESTARTS_AFTER,  # samples
         "sample": c_function(filter_sample(policy), "sample", ("memory", "y"), ("u", "later")),
         "sensed": c_function(sensed_values(policy), "sensed", ("x", "w"), ("y",)),
-        "state": state.upper(),
-        "amount": amount,
-        "unit": model.unit(state),
     }
     return {file: filled(file, **fields) for file in FILTER_FILES}
 
@@ -212,9 +198,9 @@ def sensed_values(policy: FilteredPolicy) -> ca.Function:
     x = ca.SX.sym("x", len(model.states))
     w = ca.SX.sym("w", max(1, len(model.disturbances)))  # C has no arrays without entries
     winds = dict(zip(model.disturbances, ca.vertsplit(w), strict=False))
-    no_inputs = ca.SX.zeros(len(model.inputs))  # on which no sensor of a filter depends
-    y = measured(point, policy.sensors, x - ca.DM(point.x), no_inputs, model.p, winds)
-    return ca.Function("sensed", [x, w], [ca.densify(y + ca.DM(policy.filter.at_trim))])
+    at = x, ca.DM(point.u), model.p  # no sensor of a filter depends on the inputs
+    y = values_in_air(model, policy.sensors, at, winds)
+    return ca.Function("sensed", [x, w], [ca.densify(y)])
 
 
 def filter_sample(policy: FilteredPolicy) -> ca.Function:
@@ -282,7 +268,7 @@ def c_model_texts(
     origin_and_title = {"origin": comment_lines(origin), "title": comment_lines(model.title)}
     states = units_of(model, model.states)
     inputs = units_of(model, model.inputs)
-    winds = or_unused(units_of(model, model.disturbances))
+    winds = units_of(model, model.disturbances) or {"unused": ""}  # C has no empty array
     in_c = _policy_in_c(linear, policy)
     rates = c_function(_rates(model), "rates", ("x", "u", "w", "p"), ("dx",))
     texts = {
@@ -317,8 +303,7 @@ def c_model_texts(
         ),
     }
     if policy is not None:
-        state, amount = displaced_state(model)
-        texts[example] = filled(example, state=state.upper(), amount=amount, unit=model.unit(state))
+        texts[example] = filled(example, **displaced_state(model))
     return texts
 
 

@@ -17,7 +17,6 @@ from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.policies.given import diagonal_weights
 from hfa_support.arguments import ArrayLike
 from hfa_support.errors import BadInputError, imported, warn
-from trim.point.operating_point import OperatingPoint
 
 if TYPE_CHECKING:
     import gymnasium
@@ -86,7 +85,9 @@ def environment(
     imported("gymnasium", "an environment requires")
     from hfa_flight.learn.gymnasium_environment import AircraftEnvironment
 
-    trims = training_trims(model, points)
+    if points is None and model.about.trained_at is not None:
+        points = [model.about.trained_at]
+    trims = trims_of(model, points)
     measured = sensors_of(sensors or {}, model)
     if deployment is None:
         sample_time = usual_sample_time(model, trims) if dt is None else dt
@@ -110,13 +111,6 @@ def environment(
             warn(sentence)
     episode = Episode(Deployed(trained, model), trims, seconds, turbulence, vary, measured)
     return AircraftEnvironment(episode)
-
-
-def training_trims(model: Model, points: Iterable[Any] | None) -> tuple[OperatingPoint, ...]:
-    """Return the trims of an environment, by default that at which the model is trained."""
-    if points is None and model.about.trained_at is not None:
-        points = [model.about.trained_at]
-    return trims_of(model, points)
 
 
 def _weights(matrix: str, model: Model, given: Any) -> dict[str, float]:

@@ -17,11 +17,10 @@ from hfa_aircraft.model import Model
 from hfa_flight.air.held_step import parts_of_a_sample
 from hfa_flight.air.sensors import Sensor
 from hfa_flight.air.turbulence import Turbulence
-from hfa_flight.judge.flight_costs import cost_rate, cost_weights
+from hfa_flight.judge.flight_costs import cost_rate
 from hfa_flight.judge.outcomes import refuse_edges
 from hfa_flight.plan.problem import start_box
 from hfa_flight.policies.deployment.deployed import Deployed
-from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.simulate.envelope import departure, flight_envelope
 from hfa_flight.simulate.sampled_flights import CompiledSamples, SampledFlight, Ticks
 from hfa_support.errors import (
@@ -345,12 +344,6 @@ class Episode:
         """Values of the varied parameters, by name."""
         values = dict(zip(self.deployed.model.parameters, self._parameters.tolist(), strict=True))
         return {name: values[name] for name in self.varied}
-
-    @property
-    def deployment(self) -> Deployment:
-        """The deployment with the weights of the reward as its cost."""
-        Q, R = cost_weights(self.deployed)
-        return self.deployed.deployment.changed(cost={"Q": dict(Q), "R": dict(R)})
 
     @property
     def start_box(self) -> dict[str, float]:

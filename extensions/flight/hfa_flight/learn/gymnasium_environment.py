@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium import spaces
 
 from hfa_aircraft.model import Model
+from hfa_flight.judge.flight_costs import cost_weights
 from hfa_flight.learn.episode import Episode
 from hfa_flight.policies.deployment.deployment import Deployment
 from hfa_flight.simulate.envelope import flight_envelope
@@ -51,8 +52,10 @@ class AircraftEnvironment(gymnasium.Env):
 
     @property
     def deployment(self) -> Deployment:
-        """Observations, actions, timing and cost of the environment, for the trained policy."""
-        return self.episode.deployment
+        """Observations, actions and timing for the trained policy, with the cost of the reward."""
+        deployed = self.episode.deployed
+        Q, R = cost_weights(deployed)
+        return deployed.deployment.changed(cost={"Q": dict(Q), "R": dict(R)})
 
     @property
     def start_box(self) -> dict[str, float]:
