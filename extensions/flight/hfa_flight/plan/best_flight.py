@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfa_aircraft.signals import StatesAndInputs
-from hfa_flight.air.signals import series
 from hfa_flight.plan.collocation import CandidateFlight
 from hfa_flight.plan.flights import FOLLOWING, SimulatedFlight
 from hfa_flight.plan.problem import FlightProblem, OfProblem
@@ -17,6 +16,7 @@ from hfa_flight.plan.search import Found
 from hfa_flight.plan.smooth import is_nonsmooth
 from hfa_flight.simulate.envelope import RULE, FlightRow, limits_text
 from hfa_flight.simulate.flight_figure import Curve, flight_figure, histories_of
+from hfa_flight.simulate.history import series
 from hfa_support.reporting.figure import new_figure, pyplot_figure
 from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report, Reported

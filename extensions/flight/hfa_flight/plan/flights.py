@@ -14,7 +14,6 @@ from controller.critic.critic import Critic
 from controller.critic.features import symbols_for
 from hfa_aircraft.batch_simulation import FAR, Cost, saturated
 from hfa_flight.air.scenario import Scenario
-from hfa_flight.air.signals import Deviations
 from hfa_flight.plan.collocation import CandidateFlight
 from hfa_flight.plan.problem import FlightProblem
 from hfa_flight.plan.smooth import smooth_slopes
@@ -30,6 +29,7 @@ from hfa_flight.simulate.envelope import (
     outside,
     share_at_limits,
 )
+from hfa_flight.simulate.history import Deviations
 from hfa_flight.simulate.simulation import CompiledLoop
 from hfa_support.errors import NoSolutionError
 from hfa_support.matrices import spectral_abscissa

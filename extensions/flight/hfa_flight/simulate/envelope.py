@@ -19,7 +19,7 @@ from hfa_aircraft.model import Model
 from hfa_aircraft.signals import record
 from hfa_flight.air.gust_equations import IN_AIR, in_gusts, relative_to_air
 from hfa_flight.air.sensors import at_trim
-from hfa_flight.air.signals import Deviations
+from hfa_flight.simulate.history import Deviations
 from hfa_support.errors import BadInputError, pair_of, refuse_unknown
 from hfa_support.matrices import quadratic_forms
 from hfa_support.reporting.results import Result

@@ -17,7 +17,6 @@ from hfa_aircraft.signals import StatesAndInputs
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.air.scenario import MOST_STEPS, Scenario
 from hfa_flight.air.sensors import at_trim
-from hfa_flight.air.signals import Deviations, series
 from hfa_flight.policies.given import policy_and_scenario
 from hfa_flight.policies.policy import GainPolicy, OpenLoop
 from hfa_flight.simulate.closed_loop import FlightLoop, LinearPlant
@@ -40,6 +39,7 @@ from hfa_flight.simulate.envelope import (
     share_at_limits,
 )
 from hfa_flight.simulate.flight_figure import Curve, flight_figure, histories_of
+from hfa_flight.simulate.history import Deviations, series
 from hfa_flight.simulate.limit_cycle import (
     LimitCycle,
     duration_for,

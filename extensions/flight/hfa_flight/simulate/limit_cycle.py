@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfa_aircraft.model import Model
-from hfa_flight.air.signals import Deviations
+from hfa_flight.simulate.history import Deviations
 from hfa_support.reporting.text import beside_unit, short_number
 
 #: A variable oscillates if it crosses its least-squares line at least this often in each of the

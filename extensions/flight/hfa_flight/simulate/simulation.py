@@ -15,9 +15,9 @@ import numpy as np
 
 from hfa_flight.air.held_step import slices_of
 from hfa_flight.air.scenario import Scenario
-from hfa_flight.air.signals import Deviations
 from hfa_flight.policies.policy import SAME_TIME, Policy
 from hfa_flight.simulate.closed_loop import FlightLoop, HeldParts
+from hfa_flight.simulate.history import Deviations
 from hfa_support.errors import NoSolutionError
 from hfa_support.native.bound import BoundFunction, RowFunction
 from hfa_support.native.row_code import machine_code
