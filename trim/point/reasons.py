@@ -243,7 +243,7 @@ class _Search:
             inputs = [at for at, name in enumerate(posed.free) if name in self.model.inputs]
             # An equation that no unknown affects has no row in the Jacobian.
             if row >= posed.count[0] or not ca.sparsify(jacobian[row, inputs]).nnz():
-                if abs(self.attempt.scaled_residuals[state]) > BALANCE:
+                if abs(self.attempt.scaled_residuals[state]) > _LEAST_REPORTED:
                     yield _Reason(f"no free input changes {state}")
                 continue
             slope_of = dict(zip(posed.free, np.abs(begin[row]).tolist(), strict=True))
