@@ -172,7 +172,7 @@ class CaseFlights:
     first: initial states of the flights, (N, s).
     seconds: duration of a flight, s.
     ends: `FlightOutcome` of each flight, (N,).
-    costs: cost of each flight, (N,), inf if it leaves; 0 without prices.
+    costs: cost of each flight, (N,), inf if it leaves; 0 without a price.
     nearest: distance of each flight in its last window, (N,).
     left_at: number of the step at which each flight left the limits, (N,).
     left_with: states at this step, (N, n).
@@ -185,7 +185,7 @@ class CaseFlights:
         owners: np.ndarray,
         starts: np.ndarray,
         pulses: np.ndarray,
-        prices: Sequence[SampleCost | None] = (),
+        prices: Sequence[SampleCost | None],
         seed: int = 0,
     ) -> None:
         """Prepare flights from initial states X, (N, n).
@@ -212,7 +212,7 @@ class CaseFlights:
         count = len(owners)
         self._errors = flight.drawn_errors(seed, count)
         self.ends = np.full(count, FlightOutcome.UNDECIDED, dtype=object)
-        self.prices = [*prices] or [None] * len(cases)
+        self.prices = [*prices]
         self.costs = np.zeros(count)
         self.nearest = np.full(count, np.inf)
         self.middles = np.full((len(cases), len(self.linear)), np.nan)
