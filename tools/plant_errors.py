@@ -31,6 +31,7 @@ from typing import Any, NamedTuple
 
 import pytest
 from _pytest.runner import runtestprotocol
+from _pytest.warnings import catch_warnings_for_item
 
 ROOT = Path(__file__).resolve().parents[1]
 _OTHER: dict[Any, Any] = {
@@ -243,7 +244,8 @@ class Planter:
 
 
 def _fails(item: Any, following: Any) -> bool:
-    return any(report.failed for report in runtestprotocol(item, log=False, nextitem=following))
+    with catch_warnings_for_item(item.config, item.ihook, "runtest", item):  # with its own filters
+        return any(report.failed for report in runtestprotocol(item, log=False, nextitem=following))
 
 
 def _fails_with(path: str, tree: Any, functions: dict[Any, list[Any]], items: list[Any]) -> bool:
