@@ -28,7 +28,9 @@ def text(*words, code=DONE):
 
 
 def test_options_are_in_degrees_and_json_in_radians():
-    """Angles of --hold and --limit are read in degrees, and JSON output is in radians."""
+    """Angles of --hold and --limit are read in degrees, and JSON output is in radians. A held parameter
+    is that of the aircraft: heavier panels need more thrust.
+    """
     held = ("--hold", "gamma=-1.5", "--hold", "aileron_center=2")
     words = ("--dihedral", "10", *held, "--limit", "elevator_outer=-25:25")
     point = answer("trim", *words)["operating_point"]
@@ -41,6 +43,8 @@ def test_options_are_in_degrees_and_json_in_radians():
     assert answer("trim", *words)["variables"]["elevator_outer"]["margin"] == pytest.approx(
         margin, rel=1e-12
     )
+    heavy = answer("trim", *words, "--hold", "panel_mass=11")["operating_point"]
+    assert heavy["inputs"]["throttle"] > point["inputs"]["throttle"]
 
 
 def test_the_start_of_a_search_is_typed_in_degrees():

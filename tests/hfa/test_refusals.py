@@ -87,6 +87,9 @@ REFUSED = {
         ("", "no variable is swept"),
         ("--dihedral 20:0:1", "runs backwards from 20 to 0"),
         ("--dihedral 0:1000:1e-6", "1,000,000,001 points"),
+        ("--dihedral 5deg:10:1", "give all three numbers in the same unit"),
+        ("--dihedral 5 --workers 1.5", "--workers is 1.5; give a whole number from 1"),
+        ("--conditions given.csv --hold speed=30,35", "give speed either as a column of given.csv"),
         ("--dihedral 0:20", "dihedral is '0:20'; give start:stop:step"),
         ("--dihedral 1_0", "--dihedral is '1_0'; give a finite number"),
         ("--aircraft wing.avl --hold speed=9", "give the stability derivatives that AVL"),
@@ -134,6 +137,7 @@ def test_bad_requests_are_refused_in_one_line(command, words, named):
     """Each bad request gives exit code 2 and one short, printable line that names the fault."""
     small("given.json")
     stored("given.npz", W=np.ones(21))
+    Path("given.csv").write_text("name,dihedral\nlow,5\n", "utf-8")
     result = hfa(command, *words.split())
     assert_refused(result, BAD_INPUT, named)
     assert result.err.rstrip("\n").isprintable()

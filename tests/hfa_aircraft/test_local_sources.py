@@ -30,18 +30,6 @@ def hashes_of(name, inner):
     return hashes
 
 
-def test_a_changed_module_beside_the_model_changes_the_hash(tmp_path):
-    """A comment that is added to a module changes the hash of a model that imports it through another
-    module of its folder. The same text, written again, does not.
-    """
-    (tmp_path / "helper_of_plant.py").write_text("from inner_of_plant import two as gain\n")
-    (tmp_path / "plant.py").write_text(MODEL.format(helper="helper_of_plant"))
-    first, written_again, commented = hashes_of(
-        f"{tmp_path}/plant.py", tmp_path / "inner_of_plant.py"
-    )
-    assert first == written_again != commented
-
-
 def test_a_changed_module_of_the_enclosing_package_changes_the_hash(tmp_path, monkeypatch):
     """A comment that is added to a module of the outer package changes the hash of a model in an inner
     package that imports it. The same text, written again, does not.

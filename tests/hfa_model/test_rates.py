@@ -16,7 +16,7 @@ import pytest
 from random_points import RATE_SCALES, rates_function
 
 import hfa
-from hfa_model import UNSTEADY, State
+from hfa_model import UNSTEADY
 
 DERIVED = np.load(Path(__file__).with_name("derived_rates.npz"))
 
@@ -48,11 +48,3 @@ def test_rates_equal_those_of_other_derivations(kind, aircraft, most):
     of "newton" MuJoCo's.
     """
     assert disagreement(kind, aircraft).max() <= most
-
-
-def test_published_differs_from_newton_in_two_equations_only():
-    """The rates of "published" differ from the Euler-Lagrange equations only in q' and η''."""
-    worst = State(*disagreement("newton", hfa.aircraft("published")))._asdict()
-    assert worst.pop("pitch_rate") > 0.1
-    assert worst.pop("dihedral_rate") > 0.1
-    assert max(worst.values()) <= 1e-11, worst

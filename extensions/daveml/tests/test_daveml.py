@@ -57,30 +57,6 @@ def formula(text, x, folder):
     return float(ca.evalf(value_of(read_document(str(path)), "y", {"x": x})))
 
 
-def test_the_dml_aircraft_equals_the_toml_aircraft():
-    """Trim, lift and drag, A and B of uav.dml equal those of uav.toml, which is in SI units."""
-    table = hfa.load_model(str(ROOT / "examples" / "uav.toml"))
-    file = hfa.load_model(str(UAV))
-    held = {"speed": 35.0, "altitude": 100.0}
-    of_table = hfa.linearize(table, hfa.trim(table, hold=held))
-    held = {name: value / _FOOT for name, value in held.items()}
-    of_file = hfa.linearize(file, hfa.trim(file, hold=held))
-    inputs = ["engineThrust", "elevatorDeflection", "aileronDeflection", "rudderDeflection"]
-    order = [of_file.inputs.index(name) for name in inputs]
-    assert of_file.point.states.alpha == pytest.approx(of_table.point.states.alpha, rel=1e-9)
-    thrust = of_table.point.inputs.thrust * _NEWTON
-    assert of_file.point.inputs.engineThrust == pytest.approx(thrust, rel=1e-9)
-    for force in ("lift", "drag"):
-        of_point = of_file.point[force], of_table.point[force] * _NEWTON
-        assert of_point[0] == pytest.approx(of_point[1], rel=1e-9)
-    scale = np.ones(len(of_file.states))
-    scale[of_file.states.index("speed")] = 1.0 / _FOOT
-    A = scale[:, None] * of_table.A / scale
-    B = scale[:, None] * of_table.B / np.array([_NEWTON, 1.0, 1.0, 1.0])
-    np.testing.assert_allclose(of_file.A, A, rtol=1e-8, atol=1e-9)
-    np.testing.assert_allclose(of_file.B[:, order], B, rtol=1e-8, atol=1e-9)
-
-
 def with_definitions(folder, name, renamed, text):
     """Return the path of a copy of the example with renamed variables, and with the definitions in
     `text` in place of its check cases.

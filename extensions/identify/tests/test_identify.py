@@ -1,6 +1,7 @@
 """Parameters, bands and findings of records that SciPy simulated, some with planted faults."""
 
 import math
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -233,14 +234,25 @@ def gains(**values):
 
 def test_the_initial_value_of_an_unmeasured_state_is_estimated():
     """In the record of y = 2 u + x, x' = -x, the state x is not measured, and begins at 3 in place of 0,
-    its trim. The estimate of the gain is 2 nevertheless.
+    its trim. The estimate of the gain is 2 nevertheless, although a sample is a whole time constant.
+
+    The report has the initial value, and the band in percent of the estimate.
     """
     generator = np.random.default_rng(4)
-    time, u = 0.1 * np.arange(60), generator.standard_normal(60)
-    y = 2.0 * u + 3.0 * np.exp(-time) + 0.01 * generator.standard_normal(60)
-    result = identify(gains(k=1.0), {"time": time, "u_k": u, "y": y}, ["k"])
+    time, u = np.arange(60.0), generator.standard_normal(60)
+    y = 2.0 * u + 3.0 * np.exp(-time) + 1e-3 * generator.standard_normal(60)
+    record, done = {"time": time, "u_k": u, "y": y}, []
+    result = identify(gains(k=1.0), record, ["k"], progress=lambda *part: done.append(part))
     assert result.ok
-    assert result["k"].value == pytest.approx(2.0, abs=0.01)
+    assert result.steps <= 3  # y is linear in gain and initial value
+    assert result["k"].value == pytest.approx(2.0, abs=1e-3)
+    assert result.starts[0]["x"] == pytest.approx(3.0, abs=5e-3)
+    said = str(result)
+    assert re.search(rf"record 1 +x +{result.starts[0]['x']:.6g}\b", said)
+    assert f" {50.0 * (result['k'].high - result['k'].low) / result['k'].value:.2g} %" in said
+    assert done[0][0] < done[0][1]
+    with pytest.raises(hfa.BadInputError, match="no estimate of 'y'"):
+        result["y"]
 
 
 def test_an_estimate_ends_at_the_limit_of_its_parameter():

@@ -54,11 +54,16 @@ def test_values_of_at_are_the_trims_of_these_values(folder):
     that compute them alone, in the order of the speeds; the folder has page, pictures and numbers.
 
     At each position of the slider the page has the modes, A and the used share of the 60 N of thrust; at
-    100 m/s, the reason why there is no trim.
+    100 m/s, the reason why there is no trim. The page has the name of the aircraft, a warning, since no
+    rigid body has inertias with Izz = 3, and nothing of the paper.
     """
+    Path("uav.toml").write_text(Path(UAV).read_text("utf-8").replace("Izz = 1.759", "Izz = 3.0"))
     weights = ("--Q", ",".join("1" * 8), "--R", ",".join("1" * 4))
-    words = ("--aircraft", UAV, "--outputs", "load_factor", "--at", "35,30,100", "--sweep", "29,30")
-    data = answer("report", *words, *weights, "-o", "pages")
+    words = ("--aircraft", "uav.toml", "--outputs", "load_factor")
+    words += ("--at", "35,30,100", "--sweep", "29,30")
+    result = hfa("report", *words, *weights, "-o", "pages", "--json")
+    assert result.code == DONE
+    data = json.loads(result.out)
     assert data == json.loads(Path("pages", "numbers.json").read_text("utf-8"))
     assert data["ok"]
     assert data["sweep"]["grid"]["speed"]["values"] == [29.0, 30.0, 35.0, 100.0]
@@ -69,10 +74,18 @@ def test_values_of_at_are_the_trims_of_these_values(folder):
     )
     shown = {at: "".join(text for each, text in sections if each == at) for at, _ in sections}
     assert [*shown] == ["29 m/s", "30 m/s", "35 m/s", "100 m/s"]
+    drawn = re.findall(r'<script type="application/json" data-plot.*?>(.*?)</script>', page, re.S)
+    shares, *loci = map(json.loads, drawn)
+    for plot in (shares, *loci):
+        changing = [[len(plot["data"]) - 1]] * len(shown)
+        assert [frame["traces"] for frame in plot["frames"]] == changing
+    for trace in (trace for plot in loci for trace in plot["data"][:-1]):
+        for x, (_, size, damping) in zip(trace["x"][:-1], trace["customdata"][:-1], strict=True):
+            assert damping * size == pytest.approx(-x, abs=1e-4)
     assert f"No trim: {beyond['reason']}" in shown["100 m/s"]
     for found, speed in zip(trimmed, (30.0, 35.0), strict=True):
         assert found["scheduled"] == {"speed": speed}
-        held = ("--aircraft", UAV, "--hold", f"speed={speed}")
+        held = ("--aircraft", "uav.toml", "--hold", f"speed={speed}")
         states = found["trim"]["operating_point"]["states"]
         assert states == pytest.approx(answer("trim", *held)["operating_point"]["states"], rel=1e-9)
         linear = answer("linearize", *held, "--outputs", "load_factor")
@@ -80,14 +93,34 @@ def test_values_of_at_are_the_trims_of_these_values(folder):
             np.testing.assert_allclose(found["model"][matrix], linear[matrix], rtol=1e-6, atol=1e-9)
         for number in (linear["A"][0][1], *(mode["damping"] for mode in linear["modes"])):
             assert f">{number:.4f}<" in shown[f"{speed:g} m/s"]
-        assert str(found["trim"]["operating_point"]["inputs"]["thrust"] / 0.6)[:8] in page
+        (share,) = shares["frames"][[*shown].index(f"{speed:g} m/s")]["data"]
+        thrust = found["trim"]["operating_point"]["inputs"]["thrust"] / 0.6
+        assert any(value == pytest.approx(thrust) for value in share["x"])
         solved = answer("solve", *held, *weights)
         np.testing.assert_allclose(found["solution"]["K"], solved["K"], rtol=1e-6, atol=1e-9)
         assert f"Speed {speed:g} m/s: model, game" in page
         assert f'game at {speed:g} m/s certified</th><td class="words good">PASS' in page
-    assert "<h2>Modes over speed<" in page
+    for section in ("Modes over speed", "Book", "Warnings"):
+        assert f"<h2>{section}<" in page
+    assert "no rigid body has these inertias" in page.partition("<h2>Warnings<")[2]
+    assert "No condition has a trim" not in page
+    assert "<title>Aerosonde (derivatives): trims" in page
+    assert not any(word in page for word in ("printed", "dihedral", "Zhang"))
     assert {path.suffix for path in Path("pages").iterdir()} == {".html", ".json", ".png"}
     assert all(path.stat().st_size > 9999 for path in Path("pages").iterdir())
+
+
+def test_a_page_of_listed_conditions_without_any_trim(folder):
+    """At 100 m/s and at 8 m/s, a condition of book.csv, the UAV has no trim: the page says so, without
+    pictures.
+    """
+    Path("book.csv").write_text("name,speed\nslow,8\n")
+    words = ("--at", "100", "--sweep", "100", "--conditions", "book.csv", "-o", "page.html")
+    result = hfa("report", "--aircraft", UAV, *words)
+    assert (result.code, "Trimmed: 0 of 1" in result.out) == (FAILED, True)
+    page = page_of(Path("page.html"))
+    assert "No condition has a trim." in page
+    assert "data-plot=" not in page
 
 
 @pytest.mark.slow
@@ -171,36 +204,6 @@ def test_pictures_of_the_documents_are_current():
         assert one.shape == other.shape
         # Other releases of the font library change the edges of some letters.
         assert np.mean(np.abs(one - other) > 0.1) < 0.005, "run `make pictures`"
-
-
-@pytest.mark.slow
-def test_the_page_of_another_aircraft_has_its_numbers_and_nothing_of_the_paper(folder):
-    """The numbers of another aircraft are those of `hfa trim`; its page has its name, trims, modes,
-    book, warnings and the game of its Q and R, and nothing of the paper. With Izz = 3, no rigid
-    body has its inertias; at 8 m/s, a condition of book.csv, it has no trim.
-    """
-    text = Path(UAV).read_text("utf-8").replace("Izz = 1.759", "Izz = 3.0")
-    Path("uav.toml").write_text(text)
-    Path("book.csv").write_text("name,speed\nslow,8\nusual,35\n")
-    weights = ("--Q", ",".join("1" * 8), "--R", ",".join("1" * 4))
-    words = ("--aircraft", "uav.toml", "--sweep", "30:40:5", *weights)
-    result = hfa("report", *words, "-o", "page.html", "--json")
-    assert (result.code, result.err) == (DONE, "")
-    data = json.loads(result.out)
-    sheet = json.loads(hfa("trim", "--aircraft", "uav.toml", "--json").out)
-    (angle,) = data["angles"]
-    assert angle["trim"]["operating_point"]["states"] == sheet["operating_point"]["states"]
-    assert angle["solution"]["K"]
-    assert len(data["book"]["sheets"]) == len(data["sweep"]["A"]) == 3
-    (warning,) = data["warnings"]
-    assert "no rigid body has these inertias" in warning
-    page = page_of(Path("page.html"))
-    assert "<title>Aerosonde (derivatives): trims" in page
-    for section in ("Speed 35 m/s: model, game", "Book", "Warnings", "Modes over speed"):
-        assert f"<h2>{section}<" in page
-    assert not any(word in page for word in ("printed", "dihedral", "Zhang"))
-    assert hfa("report", *words, "-o", "page.html", "--conditions", "book.csv").code == DONE
-    assert "no trim" in page_of(Path("page.html"))
 
 
 @pytest.mark.slow
@@ -294,5 +297,5 @@ def test_damaged_results_of_a_study_are_refused(place):
     """
     data = json.loads((FLIGHTS / "best_flights.json").read_text("utf-8"))
     Path("best_flights.json").write_text(json.dumps(replaced(data, place, "x")))
-    words = ("report", "--dihedral", "15", "--json", "--flights", ".")
+    words = ("report", "--dihedral", "15", "--json", "--flights", "best_flights.json")
     assert_refused(hfa(*words), BAD_INPUT, "an entry is missing or wrong")

@@ -60,21 +60,6 @@ def test_bad_entries_are_refused_in_one_line(game, content, message):
     assert re.search(f"^a.json: .*{message}", said)
 
 
-@pytest.mark.parametrize("has_gain", [False, True])
-def test_a_value_with_a_policy_of_its_own_keeps_both(has_gain):
-    """A file with W and a policy has V of W, and not the policy that V implies.
-
-    The policy is a gain K, or a polynomial with weights of x, y, x², xy and y² (`policy_weights`).
-    """
-    x, y = z = np.array([0.4, -0.3])
-    rows = np.array([[1.0, -2.0, 0.5, 0.0, 3.0], [0.3, 0.7, 0.0, 0.0, 0.0]])
-    policy = {"K": -rows[:, :2]} if has_gain else {"policy_weights": rows}
-    critic = critic_in(stored("both.npz", W=np.array([1.0, 0.2, 3.0]), **policy), GAME)
-    terms = np.array([x, y, x * x, x * y, y * y])
-    assert critic.u(z) == pytest.approx(rows[:, :2] @ z if has_gain else rows @ terms)
-    assert float(critic.value(z)) == pytest.approx(terms[2:] @ [1.0, 0.2, 3.0])
-
-
 def test_functions_of_a_critic_follow_its_matrices():
     """V, ∂V/∂z and u of weights are V = W'ψ, its derivative, and u = -½ R⁻¹B' ∂V/∂z.
 
@@ -93,20 +78,6 @@ def test_functions_of_a_critic_follow_its_matrices():
     gain = critic_in(stored("k.npz", K=K[1]), GAME)
     assert gain.value is None
     assert np.array(gain.policy(z)).ravel() == pytest.approx(-K[1] @ z, rel=FEW_ROUNDINGS)
-
-
-def test_the_files_basis_applies_unless_another_is_named():
-    """The basis in a critic file, a name or a list of functions, applies to the file's weights W. A
-    basis that the caller names replaces it; the quadratic one does not fit five weights.
-    """
-    single = stored("w.npz", W=np.arange(5.0), basis="quadratic+linear")
-    assert critic_in(single, GAME).basis.name == "quadratic+linear"
-    with pytest.raises(
-        BadInputError, match="W has 5 weights, but basis 'quadratic' of 2 states has 3"
-    ):
-        critic_in(single, GAME, reading=Reading("quadratic"))
-    listed = critic_in(stored("f.npz", W=[1.0, 2.0], basis="x1**2, x2**4"), GAME)
-    assert float(listed.value([3.0, 2.0])) == 9.0 + 32.0
 
 
 #: Units of a plant, other units of a file, and numbers of a file's units in a unit of the plant.
@@ -159,36 +130,6 @@ def test_a_critic_means_the_same_in_all_units(kind):
     if own.H is not None:
         sizes = np.concatenate([PER_STATE, PER_INPUT, np.ones(len(own.H) - 4)])
         np.testing.assert_allclose(found.H, own.H * np.outer(sizes, sizes), rtol=1e-12)
-
-
-#: The game of a plant with names and units.
-NAMED = replace(
-    GAME,
-    names=GAME.names._replace(
-        states=("speed", "alpha"), inputs=("elevator", "aileron"), **OF_PLANT
-    ),
-)
-
-
-@pytest.mark.parametrize(
-    ("entries", "says"),
-    [
-        ({"state_units": ["m/s", "kg"]}, "state 2 is in kg; give it in rad"),
-        ({"state_units": ["m/s"] * 3}, "state_units lists 3 units"),
-        ({"states": ["alpha", "speed"]}, "the states are alpha, speed in the file"),
-        ({"time": "discrete"}, "a policy in discrete time"),
-        # H, the matrix of Q(x, u, w), exists in discrete time only.
-        ({"H": np.eye(6)}, "a policy in discrete time"),
-        ({"inputs": ["Aileron", "Elevator"]}, "the inputs are Aileron, Elevator in the file"),
-    ],
-)
-def test_a_gain_of_another_plant_is_refused(entries, says):
-    """A file with a gain K is refused, in a line that names the file, if its units cannot be converted
-    to those of the plant, if its signals have other names or another order than speed, alpha and
-    elevator, aileron, or if it is a policy in discrete time.
-    """
-    with pytest.raises(BadInputError, match=f"^K.json: .*{says}"):
-        critic_in(stored("K.json", K=I2, **entries), NAMED)
 
 
 ONE = Game([[0.0, 1.0], [2.0, -0.3]], [[0.0], [1.0]], Q=np.eye(2), R=[1.0])

@@ -3,19 +3,14 @@
 import math
 import re
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
-from cli import refusal, refused
+from cli import refused
 from game_files import small, stored
-from scipy.sparse import csc_matrix
-from stored_games import stored as stored_game
 
 from controller import load_game
-from controller.game.linear_game import stored_game as read_game
-from controller.hfa_game import paper_defaults
-from hfa import BadInputError, Game, read_critic, solve
+from hfa import BadInputError, Game, read_critic
 
 A2 = [[0.0, 1.0], [-2.0, -3.0]]
 B2 = [[0.0], [1.0]]
@@ -25,25 +20,6 @@ pytestmark = pytest.mark.usefixtures("folder")
 
 # Plants
 # --------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("path", "of_solution"),
-    [
-        ("plant.npz", "K.json"),
-        ("plant.json", "K.npz"),
-        ("plant.MAT", "K.npz"),
-    ],
-)
-def test_games_and_solutions_survive_their_files(path, of_solution):
-    """A game is read from each kind of file bit for bit, and so is the K of its solution."""
-    game = stored_game("cross", 12).game
-    entries = {name: getattr(game, name) for name in ("A", "B", "E", "Q", "R", "N", "delta")}
-    sparse = {"A": csc_matrix(game.A)} if path.endswith("MAT") else {}
-    assert load_game(stored(path, **entries | sparse)) == game
-    found = solve(game)
-    found.save(of_solution)
-    assert read_critic(of_solution, game).K.tobytes() == found.K.tobytes()
 
 
 def test_misnamed_entries_and_defaults_are_noted():
@@ -126,38 +102,3 @@ def noted(path, **changes):
 def test_bad_entries_are_refused_in_one_line(content, message):
     """Each faulty plant file is refused by one line that names the file and the fault."""
     assert re.search(f"^a.json: .*{message}", refused(load_game, stored("a.json", **content)))
-
-
-MATLAB_73 = (
-    b"MATLAB 7.3 MAT-file, Platform: GLNXA64, Created on: Mon Jan  1 00:00:00 2024 HDF5 schema"
-    b" 1.00 ."
-)
-VERSION_73 = b"\x00" * 8 + b"\x00\x02IM" + b"\x89HDF\r\n\x1a\n" + b"\x00" * 500
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "said"),
-    [
-        ("plant.json", b"", "is not JSON"),
-        ("plant.json", b"[1, 2]", "cannot be read as .json .*is not an object"),
-        ("plant.npz", b"PK\x03\x04broken", "is not a readable zip file"),
-        ("plant.mat", MATLAB_73.ljust(116) + VERSION_73, "save with the option -v7"),
-    ],
-)
-def test_damaged_files_are_refused_in_one_line(name, content, said):
-    """A damaged file of each format is refused by one line."""
-    Path(name).write_bytes(content)
-    assert re.search(said, refusal(load_game, name))
-
-
-def test_a_sampled_plant_without_a_sample_time_is_asked_about():
-    """A file with the A of a sampled pendulum asks whether time is discrete; one that says so, or with a
-    damped mode, does not.
-    """
-    for A, more, is_asked in (
-        ([[0.99, 0.1], [-0.2, 0.95]], {}, True),
-        ([[0.99, 0.1], [-0.2, 0.95]], {"time": "continuous"}, False),
-        ([[0.99, 0.1], [-0.2, -0.95]], {}, False),
-    ):
-        notes = read_game(small("plant.json", A=A, **more), defaults=paper_defaults).notes
-        assert any("did you mean time" in note for note in notes) is is_asked

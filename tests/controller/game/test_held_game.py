@@ -12,32 +12,6 @@ import hfa
 from controller.game.held_game import held
 
 MODEL = hfa.with_servos(hfa.aircraft(), hfa.Servo(0.02))
-LINEAR = hfa.trim(MODEL, dihedral=0.1).linearize()
-
-
-@pytest.mark.parametrize("count", [0, 1, 3])
-def test_the_value_of_a_delayed_game_is_the_cost_of_its_flight(count):
-    """z'Pz is the integral of the cost of a linear flight, in steps of .5 ms, in which the command of a
-    sample of 10 ms acts `count` samples late; it is higher than without a delay.
-    """
-    dt, parts = 0.01, 20
-    game = hfa.game(LINEAR, rate=1.0 / dt, delay=count * dt, delta=np.inf)
-    solution = hfa.solve(game)
-    (n, m), weights = LINEAR.B.shape, hfa.game(LINEAR)
-    step = expm(np.block([[LINEAR.A, LINEAR.B], [np.zeros((m, n + m))]]) * (dt / parts))[:n]
-    z = np.array([5.0, 0.05, *np.zeros(9)])
-    start = np.append(z, np.zeros(count * m))
-    under_way, cost = [np.zeros(m)] * count, 0.0
-    for _ in range(500):
-        under_way.append(-solution.K @ np.concatenate([z, *under_way]))
-        u = under_way.pop(0)
-        for part in range(parts + 1):  # trapezoidal rule
-            share = 0.5 if part in (0, parts) else 1.0
-            cost += share * (z @ weights.Q @ z + u @ weights.R @ u) * dt / parts
-            z = z if part == parts else step @ np.append(z, u)
-    assert start @ solution.P @ start == pytest.approx(cost, rel=1e-3)
-    prompt = hfa.solve(hfa.game(LINEAR, rate=1.0 / dt, delta=np.inf)).P
-    assert (start @ solution.P @ start > start[:n] @ prompt @ start[:n]) == bool(count)
 
 
 def test_solve_prints_the_price_of_a_delay(folder):

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from cli import refused
 from game_files import SMALL
+from scipy.linalg import block_diag
 
 from controller import basis
+from controller.game.zero_sum import q_function
 from hfa import BadInputError, Game
 from hfa_model import LINEAR_STATES
 
@@ -70,6 +72,34 @@ def test_a_game_cannot_be_changed_from_outside():
     assert (game.with_delta(2.0).delta, game.delta) == (2.0, 3.0)
 
 
+@pytest.mark.parametrize("delta", [1.5, math.inf])
+@pytest.mark.parametrize("dt", [None, 0.1])
+def test_policies_are_stationary_points_of_the_game(dt, delta):
+    """(u, d) = (-K z, L z) is the stationary point of the cost of a step and z'P z afterwards, or of the
+    Hamiltonian, with cross weights N. Without N, the input v = u + F z has the gain K - F.
+    """
+    random = np.random.default_rng(2)
+    A, B, E, N = (random.normal(size=(3, columns)) for columns in (3, 2, 1, 2))
+    Q, P, R, N = 9.0 * np.eye(3), np.diag([3.0, 2.0, 1.0]), np.diag([2.0, 1.0]), 0.1 * N
+    discount = 0.9 if dt else 1.0
+    game = Game(A, B, E=E, Q=Q, R=R, N=N, delta=delta, dt=dt, discount=discount)
+    players = [B, E] if delta < math.inf else [B]
+    plant, n = np.hstack([A, *players]), 3
+    weights = block_diag(np.block([[Q, N], [N.T, R]]), *[[[-(delta**2)]]] * (len(players) - 1))
+    J = plant if dt else np.eye(*plant.shape)
+    H = weights + (plant.T @ P @ plant if dt else J.T @ P @ plant + plant.T @ P @ J) * discount
+    K, L = game.policies(P)
+    assert (L == 0.0).all() == (delta == math.inf)
+    np.testing.assert_allclose((H @ np.vstack([np.eye(n), -K, L])[: len(H)])[n:], 0.0, atol=1e-12)
+    if dt:
+        np.testing.assert_allclose(q_function(game, P), H, rtol=1e-12)
+    other = game.without_cross_weights
+    np.testing.assert_allclose(other.policies(P)[0], K - np.linalg.solve(R, N.T), atol=1e-12)
+    assert not other.N.any()
+    with pytest.raises(BadInputError, match="no input is named"):
+        game.select([])
+
+
 # The basis of the value.
 
 
@@ -82,8 +112,9 @@ def test_quadratic_monomials_come_first_row_by_row():
     z = np.arange(1.0, 7.0)
     extra = [z[LINEAR_STATES.index(name)] ** 4 for name in QUARTIC]
     assert basis("paper", 6).psi(z)[21:].tolist() == extra
-    with pytest.raises(BadInputError, match="6 states"):
-        basis("paper", 4)
+    for name, states, said in (("paper", 4, "6 states"), ("quadratic", 0, "at least 1 state")):
+        with pytest.raises(BadInputError, match=said):
+            basis(name, states)
 
 
 @pytest.mark.parametrize("discount", [0.0, -0.5, 1.0 + 2**-52, 1.5, 2.0, np.nan])

@@ -124,11 +124,17 @@ def test_the_law_as_printed_is_eq_46():
     """
     states = np.linspace(0.5, 1.5, 50)[:, None]
     rows, constants, alpha1, alpha2 = printed_law(SCALAR, states, -states)
-    W = FIRST
-    for _ in range(100):
+
+    def rate(W):
         e = rows[:, 0] * W + constants
         size = (alpha1 + 1.0) * np.abs(e) ** 0.2 + (alpha2 + 1.0) * np.abs(e) ** 1.8
-        W -= 1e-4 * 0.01 * np.sum(rows[:, 0] * np.sign(e) * size)
+        return -0.01 * np.sum(rows[:, 0] * np.sign(e) * size)
+
+    W = FIRST
+    for _ in range(100):
+        W += 1e-4 * rate(W)
     law = PublishedLaw(SCALAR, controller.basis("quadratic", 1), states)
     assert law.advance(0, np.array([FIRST])) == pytest.approx(W, rel=1e-9)
     assert law.gains.alpha1 == pytest.approx(alpha1)
+    slope = (rate(FIRST + 1e-3) - rate(FIRST - 1e-3)) / 2e-3
+    assert law.gains.explicit_step_limit == pytest.approx(-2.0 / slope, rel=1e-6)

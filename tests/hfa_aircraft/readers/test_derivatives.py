@@ -266,27 +266,6 @@ def test_dimensional_derivatives_give_the_modes_of_their_matrices(form):
             assert np.min(np.abs(found - printed)) < 2e-3 * abs(printed) + 2e-4
 
 
-def test_a_csv_file_equals_a_dictionary(folder):
-    """A CSV file with derivatives per degree gives the same A as a dictionary with values per
-    radian.
-    """
-    flat = {name: value for name, value in NAVION.items() if not isinstance(value, dict)}
-    for group in ("geometry", "mass", "condition"):
-        flat |= NAVION[group]
-    by_angle = ("alpha", "beta", "elevator", "aileron", "rudder")
-    rows = ["name,value,unit", "per,deg,"]
-    for name, value in flat.items():
-        if isinstance(value, list):
-            low, high = (str(each).removesuffix(" deg") for each in value)
-            rows.append(f"{name},{low}:{high},{'lbf' if name == 'thrust' else 'deg'}")
-        elif name.partition("_")[2] in by_angle:
-            rows.append(f"{name},{math.radians(value)!r},")
-        else:
-            rows.append(f"{name},{value},")
-    Path("navion.csv").write_text("\n".join(rows))
-    np.testing.assert_allclose(linear_model("navion.csv").A, linear_model(NAVION).A, atol=1e-12)
-
-
 def test_each_entry_has_its_own_unit():
     """Derivatives with a unit are converted, also those with respect to rates; others follow `per`.
 

@@ -1,7 +1,5 @@
 """TOML files that name another aircraft and new values of its parameters."""
 
-import json
-import shlex
 import shutil
 from pathlib import Path
 
@@ -43,14 +41,6 @@ def folders(tmp_path, monkeypatch):
     (other / "uav.toml").write_text(less_lift)
     monkeypatch.chdir(other)
     return here
-
-
-def test_an_aircraft_is_found_in_the_folder_of_its_parameter_file(folders):
-    """`aircraft = "uav.toml"` is the file in the folder of the TOML, not in the working folder."""
-    (folders / "found.toml").write_text('aircraft = "uav.toml"\n[parameters]\nCL_alpha = 3.45\n')
-    found = alpha(folders / "found.toml")
-    assert found == pytest.approx(alpha(folders / "uav.toml"), abs=1e-9)
-    assert abs(found - alpha("uav.toml")) > 0.01
 
 
 def test_a_changed_aircraft_is_refused(folders):
@@ -119,16 +109,3 @@ def test_a_data_file_executes_no_python(naming_python):
     result = hfa("trim", "--aircraft", str(parameters))
     assert_refused(result, 2, "--parameters", str(parameters))
     assert not executed.exists()
-
-
-def test_the_suggested_command_applies_the_parameters(naming_python):
-    """The refusal of a TOML that names Python code ends with other options. A trim with them executes the
-    code, with the parameters of the TOML: the drag of 3 N needs 3 N of thrust.
-    """
-    parameters, executed = naming_python
-    words = shlex.split(hfa("trim", "--aircraft", str(parameters)).err.rpartition("; give ")[2])
-    assert words[0] == "--aircraft"
-    trim = hfa("trim", *words, "--json")
-    assert trim.code == 0, trim.err
-    assert json.loads(trim.out)["operating_point"]["inputs"]["thrust"] == pytest.approx(3.0)
-    assert executed.exists()

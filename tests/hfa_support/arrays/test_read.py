@@ -48,15 +48,6 @@ def test_a_damaged_mat_file_is_refused_in_one_line(compressed, damaged):
         hfa.read_critic("a.mat", GAME)
 
 
-def test_a_damaged_npz_file_is_refused_in_one_line():
-    """A .npz file that is cut after 100 bytes is refused. The whole file gives its matrix."""
-    np.savez("K.npz", K=np.eye(2))
-    assert np.array_equal(hfa.read_critic("K.npz", GAME).K, np.eye(2))
-    Path("K.npz").write_bytes(Path("K.npz").read_bytes()[:100])
-    with pytest.raises(BadInputError, match=r"^K\.npz: [^\n]*$"):
-        hfa.read_critic("K.npz", GAME)
-
-
 @pytest.mark.parametrize("of_size", [lambda n: {"a": np.zeros(n)}, lambda n: "0" * n])
 def test_a_small_mat_file_with_large_compressed_data_is_refused(of_size, monkeypatch):
     """With a limit of 1 MiB, a compressed .mat file with 2**20 numbers in a structure (8 MiB) or
@@ -83,7 +74,6 @@ NAMED = (
     ",push\nspeed,0.5\nalpha,1\n",
 )
 HEADED = "speed,alpha\n0,1\n-2,-3\n", '"push"\n0.5\n1\n'
-NAMES = {"states": ["speed", "alpha"], "inputs": ["push"]}
 
 
 def game_of_csv(**texts):
@@ -91,26 +81,6 @@ def game_of_csv(**texts):
     for name, text in texts.items():
         Path(f"{name}.csv").write_text(text, encoding="utf-8")
     return load_game(f"{next(iter(texts))}.csv", Q=np.eye(2), R=np.eye(1), delta=np.inf)
-
-
-@pytest.mark.parametrize(
-    ("texts", "names"),
-    [
-        ({"A": BARE[0], "B": BARE[1]}, {}),
-        ({"A": NAMED[0], "B": NAMED[1]}, {**NAMES, "state_units": ["ft/s", "rad"]}),
-        ({"A": HEADED[0], "B": HEADED[1]}, NAMES),
-    ],
-    ids=["bare", "names of rows and columns", "names of columns"],
-)
-@pytest.mark.filterwarnings("ignore:.*not given")
-def test_csv_matrices_are_read_with_optional_names(texts, names):
-    """A and B are read from .csv files with or without names, and states get their units."""
-    game = game_of_csv(**texts)
-    np.testing.assert_array_equal(game.A, A)
-    np.testing.assert_array_equal(game.B, B)
-    assert game.names.states == tuple(names.get("states", ["x1", "x2"]))
-    assert game.names.inputs == tuple(names.get("inputs", ["u1"]))
-    assert game.names.state_units == tuple(names.get("state_units", ["", ""]))
 
 
 @pytest.mark.parametrize(

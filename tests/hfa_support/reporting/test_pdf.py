@@ -125,15 +125,3 @@ def test_a_table_wider_than_the_page_continues_in_blocks(tmp_path):
     (text,) = pages(wide, tmp_path)
     assert not lost(wide, text)
     assert text.count("column0") == 3  # blocks
-
-
-def test_equal_reports_give_equal_files(tmp_path):
-    """Two PDF files of the same report are equal byte by byte: they have no time and no random
-    name.
-    """
-    contents = []
-    for name in ("one", "two"):
-        (tmp_path / name).mkdir()
-        pages(sheet(3), tmp_path / name)
-        contents.append((tmp_path / name / "report.pdf").read_bytes())
-    assert contents[0] == contents[1]

@@ -1,12 +1,18 @@
 """Reports as text, Markdown, HTML and data files, with every text escaped."""
 
 import csv
+import json
 from dataclasses import replace
 
+import numpy as np
+import pandas as pd
 import pytest
 
+from hfa import BadInputError
 from hfa.extend import Report, Table
+from hfa_support.matrices import labels_of
 from hfa_support.reporting.rows import Group, Row
+from hfa_support.reporting.text import eigenvalue_text
 
 
 def report():
@@ -101,3 +107,22 @@ def test_every_line_of_the_provenance_fits_in_80_columns():
     path = "x" * 90
     lines = replace(report(), source=f"version 1, plant {path}, " + "word " * 40).text().split("\n")
     assert [line for line in lines if len(line) > 80] == [f"{path},"]
+
+
+def test_numbers_stand_in_columns_and_lists_in_lines(tmp_path):
+    """In text, the first column of a table is aligned on the left, others on the right. In JSON, complex
+    numbers are pairs, and an innermost list has its own line. A .csv file requires records.
+    """
+    made = report()
+    assert made.text().count("\nlift <1>    2.5\na|b          10") == 1
+    data = {"A": np.array([[1.0, 2.0], [3.0, 4.0]]), "roots": np.array([1.0 + 2.0j])}
+    replace(made, data=data).save(tmp_path / "a.json")
+    text = (tmp_path / "a.json").read_text("utf-8")
+    assert json.loads(text) == {"A": [[1.0, 2.0], [3.0, 4.0]], "roots": [[1.0, 2.0]]}
+    assert "\n  [ 1.0, 2.0 ],\n" in text
+    with pytest.raises(BadInputError, match="not a table"):
+        made.save(tmp_path / "a.csv")
+    assert [eigenvalue_text(each) for each in (-1e-6 + 2j, 5e-5, 0.0)] == [
+        "-1.0e-06 ± 2.0000i", "0.0001", "0.0000",
+    ]  # fmt: skip
+    assert labels_of(pd.DataFrame(np.eye(2), ["a", "b"])) == [("a", "b"), ()]

@@ -61,19 +61,6 @@ def test_a_task_that_fails_is_reported(function, said):
     assert _gone()
 
 
-def test_an_abandoned_job_leaves_no_worker():
-    """If only the first of nine results is read, both child processes end at once, although each
-    works on a task of 60 s.
-    """
-    start = time.monotonic()
-    tasks = ((key, (0.0 if key == 0 else 60.0,)) for key in range(9))
-    with open_workers(2) as run:
-        assert next(run(time.sleep, tasks)) == (0, None)
-        assert len(multiprocessing.active_children()) == 2
-    assert _gone()
-    assert time.monotonic() - start < 50.0
-
-
 def test_a_worker_with_other_code_is_refused(monkeypatch):
     """A worker whose sources differ from those of the process that submits tasks is refused."""
     monkeypatch.setattr(module, "toolchain", lambda: "0.4.0+0123456789ab")

@@ -1,8 +1,6 @@
 """Jobs in a store: equal bits, killed runs, damaged chunks and metadata."""
 
 import json
-import os
-import pickle
 import shutil
 from pathlib import Path
 
@@ -10,7 +8,6 @@ import numpy as np
 import pytest
 
 from hfa import BadInputError
-from hfa_support.rows import store as zarr_store
 from hfa_support.rows.store import RowJob, fill_store, open_store, template_variable
 
 #: The jobs of these tests have 10 rows in 4 chunks: rows 0 to 2, 3 to 5, 6 to 8, and 9.
@@ -75,19 +72,6 @@ def resumed(path):
     told = []
     fill_store(row_job(), path, resume=True, progress=lambda *now: told.append(now))
     return told
-
-
-def test_stored_results_have_names_and_units(finished_store):
-    """Results are read from a store with their names, units and coordinates. `pole` keeps nan+0j,
-    in rows 3 to 5, and column "right" of `square` is twice the square of the row.
-    """
-    dataset = open_store(finished_store)
-    expected = numbers(0, ROWS)
-    for name in ("square", "empty", "pole"):
-        np.testing.assert_array_equal(dataset[name].values, expected[name])
-    assert dataset.pole.values[3:6].imag.tolist() == [0.0, 0.0, 0.0]
-    assert dataset.square.sel(side="right").values.tolist() == (2 * np.arange(10.0) ** 2).tolist()
-    assert dataset.square.attrs == {"units": "ft"}
 
 
 @pytest.mark.slow
@@ -202,64 +186,6 @@ def test_a_store_of_another_version_is_read_and_not_continued(path):
 
 
 # Stores from untrusted sources.
-
-
-@pytest.fixture
-def format_2_store(tmp_path):
-    """Return a store in Zarr's format 2, which allows pickles as chunks (format 3 does not), with
-    the attributes of the job.
-    """
-    path = tmp_path / "format-2.zarr"
-    path.mkdir()
-    (path / ".zgroup").write_text('{"zarr_format": 2}')
-    attributes = {**row_job().template.attrs, "toolchain": zarr_store.toolchain()}
-    (path / ".zattrs").write_text(json.dumps(attributes))
-    (path / "square").mkdir()
-    description = {
-        "zarr_format": 2,
-        "shape": [ROWS, 2],
-        "chunks": [CHUNK, 2],
-        "dtype": "|O",
-        "fill_value": None,
-        "order": "C",
-        "compressor": None,
-        "filters": [{"id": "pickle", "protocol": 5}],
-    }
-    (path / "square" / ".zarray").write_text(json.dumps(description))
-    (path / "square" / "0.0").write_bytes(pickle.dumps(Runs(tmp_path / "code-was-run")))
-    return path
-
-
-class Runs:
-    """Object that creates a folder when it is unpickled."""
-
-    def __init__(self, folder):
-        self.folder = folder
-
-    def __reduce__(self):
-        return os.mkdir, (self.folder,)
-
-
-def assert_not_resumed(path, reason):
-    """Assert that a store is not resumed, and that the pickle of `format_2_store` is not loaded."""
-    with pytest.raises(BadInputError, match=reason):
-        fill_store(row_job(), path, resume=True)
-    assert not (path.parent / "code-was-run").exists()
-
-
-def test_a_store_in_another_format_is_refused(format_2_store, path):
-    """A store in Zarr's format 2, whose chunks may be pickles, is refused, also with the metadata
-    (zarr.json) of a store in format 3 added. No pickle is loaded.
-    """
-    assert_not_resumed(format_2_store, "is not a test store of this version")
-    shutil.copy(path / "zarr.json", format_2_store)
-    assert_not_resumed(format_2_store, r"\.zattrs' differs from the store of this test")
-
-
-def test_a_store_with_files_of_another_format_is_refused(format_2_store, path):
-    """A store to which an array in Zarr's format 2 is added is refused; its pickle is not loaded."""
-    shutil.copytree(format_2_store / "square", path / "more")
-    assert_not_resumed(path, "'more' differs from the store of this test")
 
 
 def test_a_link_out_of_a_store_is_refused(path, tmp_path):

@@ -1,7 +1,10 @@
 """Frequency responses and reduced models of linear models."""
 
+import re
+
 import control
 import numpy as np
+import pandas as pd
 import pytest
 from cli import hfa as run
 from own_models import F16
@@ -31,6 +34,8 @@ def test_residualized_models_equal_python_controls(aircraft):
             getattr(reduced, name), getattr(peer, name), rtol=1e-10, atol=1e-12
         )
     assert reduced.states == kept
+    with pytest.raises(hfa.BadInputError, match="unknown state 'alfa'"):
+        model.select(["alpha", "alfa"])
     winds = hfa.linearize(aircraft, model.point, disturbances=tuple(aircraft.disturbances)[:2])
     i, o = (list(map(winds.states.index, names)) for names in (kept, omitted))
     A, E = winds.A, winds.E
@@ -80,7 +85,11 @@ def test_responses_at_the_modes_are_those_of_the_matrices(folder):
     A = np.array(
         [[-1.0, 0.0, 0.0, 0.0], [0.5, -2.0, 0.0, 0.0], [0.0, 0.0, 0.0, 3.0], [0.0, 0.0, -3.0, 0.0]]
     )
+    C = pd.DataFrame(np.eye(4), [f"y{i}" for i in range(4)], [f"x{i + 1}" for i in range(4)])
+    assert LinearModel.of(A, np.eye(4), C).outputs == tuple(C.index)
     linear = LinearModel.of(A, np.eye(4)[:, :2])
+    # The pair comes first, as it is the fastest, with the positive imaginary part before the other.
+    assert linear.eigenvalues == pytest.approx([3j, -3j, -2.0, -1.0])
     found = linear_model_report(linear, responses=True).data
     assert found["frequencies"] == pytest.approx([1.0, 2.0])
     assert [*found["responses"]] == ["x1 / u1", "x2 / u1", "x2 / u2"]
@@ -92,4 +101,7 @@ def test_responses_at_the_modes_are_those_of_the_matrices(folder):
     lines = run("linearize", "--aircraft", "plant.npz", "--bode").out.splitlines()
     (coupled,) = (line for line in lines if line.startswith("x2 / u1"))
     # 0.5 / ((jω + 1) (jω + 2)) at 1 and 2 rad/s
+    (undamped,) = (line for line in lines if line.startswith("mode 1 ") and "0.0000 ±" in line)
+    assert undamped.split()[-1] == "-"  # no time to half or to double
+    assert {"x3 50%", "x4 50%"} <= {*re.findall(r"x. 50%", str(linear.report()))}
     assert coupled.split()[3:] == ["-16.0", "dB,", "-72", "deg", "-22.0", "dB,", "-108", "deg"]

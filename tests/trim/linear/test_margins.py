@@ -163,6 +163,9 @@ def test_a_loop_in_samples_is_stable_between_its_margins_and_not_beyond(seed):
         change[i, i] = factor
         return np.abs(np.linalg.eigvals(A - B @ change @ K)).max()
 
+    joint = solve(game).closed_loops.disk_margin(K)
+    assert (joint.gain - 1.0) / (joint.gain + 1.0) == pytest.approx(joint.disk / 2.0)
+    assert math.tan(math.radians(joint.phase) / 2.0) == pytest.approx(joint.disk / 2.0)
     for i, margin in enumerate(hfa.margins(game, K).values()):
         for gain, closer in ((margin.gain_low, 1.01), (margin.gain_high, 0.99)):
             if 0.0 < gain < math.inf:

@@ -1,6 +1,7 @@
 """Trims: balance of all equations, imposed values, and causes of failed trims."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -111,12 +112,20 @@ def test_a_binding_limit_is_named(published_aircraft, extra):
     assert "\n" not in message
     assert "throttle at maximum 30" in message
     # Level flight needs 40 lbf of thrust: 10 lbf less decelerate 28 slug by 0.36 ft/s^2.
-    assert message.startswith("no trim: these rates do not balance: speed by -0.3")
+    assert re.match(r"no trim: these rates do not balance: speed by -0\.3\d+ ft/s\^2, ", message)
+    assert attempt.equation_unit("speed") == "ft/s^2"
     assert attempt.status == "failed"
     assert attempt.inputs.throttle == pytest.approx(30.0, rel=1e-15)
     rates = published_aircraft.at(attempt.states, attempt.inputs).f
     accelerating = rates[STATES.index("speed")]
     assert accelerating == pytest.approx(attempt.residuals["speed"], rel=1e-12)
+
+
+def test_the_value_beyond_a_limit_that_a_trim_requires_is_named():
+    """The lift of the UAV, 132 N, at 14 m/s requires an angle of attack of 25.6 deg, above its limit of 0.3 rad."""
+    model = hfa.load_model(f"{ROOT}/examples/uav.toml")
+    with pytest.raises(TrimError, match=r"alpha at maximum 17\.1887 deg, 25\.6\d* deg required"):
+        trim(model, speed=14.0)
 
 
 def test_too_few_unknowns_name_the_equations(published_aircraft):

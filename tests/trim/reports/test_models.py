@@ -107,6 +107,10 @@ def test_a_condition_without_a_trim_has_nan_and_its_reason(words, book, tmp_path
         book["weak"]
     with pytest.raises(hfa.BadInputError, match="unknown condition 'cruse'"):
         book["cruse"]
+    for typed, code, said in (("9e9,", 2, "give a value between"), ("35,thrust=0:5", 1, "no trim")):
+        (tmp_path / "one.csv").write_text(f"name,speed,limit\nonly,{typed}\n", "utf-8")
+        run = command("linearize", *words[:2], "--conditions", str(tmp_path / "one.csv"))
+        assert (run.code, said in run.out + run.err) == (code, True)
 
 
 def test_an_entry_of_the_book_is_the_operating_point_of_its_row(book):
@@ -143,6 +147,9 @@ def test_the_level_of_a_mode_is_the_worst_of_its_figures_on_the_sheet(book):
                 levels.append(sheet["CAP"].level)
             worst = max((level for level in levels if level), default=None)
             assert book.levels[row][mode.name] == worst
+            (_, named), (_, levels) = book.arrays["mode_names"], book.arrays["mode_levels"]
+            stored = levels[row][named[row] == mode.name]
+            np.testing.assert_array_equal(stored, np.nan if worst is None else worst)
 
 
 def test_tables_of_the_book_find_entries_by_names(book, tmp_path):

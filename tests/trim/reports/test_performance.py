@@ -7,6 +7,7 @@ import casadi as ca
 import pytest
 from project import ROOT
 from sheet_values import values
+from standard_airspeeds import air
 
 import hfa
 from hfa import Signal
@@ -30,7 +31,8 @@ def trimmed(name):
 def test_lift_drag_and_thrust_balance_the_weight(name):
     """In level flight L + T sin α = W and D = T cos α.
 
-    L/D, the lift coefficient L / (q S) and the power required T V cos α follow.
+    L/D, the lift coefficient L / (q S) and the power required T V cos α follow. The temperature is that
+    of the standard atmosphere.
     """
     pytest.importorskip("hfa_daveml")
     point, data = trimmed(name)
@@ -43,6 +45,8 @@ def test_lift_drag_and_thrust_balance_the_weight(name):
     assert figures["L/D"] == pytest.approx(figures["lift"] / figures["drag"])
     force = figures["dynamic pressure"] * figures["S"]
     assert figures["lift coefficient"] == pytest.approx(figures["lift"] / force)
+    there = air(point["altitude"] * (0.3048 if name == "hfa" else 1.0))
+    assert figures["temperature"] == pytest.approx(there.sound**2 / (1.4 * 287.05287), rel=1e-4)
     power = thrust * math.cos(alpha) * point["speed"]
     shown = {"hp": 1.0 / 550.0, "kW": 1e-3}[data["sheet"]["power required"]["unit"]]
     assert figures["power required"] == pytest.approx(power * shown)
@@ -145,7 +149,9 @@ def test_a_figure_that_does_not_exist_is_not_invented(changes, figure, reason):
 
 @pytest.mark.parametrize("gamma", [0.0, 10.0, 30.0])
 def test_the_control_per_g_is_that_of_pull_ups_at_the_flight_path(gamma):
-    """The elevator per g of the F-16 is that of its own pull-ups, in which flight path and throttle are held."""
+    """The elevator per g of the F-16 is that of its own pull-ups, in which flight path and throttle are held,
+    and that per knot the difference of trims 0.5 kt slower and faster.
+    """
     model = hfa.load_model(f"{ROOT}/examples/f16.py")
     climb = {"gamma": f"{gamma} deg"}
     level = hfa.trim(model, **climb)
@@ -156,6 +162,11 @@ def test_the_control_per_g_is_that_of_pull_ups_at_the_flight_path(gamma):
     )
     per_g = level.sheet["elevator per g"].value
     assert math.degrees(per_g) == pytest.approx((high - low) / 2e-3, rel=1e-4)
+    slow, fast = (
+        hfa.trim(model, **climb, speed=level["speed"] + change * KNOTS["ft/s"])["elevator"]
+        for change in (-0.5, 0.5)
+    )
+    assert math.degrees(level.sheet["elevator per knot"].value) == pytest.approx(fast - slow)
 
 
 def in_body_axes(gamma):

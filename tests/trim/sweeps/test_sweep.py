@@ -4,12 +4,13 @@ import csv
 
 import numpy as np
 import pytest
-from cli import assert_refused, hfa
+from cli import answer, assert_refused, hfa
 from project import ROOT
 
 from hfa import (
     aircraft as aircraft_of,
     linearize,
+    load_model,
     sweep,
     trim,
 )
@@ -100,16 +101,46 @@ def test_a_listed_point_outside_a_limit_fails_alone(tmp_path):
     assert "220, 120: isa is 120 K; give at most 100 K" in said
 
 
-def test_a_point_without_a_trim_has_no_numbers_in_a_file(tmp_path):
-    """At 10 ft/s there is no trim: states, inputs, eigenvalues, A and B are NaN in the CSV file."""
-    path = tmp_path / "swept.csv"
-    assert hfa("sweep", "--dihedral", "10", "--hold", "speed=10,68", "-o", str(path)).code == 0
+def test_files_of_points_that_are_trimmed_stalled_or_have_no_trim(tmp_path, monkeypatch):
+    """With CL_max = 1.1, the UAV stalls at 18.5 m/s and has no trim at 14 m/s: states, inputs, eigenvalues,
+    A and B are then NaN in the CSV file, which names the modes. A store has the same counts.
+    """
+    text = (ROOT / "examples" / "uav.toml").read_text("utf-8")
+    plane, path = tmp_path / "uav.toml", tmp_path / "swept.csv"
+    plane.write_text(text.replace("[longitudinal]", "[longitudinal]\nCL_max = 1.1"), "utf-8")
+    words = ("sweep", "--aircraft", str(plane), "--hold", "speed=14,18.5,25", "-o")
+    assert hfa(*words, str(path)).code == 0
     with path.open(newline="", encoding="utf-8") as stream:
-        untrimmed, trimmed = csv.DictReader(stream)
-    starts = ("state", "input", "A(", "B(")
-    numbers = [name for name in trimmed if "eigenvalue" in name or name.startswith(starts)]
+        untrimmed, stalled, trimmed = csv.DictReader(stream)
+    assert [row["results"] for row in (stalled, trimmed)] == ["stalled", "trimmed"]
+    numbers = [name for name in trimmed if "eigenvalue" in name or name[:2] in ("A(", "B(")]
+    numbers += ["alpha [deg]", "elevator [deg]"]
     assert {untrimmed[name] for name in numbers} == {"NaN"}
     assert "NaN" not in {trimmed[name] for name in numbers}
+    modes = trim(load_model(str(plane)), hold={"speed": 25.0}).linearize().modes
+    (spiral,) = (mode.eigenvalue.real for mode in modes if mode.name == "spiral")
+    assert float(trimmed["spiral eigenvalue real [1/s]"]) == pytest.approx(spiral, abs=1e-9)
+    monkeypatch.setattr("trim.sweeps.result._MANY_SLOW", 1)  # notes few such points
+    stored = answer(*words, str(tmp_path / "swept.zarr"))
+    assert stored["warnings"][0].startswith("1 of 3 points were trimmed one by one")
+    assert stored["stalled"] == 1
+    assert stored["counts"] == {"missing": 0, "trimmed": 2, "beyond limits": 0, "no trim": 1}
+
+
+def test_modes_of_listed_points_keep_their_columns():
+    """Points of a list have no neighbors in a grid: their modes are those of the models of single points,
+    also beyond one without a trim.
+    """
+    done, plane = [], load_model(str(ROOT / "examples" / "uav.toml"))
+    axes = {"speed": [25.0, 14.0, 35.0], "altitude": [100.0, 100.0, 3000.0]}
+    swept = sweep(plane, axes, listed=True, progress=lambda *part: done.append(part))
+    assert done[-1][:2] == (3, 3)  # the point without a trim is sought alone
+    for i in (0, 2):
+        single = {name: values[i] for name, values in axes.items()}
+        modes = trim(plane, hold=single).linearize().modes
+        for name, value in zip(swept.mode_names, swept.eigenvalues[i], strict=True):
+            found = [mode.eigenvalue for mode in modes if mode.name == name]
+            assert min(abs(value - np.array([*found, *np.conj(found)]))) < 1e-6
 
 
 # Many points together, compared with single trims.
@@ -164,6 +195,3 @@ def test_a_store_is_resumed_with_its_own_sweep_only(more, store):
         assert result.code == 0
         return
     assert_refused(result, 2, "another sweep")
-
-
-# Printed reports.

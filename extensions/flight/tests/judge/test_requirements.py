@@ -99,6 +99,13 @@ def test_an_equilibrium_beyond_the_limits_fails_without_flights(offset, passes):
     assert (found.ok, point.holds, bool(point.beyond)) == (passes, passes, not passes)
 
 
+def test_a_policy_without_an_equilibrium_fails():
+    """With f = 0.5 - v, v' = v + f is 0.5 everywhere."""
+    found = hfa.assess(scalar(lambda v, f: v + f, 2.0), deployment(1.0, 0.5), samples=1)
+    assert (found.ok, found.points[0].equilibrium) == (False, None)
+    assert "no equilibrium near the trim" in str(found)
+
+
 def test_flights_that_slowly_diverge_have_not_converged():
     """v' = .005 v grows by 5 % in the last ten seconds: no flight has converged, also from initial
     conditions near 0. With a gain of .2, every flight converges.

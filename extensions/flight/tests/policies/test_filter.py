@@ -364,6 +364,7 @@ def test_commands_of_a_fast_gain_are_faded_in_for_longer(point, kalman, gain):
     """
     policy = kalman.policy(gain)
     assert policy.margins.compensator_radius > 1.0
+    assert "Filter and gain alone are unstable" in policy.margins.text()
     assert (policy.fade, kalman.policy(0.01 * gain).fade) == (3.0, 1.0)
     with pytest.raises(BadInputError, match="at least 0 s"):
         kalman.policy(gain, fade=-1.0)

@@ -18,7 +18,6 @@ import pytest
 from network_files import safetensors_file, torch_file
 
 import hfa
-from hfa import BadInputError
 
 ZIPS = Path(__file__).parent / "zips"
 STORED = json.loads((ZIPS / "actions.json").read_text())
@@ -141,9 +140,7 @@ def relu(x):
     return np.maximum(x, 0.0)
 
 
-CRITIC = (3, 5, 4, 1)
 ACTOR = ("actor.0", "actor.2", "actor.4")
-VALUE = ("critic.0", "critic.2", "critic.4")
 
 
 @pytest.mark.parametrize("write", [torch_file, safetensors_file])
@@ -243,43 +240,3 @@ def test_half_precision_is_read(kind):
     weights = {name: each.astype(float) for name, each in stored.items()}  # as rounded in the file
     assert critic.u(OBSERVED) == pytest.approx(output_of(weights, ACTOR, np.tanh), rel=1e-12)
     assert critic.precision == kind
-
-
-TWO = chain("left.0", "left.2", "left.4") | chain("right.0", "right.2", "right.4")
-#: Tensors of several networks, of which options of the user select a policy.
-ASKED = {
-    "two actors": TWO,
-    "body and head": chain("body.0", "body.2", widths=(3, 5, 4))
-    | chain("head", widths=(4, 2))
-    | chain("other", widths=(4, 7)),
-    "policy and value": chain("net.pi.0", "net.pi.2", "net.pi.4")
-    | chain("net.vf.0", "net.vf.2", "net.vf.4", widths=CRITIC),
-    "actor and Q function": chain("fc1", "fc2", "fc_mu")
-    | chain("q_fc1", "q_fc2", "q_out", widths=(5, 6, 6, 1)),
-    "shared": chain("trunk.0", "trunk.2", widths=(3, 5, 4))
-    | chain("actor", widths=(4, 2))
-    | chain("critic", widths=(4, 1)),
-}
-
-
-@pytest.mark.parametrize("name", ASKED)
-def test_each_example_of_a_refusal_is_accepted(name):
-    """A file with several networks is refused with a proposed option. The options that it and the
-    following refusals propose, at most four, select a policy with 2 actions and two layers of tanh.
-    """
-    path = torch_file("asked.pt", ASKED[name])
-    typed = {}
-    for _ in range(4):
-        try:
-            policy = read(path, **typed)
-            assert policy.u(OBSERVED).shape == (len(OBSERVED), 2)
-            assert policy.origin.count("-> tanh") == 2
-            return
-        except BadInputError as error:
-            refused = error
-        option, words = refused.options
-        key, value = ("network", words) if option == "--network" else words.split("=")
-        assert f'{key}="{value}"' in str(refused)
-        assert key not in typed
-        typed[key] = value
-    raise AssertionError(typed)  # four options do not suffice

@@ -10,27 +10,10 @@ import numpy as np
 import pytest
 from network_files import refusal, safetensors_file, square_layers, torch_file
 
-from hfa import BadInputError, from_network, read_critic
+from hfa import BadInputError, read_critic
 
-HERE = Path(__file__).parent
-TORCH = json.loads((HERE / "torch_2_13.json").read_text(encoding="utf-8"))["state_dict"]
 X = np.random.default_rng(0).normal(size=(7, 6))
 pytestmark = pytest.mark.usefixtures("folder")
-
-
-def test_a_torch_file_gives_the_value_of_torch(game):
-    """A file written by torch gives the V that torch computed.
-
-    P is that of central differences of the gradient at 0.
-    """
-    critic = from_network(game, HERE / "torch_2_13.pt", activation="tanh")
-    V = np.array(critic.value(np.array(TORCH["x"]).T))
-    assert V.ravel() == pytest.approx(TORCH["V"], rel=1e-12)
-    step = 1e-5
-    ends = np.array(critic.gradient(step * np.hstack([np.eye(6), -np.eye(6)])))
-    # P is half of the Hessian of V = z'Pz.
-    assert np.allclose(critic.P, (ends[:, :6] - ends[:, 6:]) / (4 * step), atol=1e-9)
-    assert critic.precision == "float32"
 
 
 # Order of layers.

@@ -47,3 +47,11 @@ def test_a_tensor_of_unknown_function_is_refused_or_named_as_not_used(more):
     assert policy.u(x) == pytest.approx(output_of(OF_ACTOR, ACTOR, np.tanh, x), rel=1e-9)
     (note,) = policy.declared.notes
     assert unknown.removesuffix(".weight") in note
+
+
+def test_a_deviation_of_the_actions_acts_on_no_mean():
+    """log_std with an entry for each action is that of the random actions in training."""
+    path = torch_file("a.pt", OF_ACTOR | {"log_std": np.ones(ACTIONS)})
+    policy = read(path, inputs=ACTIONS, activation="tanh")
+    x = RANDOM.normal(size=(3, STATES))
+    assert policy.u(x) == pytest.approx(output_of(OF_ACTOR, ACTOR, np.tanh, x), rel=1e-9)
