@@ -313,6 +313,7 @@ def gain_of_gtm(**tables):
 
 
 RIGHT = gain_of_gtm()
+POWER = RIGHT.action | {"elevator": {"map": "a**a"}}
 EDGED = RIGHT.observation | {"speed": {"formula": "sqrt(speed - 45.0)"}}
 
 
@@ -320,9 +321,9 @@ EDGED = RIGHT.observation | {"speed": {"formula": "sqrt(speed - 45.0)"}}
     ("given", "said"),
     [
         ({"deployment": RIGHT.changed(observation=EDGED)}, "observation.speed: the formula"),
+        ({"deployment": RIGHT.changed(action=POWER)}, "action.elevator: the formula"),
         ({"points": ["45"]}, "give operating points"),
         ({"box": {"pich": 0.1}}, "did you mean pitch"),
-        ({"box": {"pitch": -1.0}}, "box of pitch"),
         ({"sensors": {"airspeed": 0.3}}, "airspeed, which no observation contains"),
         ({"sensors": {"speed": hfa.Sensor(0.3, every=0.1)}}, "requires a filter"),
     ],
