@@ -147,10 +147,8 @@ def stacked(blocks: list[list[Any]]) -> Any:
     kind: Any = type(blocks[0][0])
     if kind in (Near, Pair):
         names = ("middle",) if kind is Near else ("high", "low")
-        middles = [
-            np.vstack([np.hstack([vars(block)[name] for block in row]) for row in blocks])
-            for name in names
-        ]
+        tables = [[[vars(block)[name] for block in row] for row in blocks] for name in names]
+        middles = [np.concatenate([np.concatenate(row, 1) for row in table]) for table in tables]
         error = sum(block.error for row in blocks for block in row)
         return kind(*middles, error * ROUNDED_UP)
     return ball_matrix(block_entries(blocks))
@@ -261,14 +259,10 @@ class Near:
         return self + -Near.of(other)
 
     def __mul__(self, other: Any) -> Near:
-        """Return the product with a matrix or with a number."""
-        from flint import arb
-
-        if isinstance(other, float | int | arb):
-            factor = float(other)
-            # The last term is the radius and the rounding of the number, which may underflow.
-            rest = 2.0 * ROUNDOFF * abs(factor) + above(abs(arb(other) - factor))
-            return _near(self.middle * factor, abs(factor) * self.error + rest * self.size)
+        """Return the product with a matrix or with a number in doubles."""
+        if isinstance(other, float):
+            error = abs(other) * self.error + 2.0 * ROUNDOFF * abs(other) * self.size
+            return _near(self.middle * other, error)
         other = Near.of(other)
         n = len(other.middle)
         rounding = (n + 2) * ROUNDOFF * self.size * other.size

@@ -53,6 +53,8 @@ if TYPE_CHECKING:
 MODERATE_EXPONENT = 12
 #: Exponents of units that differ by more from those of a candidate need another one.
 LARGEST_UNIT_CHANGE = 10
+#: Exponents of units that differ by at most this much from those of a candidate are left.
+SMALLEST_UNIT_CHANGE = 2
 #: The states are changed until the least eigenvalue of |P| is at least this fraction of the
 #: largest, at most so often. Each change gains the digits of doubles.
 LEAST_RATIO, MOST_CHANGES = 1e-5, 4
@@ -141,10 +143,12 @@ def proposed(
         X = stabilizing_in_doubles(equation)
         # Powers of two as units, in which the diagonal of |X| is near 1.
         for _ in range(0 if near else MOST_CHANGES):
-            former = units.states
-            units, X = _in_units_of_solution(game, delta, units, X)
-            equation = Equation(game, units, delta)
-            if np.abs(units.states - former).max() <= LARGEST_UNIT_CHANGE:
+            better, X_there = _in_units_of_solution(game, delta, units, X)
+            change = np.abs(np.concatenate(better[:2]) - np.concatenate(units[:2])).max()
+            if change <= SMALLEST_UNIT_CHANGE:
+                break  # the units serve the proof as well
+            units, X, equation = better, X_there, Equation(game, better, delta)
+            if change <= LARGEST_UNIT_CHANGE:
                 break  # in the former units, X had its digits already
             X = stabilizing_in_doubles(equation)
         # Other states, in which |X| itself is near 1.

@@ -341,11 +341,11 @@ class Equation:
         eigenvalues z of the loop of both players in discrete time, and at 1 / z.
         """
         A, G, C, one = self.A, self.G, self.C, self.kind(np.eye(self.n))
-        none, no_gains = one * 0, G * 0
+        none, no_gains = one * 0.0, G * 0.0
         L = [[A, none, G], [-self.Q, one, -C], [C.transpose(), no_gains.transpose(), self.W]]
         M = [
             [one, none, no_gains],
             [none, A.transpose(), no_gains],
-            [no_gains.transpose(), -G.transpose(), self.W * 0],
+            [no_gains.transpose(), -G.transpose(), self.W * 0.0],
         ]
         return stacked(L), stacked(M)
