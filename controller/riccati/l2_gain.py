@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from controller.game.zero_sum import Game
 from controller.riccati.balls import ball_matrix, identity, midpoints, norm, scaled
 from controller.riccati.candidate import (
     MOST_CHANGES,
@@ -28,6 +28,7 @@ from controller.riccati.equation import Equation, LoopGame, Units
 from controller.riccati.lyapunov import FailedError, NotProvedError, loop_units
 from controller.riccati.refusal import between_eigenvalues, half_plane_eigenvalues, stabilizing
 from controller.riccati.smallest_delta import TOLERANCE
+from hfa_support.cached import cached_property
 from hfa_support.errors import BadInputError
 
 if TYPE_CHECKING:
@@ -43,7 +44,8 @@ ABOVE = 1.0 + np.array([0.9 * TOLERANCE, 1e-4, 1e-2, 1.0])
 NEARLY_0 = np.array([1e-24, 1e-12, 1.0])
 
 
-class DisturbedLoop(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class DisturbedLoop:
     """Stable loop z' = F z + E d with the cost z'C z, in discrete time z⁺ = F z + E d, in balls.
 
     F, E, C: (n, n), (n, k), (n, n), symmetric
@@ -60,8 +62,7 @@ class DisturbedLoop(NamedTuple):
 
         Raises FailedError or NotProvedError.
         """
-        game = self.game()
-        units = self.units(game, delta)
+        game, units = self.game, self.units(delta)
         for changes in (0, MOST_CHANGES):  # states in which D is nearly 1 are seldom needed
             with suppress(FailedError, NotProvedError):
                 equation, X = proposed(game, delta, units, changes)
@@ -70,8 +71,9 @@ class DisturbedLoop(NamedTuple):
                         return enclosure_of(stabilizing(candidate))
         return enclosure_of(stabilizing(candidate_in_bits(game, delta)))
 
+    @cached_property
     def game(self) -> LoopGame:
-        """Return the loop as a game whose input moves nothing (B = 0).
+        """The loop as a game whose input moves nothing (B = 0).
 
         Raises FailedError.
         """
@@ -87,16 +89,17 @@ class DisturbedLoop(NamedTuple):
         except BadInputError as error:
             raise FailedError(str(error)) from None
 
-    def units(self, game: Game, delta: float) -> Units:
+    def units(self, delta: float) -> Units:
         """Return units in which F is balanced, and the cost has the size of F."""
         states = loop_units(midpoints(self.F))
         size = float(norm(scaled(self.C, states, states)))
         power = int(np.round(0.5 * np.log2(size))) if size > 0.0 else 0
-        return Units(states - power, np.zeros(1, dtype=int), disturbance_units(game, delta))
+        return Units(states - power, np.zeros(1, dtype=int), disturbance_units(self.game, delta))
 
-    def scale(self, game: LoopGame) -> float:
-        """Return a gain of the size of the entries, in units of the loop."""
-        near = Equation(game, self.units(game, math.inf), math.inf).in_doubles
+    @cached_property
+    def scale(self) -> float:
+        """A gain of the size of the entries, in units of the loop."""
+        near = Equation(self.game, self.units(math.inf), math.inf).in_doubles
         return float(math.sqrt(near.Q.size) * near.E.size / near.A.size)
 
     def gain_at(self, frequencies: Sequence[float] | np.ndarray) -> float:
@@ -143,15 +146,14 @@ class GainBounds(NamedTuple):
 def gain_of(loop: DisturbedLoop) -> GainBounds:
     """Return the bounds of the gain, with the bits of `precision`; high is inf without proof."""
     try:
-        game = loop.game()
+        poles = np.linalg.eigvals(loop.game.A)
     except FailedError:
         return GainBounds(0.0, math.inf)
-    poles = np.linalg.eigvals(game.A)
     at_poles = (np.angle(poles), [math.pi]) if loop.is_discrete else (np.abs(poles), poles.imag)
     low, high = loop.gain_at(np.unique(np.abs(np.concatenate([[0.0], *at_poles])))), math.inf
     for in_bits in (False, True)[: 2 if len(poles) <= MOST_STATES_IN_BITS else 1]:
-        low = _climbed(loop, game, low, in_bits=in_bits)
-        for bound in (low or loop.scale(game)) * (ABOVE if low else NEARLY_0):
+        low = _climbed(loop, low, in_bits=in_bits)
+        for bound in (low or loop.scale) * (ABOVE if low else NEARLY_0):
             with suppress(FailedError, NotProvedError):
                 if low < bound < high and loop.value(bound):  # a value at δ = bound is the proof
                     high = float(bound)
@@ -161,7 +163,7 @@ def gain_of(loop: DisturbedLoop) -> GainBounds:
     return GainBounds(low, high)
 
 
-def _climbed(loop: DisturbedLoop, game: LoopGame, low: float, *, in_bits: bool) -> float:
+def _climbed(loop: DisturbedLoop, low: float, *, in_bits: bool) -> float:
     """Return the largest gain found at frequencies between those at which a gain is `low`, then the
     largest one, and so on.
 
@@ -169,14 +171,14 @@ def _climbed(loop: DisturbedLoop, game: LoopGame, low: float, *, in_bits: bool) 
 
     Source: Bruinsma and Steinbuch, Systems & Control Letters 14 (1990), 287-293.
     """
-    least = LEAST_CLIMBED * loop.scale(game)
-    for _ in range(MOST_STEPS if least else 0):
+    level = low or LEAST_CLIMBED * loop.scale
+    for _ in range(MOST_STEPS if level else 0):
         with np.errstate(all="ignore"):
-            level = low or least
-            equation = Equation(game, loop.units(game, level), level)
+            equation = Equation(loop.game, loop.units(level), level)
             values = half_plane_eigenvalues(equation, in_bits=in_bits)
         found = loop.gain_at(between_eigenvalues(values, is_discrete=loop.is_discrete))
         low, before = max(low, found), low
         if low <= before * (1.0 + 0.01 * TOLERANCE):
             break
+        level = low
     return low
