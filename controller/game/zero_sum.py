@@ -288,10 +288,6 @@ class Game(ByValue, Reported):
         Raises BadInputError if dt is not positive, if dt is below `SHORTEST` divided by the largest
         entry of A in balanced units, or if the game is in discrete time already.
         """
-        if dt is True:
-            raise BadInputError(
-                "dt is True; give the sample time in s, with which to sample a game"
-            )
         refuse_unless_positive("dt", dt, " s")
         self.refuse_steps("Game.sampled")
         n, m = self.B.shape
