@@ -156,8 +156,8 @@ class FlyRequest(Request, PolicyOptions, ScenarioOptions, WorkerOptions):
     )
     picture: Path | None = picture_option("the flight")
     command: Mapping[str, str] = option(
-        f"steps of an input with --policy {NONE}, or of the scheduling variable of a gain table: "
-        "times, s, and deviations from the trim",
+        f"steps of an input (--policy {NONE}) or of the angle of a gain table: times, s, and "
+        "deviations",
         _COMMAND,
         named=True,
     )

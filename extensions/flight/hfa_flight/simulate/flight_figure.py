@@ -12,7 +12,7 @@ from hfa_aircraft.limits import Limits
 from hfa_aircraft.model import Model
 from hfa_flight.air.gust_equations import in_gusts
 from hfa_flight.simulate.envelope import envelope_data, limits_text
-from hfa_support.reporting.text import beside_unit, shown_values
+from hfa_support.reporting.text import beside_unit, shown_values, wrapped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -91,7 +91,7 @@ def flight_figure(figure: Figure, envelope: Limits, curves: Sequence[Curve], tit
         loc="outside upper center",
         ncols=min(4, len(handles)),
         fontsize=8,
-        title=title,
+        title=wrapped(title, 120),
     )
     return figure
 
