@@ -48,7 +48,7 @@ from hfa_aircraft.signals import ISA, Signal
 from hfa_daveml.check_cases import refuse_wrong
 from hfa_daveml.document import Document, Variable, read_document
 from hfa_daveml.functions import Expressions
-from hfa_support.errors import BadInputError, shortened
+from hfa_support.errors import BadInputError, file_faults, shortened
 from hfa_support.files import regular_file
 
 _GRAVITY = GRAVITY["english"]
@@ -75,15 +75,11 @@ def read_model(text: str) -> Model:
     - an input has another initial value, or another quantity as its unit, in another file,
     - the aerodynamic force at alpha = 5 deg is not upward.
     """
-    paths = joined_files(text)
-    try:
-        contents = [regular_file(path).read_bytes() for path in paths]
-        documents = [read_document(path) for path in paths]
-    except OSError as error:
-        raise BadInputError(
-            f"{error.filename} cannot be read ({error.strerror}); give a readable file"
-            + (f", or several joined by +, as in {text}" if len(paths) > 1 else "")
-        ) from error
+    contents, documents = [], []
+    for path in joined_files(text):
+        with file_faults(path):
+            contents.append(regular_file(path).read_bytes())
+            documents.append(read_document(path))
     source = Source(text, hashlib.sha256(b"".join(contents)).hexdigest())
     model = _Files(documents).model(source)
     for document in documents:
