@@ -23,12 +23,14 @@ def test_a_scale_without_a_number_for_each_state_is_refused():
     assert "does not consist of 6 finite numbers" in said
 
 
-def test_six_outputs_on_a_plant_with_five_inputs_are_a_gradient(game):
-    """Without a name, 6 outputs for 6 states and 5 inputs are read as ∂V/∂z, not as V and u.
+def test_three_outputs_on_a_plant_with_two_inputs_are_a_gradient():
+    """Without a name, 3 outputs for 3 states and 2 inputs are read as ∂V/∂z, not as V and u.
 
     With network="V+policy", V = z'Pz passes, and u = +K z has the wrong sign.
     """
-    z = ca.SX.sym("z", 6)
+    A = [[1.0, 0.4, 0.0], [0.1, -1.0, 1.0], [0.3, 0.0, -2.0]]
+    game = Game(A, np.eye(3)[:, :2], E=np.eye(3), Q=np.eye(3), R=np.eye(2), delta=9.0)
+    z = ca.SX.sym("z", 3)
     V = ca.bilin(ca.DM(value(game)), z, z)
     both = ca.Function("f", [z], [ca.vertcat(V, ca.DM(gain(game)) @ z)])
     check = verify(game, from_network(game, both, network="V+policy"), flights=1, limit_seconds=0.0)
