@@ -89,8 +89,13 @@ def stabilizing(candidate: Candidate) -> Stabilizing:
     # quadratic term q(Z) of the residual at X + Z, as |q(Z)| <= |Z| |G|, in discrete time
     # |Z| |G| |F|: |r| + |q(Z)|, with the residual r at X, is then at most 1/2 ζ.
     twice_through = 2 * norm(loop) + loop_change if equation.is_discrete else 2
-    if not size * loop_change * twice_through < 0.5:
+    further_defect = size * loop_change * twice_through
+    if not further_defect < 0.5:
         raise NotProvedError("the loop of both players near X")
+    # This Z solves F'Z + Z F + r + q(Z) = 0, linear but for the small q(Z), in discrete time
+    # likewise: F'(ζ Y ± Z) + (ζ Y ± Z) F <= 0, and so ζ Y ± Z >= 0, also with the smaller ζ of
+    # ζ (1 - defect) = |r| + |q(Z)|.
+    zeta = (norm(residual) + further_defect * zeta / 2) / (1 - defect)
     # |Z_ij| <= s_i s_j with the roots s of the diagonal of ζ Y.
     diagonal = (
         np.diag(Y.middle).tolist() if isinstance(Y, Near) else [Y[i, i] for i in range(equation.n)]
