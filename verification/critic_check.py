@@ -30,7 +30,7 @@ from trim.linear.linear_model import LinearModel
 from verification.box import Box, usual_box
 from verification.critic_errors import LIMIT, critic_errors, is_gain_right
 from verification.linear_checks import LinearLoop, value_check
-from verification.verdict import Section, Verdict
+from verification.verdict import Section, Verdict, bias_text
 
 if TYPE_CHECKING:
     from verification.nonlinear_game import NonlinearComparison
@@ -268,8 +268,6 @@ def _reason(exact: Solution, critic: Critic, box: np.ndarray, limit: float) -> s
         return reason_for(exact, critic, limit)
 
     # Of a network, in this order: slopes that are all 0, a bias, and a mistake in K.
-    from verification.network.search import bias_text
-
     if critic.P is not None:
         if not critic.P.any():
             return "V of the network has no curvature at the trim"

@@ -317,3 +317,26 @@ def higher_terms(critic: Critic, box: np.ndarray) -> HigherTerms:
         terms = sizes * np.prod(box**exponents, axis=1) * reach
     # b_i times the derivative of a monomial by z_i is its exponent of z_i times the monomial.
     return HigherTerms(float(terms.sum()), terms @ exponents)
+
+
+def equilibrium_check(
+    equilibrium: np.ndarray | None, P: np.ndarray, b: np.ndarray, limit: float
+) -> Check:
+    """Return the check of V* at the equilibrium, in percent of its mean over the corners of the
+    box, tr(b P b).
+
+    V* is the cost of steering from the equilibrium to the trim. It is quadratic in the distance: an
+    equilibrium at 0.1 of the box costs about 1 %.
+
+    equilibrium: equilibrium, (n,), or None if none was found; the cost is then infinite
+    P: matrix of V*, (n, n)
+    b: half-widths of the box of states, (n,)
+    limit: largest distance that passes, relative to the box
+    """
+    share, reason = math.inf, "no equilibrium near trim"
+    if equilibrium is not None:
+        cost = float(equilibrium @ P @ equilibrium)
+        share = 100.0 * cost / float(np.diag(P) @ b**2) if cost > 0.0 else 0.0
+        distance = float((np.abs(equilibrium) / b).max())
+        reason = f"equilibrium {distance:.2g} boxes off trim, V* there {percent(share, up=True)}"
+    return at_most("rest_point", share, 100.0 * limit**2, reason, kind="rest")

@@ -291,6 +291,12 @@ class Verdict(Checked, Result, Reported):
         return np.array(verification.verdict_figure(self, pyplot_figure).axes)
 
 
+def bias_text(critic: Critic, exact: Solution) -> str:
+    """Return a sentence on the inputs at the origin, which are not 0."""
+    u, names = critic.u(np.zeros(critic.K.shape[1])), exact.names
+    return f"u at the origin is {values_text(names.inputs, names.input_units, u)}, not 0: a bias"
+
+
 def values_text(names: Sequence[str], units: Sequence[str], values: Iterable[float]) -> str:
     """Return values with names and units as text, without those that are 0."""
     return ", ".join(

@@ -186,8 +186,7 @@ def _step(kind: str, x: np.ndarray, Z: np.ndarray, r: np.ndarray, own: np.ndarra
     of_low, of_high = derivatives(low)[0], derivatives(high)[0]
 
     # The chord, whose distance from f is largest at an end, or where the slopes are equal.
-    is_wide = high - low > 1e-9 * (np.abs(low) + np.abs(high))
-    slope = np.where(is_wide, (of_high - of_low) / np.where(is_wide, high - low, 1.0), f1)
+    slope = np.where(high > low, (of_high - of_low) / (high - low), f1)
     ends = [low, high, *(np.clip(point, low, high) for point in points(slope))]
     gaps = [derivatives(end)[0] - slope * end for end in ends]
     least, most = np.minimum.reduce(gaps), np.maximum.reduce(gaps)

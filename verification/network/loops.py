@@ -23,8 +23,6 @@ from controller.riccati.gare import Solution
 from controller.riccati.suboptimality import reference_cost
 from hfa_aircraft.batch_simulation import FAR_OF_VALUE, OF_VALUE, has_decayed
 from hfa_support.matrices import quadratic_forms, spectral_abscissa
-from hfa_support.reporting.report import Check, at_most
-from hfa_support.reporting.text import percent
 from verification.box import starts_in
 from verification.verdict import CounterExample
 
@@ -188,29 +186,6 @@ class FlightResults(NamedTuple):
     flights: int = 0
     cost_above_optimum_flown_percent: float = math.inf
     worst: CounterExample | None = None
-
-
-def equilibrium_check(
-    equilibrium: np.ndarray | None, P: np.ndarray, b: np.ndarray, limit: float
-) -> Check:
-    """Return the check of V* at the equilibrium, in percent of its mean over the corners of the
-    box, tr(b P b).
-
-    V* is the cost of steering from the equilibrium to the trim. It is quadratic in the distance: an
-    equilibrium at 0.1 of the box costs about 1 %.
-
-    equilibrium: equilibrium, (n,), or None if none was found; the cost is then infinite
-    P: matrix of V*, (n, n)
-    b: half-widths of the box of states, (n,)
-    limit: largest distance that passes, relative to the box
-    """
-    share, reason = math.inf, "no equilibrium near trim"
-    if equilibrium is not None:
-        cost = float(equilibrium @ P @ equilibrium)
-        share = 100.0 * cost / float(np.diag(P) @ b**2) if cost > 0.0 else 0.0
-        distance = float((np.abs(equilibrium) / b).max())
-        reason = f"equilibrium {distance:.2g} boxes off trim, V* there {percent(share, up=True)}"
-    return at_most("rest_point", share, 100.0 * limit**2, reason, kind="rest")
 
 
 @np.errstate(over="ignore")  # where P is 0

@@ -6,6 +6,7 @@ each, until a state violates it, or until the time is over.
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
 
@@ -18,11 +19,12 @@ from controller.critic.network.operations import (
     on_rows,
     operations_of,
 )
-from controller.riccati.balls import midpoints, radii
+from controller.riccati.balls import BITS, ball_matrix, midpoints, precision, radii
 from controller.riccati.gare import Solution
 from verification.box import starts_in
 from verification.network.bounds import OUTWARD, BoundedFunction
 from verification.network.theorem import (
+    LEVELS,
     Claim,
     NotProvedError,
     claim_of,
@@ -37,15 +39,19 @@ _NUMBERS, _FEWEST = 2_000_000, 32
 _SMALLEST = 2.0**-30
 #: Number of states of the tube at which the error is compared with its bound before a proof.
 _SAMPLES = 4000
-#: Excess that is tried, relative to that which the largest error found requires, and to one that is
-#: not proved.
-_ABOVE, _NEXT = 1.3, 2.0
+#: Excess that is tried, relative to that which the errors known require, and to one for which the
+#: time was too short.
+_ABOVE, _NEXT = 1.3, 6.0
+#: Part of the time left for an excess.
+_PART = 0.6
+#: Smallest share of a level in that of a constant error.
+_OF_CONSTANT = 0.25
 #: Smallest bound that is tried.
 _SMALLEST_EXCESS = 1e-5
 #: Distance in boxes below which an error is rounding, and violates no bound.
 _AWAY = 1e-9
 #: Number of violators that are kept.
-_KEPT = 8
+_KEPT = 16
 
 
 def proof_of(
@@ -56,8 +62,8 @@ def proof_of(
     wanted: float,
     seconds: float,
 ) -> Proof:
-    """Return what is proved of a policy within a time: a bound of its cost that its largest error
-    found suggests, or `wanted` if this is near, or larger ones up to the largest of the theorem.
+    """Return what is proved of a policy within a time: that its cost is at most `wanted`, or a
+    larger bound, up to the largest of the theorem; then a smaller one that its errors suggest.
 
     equilibrium: about which it is proved, (n,)
     b: half-widths of the box of states, (n,)
@@ -69,33 +75,36 @@ def proof_of(
     proof = Proof(why=over)
     try:
         prover = _Prover(exact, policy, equilibrium, b)
-        setting, most = prover.setting, largest_share(prover.setting)
-        claim = claim_of(setting, wanted, most)
-        # The cost grows with the square of the error.
-        needed = prover.worst(claim, prover.drawn)[0] ** 2 * claim.excess
-        excess = wanted if needed < wanted < _ABOVE * needed else _ABOVE * needed
-        claim = claim_of(setting, max(excess, _SMALLEST_EXCESS), most)
-        while (left := seconds - (time.process_time() - began)) > 0.0:
-            proof = prover.searched(claim, 0.5 * left, replace(proof, why=over))
-            larger = claim_of(setting, _NEXT * claim.excess, most)
-            if proof.is_found or larger.excess <= claim.excess:
+        bound, end = wanted, began + seconds
+        while (left := end - time.process_time()) > 0.0:
+            claim = prover.claim(bound)
+            found = prover.searched(claim, _PART * left, over)
+            needed = max(prover.worst(claim, prover.known)[0], _SMALLEST_EXCESS)
+            if proof.is_found and not found.is_found:
                 break
-            claim = larger
+            proof = replace(found, violators=found.violators or proof.violators)
+            if claim.excess < (_ABOVE * needed if found.is_found else 0.9 * bound):
+                break
+            if found.is_found:
+                bound = math.sqrt(needed * claim.excess)
+            else:
+                bound = _ABOVE * needed if needed > claim.excess else _NEXT * bound
     except (NotListedError, NotProvedError) as error:
-        proof = Proof(why=str(error))
+        proof = proof if proof.is_found else replace(proof, why=str(error))
     return proof
 
 
 class _Prover:
     """Policy of a solved game about its equilibrium.
 
-    drawn: random states of the tube at all distances, relative to it, (n, `_SAMPLES`)
+    known: states in units of the box, (n, N): random ones at all distances, and violators found
     """
 
     def __init__(
         self, exact: Solution, policy: ca.Function, equilibrium: np.ndarray, b: np.ndarray
     ) -> None:
         self.setting = setting = setting_of(exact, b, equilibrium)
+        self.most = largest_share(setting)
         steps = operations_of(policy)
         self.b, self.center, T, S, n = b, equilibrium, setting.T, setting.S, len(b)
         K = midpoints(setting.K) / b  # by the state
@@ -106,29 +115,44 @@ class _Prover:
         rounding = (len(T) + 2) * 2.0**-52 * np.abs(K)
         self.error_of_K = np.abs(T) @ (radii(setting.K) / b + rounding)
         self.at_rest = on_rows(steps, equilibrium[None]).T
-        self.inverse = inverse = np.linalg.inv(S)
-        self.rounding = (n + 8) * 2.0**-51 * np.abs(inverse)
-        # |M S⁻¹| <= |M V| / (1 - |1 - S V|) of the inverse V in doubles.
-        off = np.linalg.norm(S @ inverse - np.eye(n)) + np.linalg.norm(np.abs(S) @ self.rounding)
-        if not off < 0.5:
-            raise NotProvedError("the weights of the states are too unequal")
-        self.loss = OUTWARD / (1.0 - off)
+        with precision(BITS):
+            inverse = ball_matrix(S).inv()
+        self.inverse = midpoints(inverse)
+        self.rounding = radii(inverse) + (n + 8) * 2.0**-51 * np.abs(self.inverse)
         distances = 2.0 ** -np.random.default_rng(0).uniform(0.0, 8.0, _SAMPLES)
-        self.drawn = starts_in(np.ones(n), _SAMPLES).T * distances
+        peaks = np.max([loop.peaks for loop in setting.loops], axis=0)
+        self.known = starts_in(peaks, _SAMPLES).T * distances
 
     @np.errstate(all="ignore")
-    def worst(self, claim: Claim, s: np.ndarray) -> tuple[float, list[np.ndarray]]:
-        """Return the largest |e| / allowed |e| at states of the tube, relative to it (n, N), and up
-        to `_KEPT` deviations (n,) at which it exceeds 1, the worst first.
-        """
-        y, norm = s * claim.tube[:, None], np.linalg.norm
+    def errors(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return |e| / |y|_W and y'U y at states in units of the box, (N,) each."""
+        norm = np.linalg.norm
         e = on_rows(self.steps, self.center + y.T * self.b).T - self.at_rest
-        sizes = norm(self.setting.S @ y, axis=0)
-        allowed = claim.allowed(norm(self.setting.SU @ y, axis=0) ** 2) * sizes
-        ratios = norm(e, axis=0) / np.maximum(allowed, 1e-300)
-        ratios = np.where(np.abs(y).max(axis=0) > _AWAY, ratios, 0.0)
+        errors = norm(e, axis=0) / norm(self.setting.S @ y, axis=0)
+        errors = np.nan_to_num(errors, nan=1e9, posinf=1e9)
+        errors = np.where(np.abs(y).max(axis=0) > _AWAY, errors, 0.0)
+        return errors, norm(self.setting.SU @ y, axis=0) ** 2
+
+    def claim(self, excess: float) -> Claim:
+        """Return a claim on the cost, of levels in the proportion of the errors known."""
+        errors, values = self.errors(self.known)
+        levels = self.setting.level(values)
+        found = np.array([errors[levels == k].max(initial=1e-300) for k in range(LEVELS)])
+        flat = 2.0 ** np.arange(LEVELS)  # a constant error
+        shape = np.maximum(found, _OF_CONSTANT * (found / flat).max() * flat)
+        return claim_of(self.setting, excess, self.most, np.maximum.accumulate(shape))
+
+    def worst(self, claim: Claim, y: np.ndarray) -> tuple[float, list[np.ndarray]]:
+        """Return the excess that the errors at states in units of the box (n, N) require, and up to
+        `_KEPT` deviations (n,) at which they are larger than allowed, which become known.
+        """
+        errors, values = self.errors(y)
+        ratios = errors / claim.shares[self.setting.level(values)]
         first = [k for k in np.argsort(-ratios)[:_KEPT] if ratios[k] > 1.0]
-        return float(ratios.max(initial=0.0)), list(y.T[first] * self.b)
+        # The cost grows with the square of the error.
+        needed = claim.excess * float(ratios.max(initial=0.0)) ** 2
+        self.known = np.hstack([self.known, y[:, first]])
+        return needed, list(y.T[first] * self.b)
 
     @np.errstate(all="ignore")
     def bounded(
@@ -146,11 +170,14 @@ class _Prover:
         r = r + self.error_of_K @ (np.abs(center) + (np.abs(y) + h) * b)
         r = r + 2.0**-50 * (np.abs(x) + np.abs(self.at_rest))
         x = x - self.at_rest
+        # s² is 1/2 within 1/2.
+        squares = 0.5 * Z[:, :, n:] * np.equal(*np.triu_indices(n))[: Z.shape[2] - n]
+        x, above = x + squares.sum(2), np.abs(Z).sum(2) - np.abs(squares).sum(2) + r
         scores = scores + np.abs(Z[:, :, :n]).sum(0)
-        above = norm(np.abs(x) + np.abs(Z).sum(2) + r, axis=0)
+        above = norm(np.abs(x) + above, axis=0)
         value = norm(SU @ y, axis=0) + norm(SU, axis=0) @ h
         under = np.maximum(_least(S, y, h), 0.0)
-        ratio = above * OUTWARD / under / claim.allowed((value * OUTWARD) ** 2)
+        ratio = above * OUTWARD / under / claim.shares[self.setting.level((value * OUTWARD) ** 2)]
         return np.where(np.isnan(ratio), np.inf, ratio), scores
 
     def central(self, claim: Claim) -> float:
@@ -161,21 +188,22 @@ class _Prover:
             M, R = self.error.slopes(self.center, h * self.b)
             M, R = M * self.b, (R + self.error_of_K) * self.b
             slope = norm(R @ np.abs(self.inverse) + np.abs(M) @ self.rounding)
-            allowed = claim.allowed((norm(self.setting.SU, axis=0)[None] @ h * OUTWARD) ** 2)[0]
-            if np.isfinite(M).all() and (norm(M @ self.inverse, 2) + slope) * self.loss <= allowed:
+            value = (norm(self.setting.SU, axis=0) @ h * OUTWARD) ** 2
+            allowed = claim.shares[self.setting.level(value)]
+            if np.isfinite(M).all() and (norm(M @ self.inverse, 2) + slope) * OUTWARD <= allowed:
                 return size
             size /= 2.0
         return 0.0
 
-    def searched(self, claim: Claim, seconds: float, before: Proof) -> Proof:
+    def searched(self, claim: Claim, seconds: float, over: str) -> Proof:
         """Return the result of a search, in boxes of the tube relative to it.
 
         seconds: of the processor, after which the search ends
-        before: result whose `why` is told then, and whose boxes count, too
+        over: what is told then
         """
         end = time.process_time() + seconds
-        n, proof = len(claim.tube), replace(before, share=0.0)
-        _, violators = self.worst(claim, self.drawn)
+        n, proof = len(claim.tube), Proof(why=over)
+        _, violators = self.worst(claim, self.known)
         size = 0.0 if violators else self.central(claim)
         boxes = np.stack([np.zeros((n, 1)), np.ones((n, 1))])  # centers and half-widths, (2, n, N)
         if not size and not violators:
@@ -195,7 +223,8 @@ class _Prover:
             proof.boxes += len(ratio)
             proof.share += float(np.prod(h, axis=0)[is_good].sum())
             s, h, ratio, scores = s[:, ~is_good], h[:, ~is_good], ratio[~is_good], scores[~is_good]
-            _, violators = self.worst(claim, s)
+            y = s * claim.tube[:, None]
+            _, violators = self.worst(claim, y)
             # Cut the state with the largest score; the worst boxes come next.
             scores = np.where(h.T > 0.0, np.nan_to_num(scores, posinf=1e300) + 1e-300, 0.0)
             half = np.where(np.argmax(scores, axis=1) == np.arange(n)[:, None], 0.5 * h, 0.0)

@@ -15,22 +15,16 @@ from controller.riccati.gare import Solution
 from hfa_support.matrices import quadratic_forms
 from hfa_support.native.bound import RowFunction
 from hfa_support.reporting.report import Check, at_most, below
-from hfa_support.reporting.text import percent
+from hfa_support.reporting.text import percent, shown_values
 from verification.box import starts_in
-from verification.critic_errors import error_check, floored
-from verification.network.loops import FlightResults, equilibrium_check, equilibrium_of, fly
+from verification.critic_errors import equilibrium_check, error_check, floored
+from verification.network.loops import FlightResults, equilibrium_of, fly
 from verification.network.proof import proof_of
-from verification.verdict import NEAR, Proof, Section, values_text
+from verification.verdict import NEAR, Proof, Section, bias_text
 
 #: Number of states at which the errors are computed. Every second one is a corner of the box.
 SEARCHED = 5000
 _NOUNS = {"value": "V", "gradient": "a slope of V", "policy": "the policy"}
-
-
-def bias_text(critic: Critic, exact: Solution) -> str:
-    """Return a sentence on the inputs at the origin, which are not 0."""
-    u, names = critic.u(np.zeros(critic.K.shape[1])), exact.names
-    return f"u at the origin is {values_text(names.inputs, names.input_units, u)}, not 0: a bias"
 
 
 class LargestError(NamedTuple):
@@ -205,7 +199,7 @@ def nonlinear_section(
         names = exact.names
         # As the options of `hfa fly`, in degrees for radians.
         options = " ".join(
-            f"--initial {name}={math.degrees(value) if unit.startswith('rad') else value:.10g}"
+            f"--initial {name}={shown_values(value, unit):.10g}"
             for name, unit, value in zip(
                 names.states, names.state_units, flown.worst.start, strict=True
             )

@@ -15,8 +15,8 @@ for a D > 0. While z is in Ω, the cost so far plus z'(P + D) z does not increas
 rate is at most z'M z with the left side M, by 2 z'D Γ a <= a'V a + ..., a = (e, w).
 
 **Levels.** A network has an absolute error, which is large relative to a small z. With κ_1 > κ_2 >
-..., ρ_0 < ρ_1 < ..., and |e| <= ρ_k |z|_W where z'U z > κ_(k+1), the lemma holds with D_k from the
-first time at which z'U z <= κ_k. The sum over the levels gives: the excess is at most
+..., ρ_0 <= ρ_1 <= ..., and |e| <= ρ_k |z|_W where z'U z > κ_(k+1), the lemma holds with D_k from
+the first time at which z'U z <= κ_k. The sum over the levels gives: the excess is at most
 z'D_0 z + Σ c_k κ_k, where c_k U > D_k - D_(k-1). (Where z'U z > κ_k, |e| <= ρ_k |z|_W holds, too.)
 
 **Tube.** Without d and with d = L z, w = 0, the same lemma with Γ = [B], V = [τR] bounds the energy
@@ -42,7 +42,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -61,12 +60,13 @@ from controller.riccati.gare import Solution
 if TYPE_CHECKING:
     from flint import arb_mat
 
-#: Number of levels, each half as far as the one before, and the largest excess in the last one,
-#: relative to the optimum there.
+#: Number of levels, each half as far as the one before.
 LEVELS = 6
-_WEAKEST = 2.0
-#: Multiplier τ of the lemma: least, and with the largest ρ. In between it is proportional to ρ.
-_MULTIPLIERS = (0.1, 0.4)
+#: Multiplier τ of the lemma: at least this times ρ, and the largest, with the largest ρ; below that
+#: it falls with the square, so that there is a D for each ρ.
+_MULTIPLIERS = (1.2, 1.5)
+#: Number of claims of which the last one is proved.
+_TRIALS = 8
 #: Share of the optimum of the box by which U and W are positive where P and Q are not.
 _FLOOR = 1e-6
 #: Share of the decay of U in W, so that W is positive where Q is not.
@@ -107,6 +107,7 @@ class Setting(NamedTuple):
     S, SU, T: roots of W = S'S, U = SU'SU and R <= T'T, upper triangular, exact
     errors: BR⁻¹B', in balls
     reference: largest optimum Σ y_i² = 1, to which costs are relative
+    thresholds: κ_k of y'U y, the first inf, (LEVELS,)
     """
 
     widths: np.ndarray
@@ -117,6 +118,11 @@ class Setting(NamedTuple):
     T: np.ndarray
     errors: arb_mat
     reference: float
+    thresholds: np.ndarray
+
+    def level(self, value: np.ndarray) -> np.ndarray:
+        """Return the last level whose κ_k is at least y'U y, (N,)."""
+        return np.searchsorted(-self.thresholds, -value, side="right") - 1
 
 
 def setting_of(exact: Solution, b: np.ndarray, center: np.ndarray) -> Setting:
@@ -156,11 +162,19 @@ def setting_of(exact: Solution, b: np.ndarray, center: np.ndarray) -> Setting:
         root = ball_matrix(T)
         if not is_positive_definite(symmetric_part(root.transpose() * root - R)):
             raise NotProvedError("the weights of the inputs are too unequal")
-    return Setting(widths, tuple(loops), K, S, SU, T, errors, largest * (1.0 - 1e-12 * len(b)))
+    thresholds = float(np.linalg.norm(SU, 2)) ** 2 * 0.25 ** np.arange(LEVELS)
+    thresholds[0] = math.inf
+    reference = largest * (1.0 - 1e-12 * len(b))
+    return Setting(widths, tuple(loops), K, S, SU, T, errors, reference, thresholds)
 
 
-def _excess(setting: Setting, loop: Loop, rho: float, tau: float) -> np.ndarray:
-    """Return the smallest D of the lemma, (n, n). Raise NotProvedError if none is proved."""
+def _excess(
+    setting: Setting, loop: Loop, rho: float, tau: float, *, is_tried: bool = False
+) -> np.ndarray:
+    """Return the smallest D of the lemma, (n, n). Raise NotProvedError if none is proved.
+
+    is_tried: whether no proof is required
+    """
     from flint import arb
     from scipy.linalg import solve_continuous_are
 
@@ -174,8 +188,10 @@ def _excess(setting: Setting, loop: Loop, rho: float, tau: float) -> np.ndarray:
             with np.errstate(all="ignore"), warnings.catch_warnings(action="ignore"):
                 D = solve_continuous_are(midpoints(loop.F), rho * root, Y, unit)
         except (np.linalg.LinAlgError, ValueError):
-            D = np.full(Y.shape, math.nan)
+            raise NotProvedError("the inequality of the cost has no solution") from None
         D = rho**2 * (D + D.T) / 2.0
+        if is_tried:
+            return D
         S, X = ball_matrix(setting.S), ball_matrix(D)
         back = loop.F.transpose() * X
         M = back + back.transpose() + S.transpose() * S * (1.0 + arb(tau)) * arb(rho) ** 2
@@ -189,20 +205,13 @@ class Claim(NamedTuple):
     """What a policy fulfils that is near the optimum, in units of the box.
 
     tube: half-widths of the tube Ω, (n,)
-    thresholds: κ_k of y'U y, the first inf, (LEVELS,)
     shares: ρ_k, allowed |e| / |y|_W where y'U y is at most κ_k, (LEVELS,)
     excess: bound of the cost above the optimum, relative to `reference`
     """
 
     tube: np.ndarray
-    thresholds: np.ndarray
     shares: np.ndarray
     excess: float
-
-    def allowed(self, value: np.ndarray) -> np.ndarray:
-        """Return the allowed |e| / |y|_W where y'U y is at most `value`, (N,)."""
-        place = np.searchsorted(-self.thresholds, -value, side="right") - 1
-        return np.asarray(self.shares[np.maximum(place, 0)])
 
 
 def _share(root: np.ndarray, D: np.ndarray) -> float:
@@ -216,73 +225,56 @@ def _share(root: np.ndarray, D: np.ndarray) -> float:
     return c
 
 
-def _largest(holds: Callable[[float], bool], low: float, high: float, why: str) -> float:
-    """Return the largest number found, within 1 %, at which a condition holds or is proved.
+def largest_share(setting: Setting) -> float:
+    """Return the largest ρ of the last level, within 1 %. Raise NotProvedError if there is none."""
 
-    Raises NotProvedError with the reason if it does not hold at `low`.
-    """
-
-    def is_shown(number: float) -> bool:
+    low, high = 0.0, 2.0
+    while high > max(1.01 * low, 1e-3):
+        middle = 0.5 * (low + high)
         try:
-            return holds(number)
+            _excess(setting, setting.loops[0], middle, _MULTIPLIERS[1])
+            low = middle
         except NotProvedError:
-            return False
-
-    if is_shown(high):
-        return high
-    if not is_shown(low):
-        raise NotProvedError(why)
-    while high > 1.01 * low:
-        middle = math.sqrt(low * high)
-        low, high = (middle, high) if is_shown(middle) else (low, middle)
+            high = middle
+    if not low:
+        raise NotProvedError("a loop of the exact policy is not stable, or nearly")
     return low
 
 
-def largest_share(setting: Setting) -> float:
-    """Return the largest ρ of the last level. Raise NotProvedError if there is none."""
-
-    def is_possible(rho: float) -> bool:
-        D, *_ = [_excess(setting, loop, rho, _MULTIPLIERS[1]) for loop in setting.loops]
-        return _share(setting.SU, D) <= _WEAKEST
-
-    return _largest(is_possible, 1e-3, 2.0, "a loop of the exact policy is not stable, or nearly")
-
-
-def claim_of(setting: Setting, excess: float, most: float) -> Claim:
-    """Return the claim that a policy costs at most a share `excess` above the optimum.
+def claim_of(setting: Setting, excess: float, most: float, shape: np.ndarray) -> Claim:
+    """Return the claim that a policy costs at most a share `excess` above the optimum, or less.
 
     most: `largest_share`
+    shape: of ρ_k where they are far below it, which does not decrease, (LEVELS,)
 
     Raises NotProvedError if no error is small enough.
     """
-    thresholds = float(np.linalg.norm(setting.SU, 2)) ** 2 * 0.25 ** np.arange(LEVELS)
 
-    def shares_of(first: float) -> np.ndarray:
-        """Return ρ of errors that are constant in each half of the distance, (LEVELS,)."""
-        return np.minimum(first * 2.0 ** np.arange(LEVELS), most)
-
-    def levels_of(loop: Loop, first: float) -> tuple[np.ndarray, float]:
+    def levels_of(loop: Loop, *, is_tried: bool = False) -> tuple[np.ndarray, float]:
         """Return D_0 and Σ c_k κ_k."""
-        rhos = shares_of(first)
-        taus = np.maximum(_MULTIPLIERS[0], _MULTIPLIERS[1] * rhos / most)
+        taus = np.maximum(_MULTIPLIERS[0] * rhos, _MULTIPLIERS[1] * (rhos / most) ** 2)
         pairs = zip(rhos.tolist(), taus.tolist(), strict=True)
-        levels = [_excess(setting, loop, *pair) for pair in pairs]
-        steps = zip(np.diff(levels, axis=0), thresholds[1:].tolist(), strict=True)
-        return levels[0], sum(_share(setting.SU, step) * at for step, at in steps if step.any())
+        levels = [_excess(setting, loop, *pair, is_tried=is_tried) for pair in pairs]
+        steps = zip(np.diff(levels, axis=0), setting.thresholds[1:].tolist(), strict=True)
+        added = [_share(setting.SU, D) * at for D, at in steps if D.any()]
+        return levels[0], sum(added)
 
-    def total(first: float) -> float:
-        D, added = levels_of(setting.loops[0], first)
-        return (_share(np.eye(len(D)), D) + added) / setting.reference
-
-    why = "no error is small enough"
-    first = _largest(lambda rho: total(rho) <= excess, most * 1e-6, most, why)
+    first = most * math.sqrt(excess)
+    for left in reversed(range(_TRIALS)):
+        rhos = first * shape / shape[0]
+        rhos = rhos / np.sqrt(1.0 + (rhos / most) ** 2)
+        D, added = levels_of(setting.loops[0], is_tried=left > 0)
+        total = (_share(np.eye(len(D)), D) + added) / setting.reference
+        # The cost grows with the square of the error.
+        first *= math.sqrt(0.98 * excess / total)
+    if not total <= excess:
+        raise NotProvedError("no error is small enough")
     tube = np.zeros(len(setting.widths))
     for loop in setting.loops[1:] or setting.loops:
-        D, added = levels_of(loop, first)
+        D, added = levels_of(loop)
         energy = float(setting.widths @ np.abs(D) @ setting.widths) + added
         tube = np.maximum(tube, loop.peaks + np.sqrt(loop.reached * energy))
-    thresholds[0] = math.inf
-    return Claim(tube * (1.0 + _STRICT), thresholds, shares_of(first), total(first))
+    return Claim(tube * (1.0 + _STRICT), rhos, total)
 
 
 def _reached(F: arb_mat, errors: arb_mat) -> np.ndarray:

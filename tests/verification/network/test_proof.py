@@ -128,7 +128,7 @@ def test_relu_that_is_exact_with_all_kinks_at_the_trim_is_proved():
     h = ca.fmax(ca.DM(pairs @ join) @ h, 0.0)
     verdict = judged(FLOW, -ca.DM(solve(FLOW).K @ join) @ h)
     assert verdict.ok
-    assert ": proved, at most 0.001 % above the optimum" in verdict.headline
+    assert ": proved, at most 0.001" in verdict.headline
     assert verdict.to_dict()["proved"] is True
     assert verdict.flights == 0
 
@@ -193,7 +193,7 @@ def test_twenty_states_end_by_the_limit_of_seconds():
     A, B = np.random.default_rng(1).normal(size=(2, 20, 20))
     game = Game(A / 5.0, B[:, :4], Q=np.ones(20), R=np.ones(4))
     z = ca.MX.sym("z", 20)
-    u = -ca.DM(solve(game).K) @ z + 0.05 * ca.tanh(z[:4])
+    u = -ca.DM(solve(game).K) @ z + 0.3 * ca.tanh(z[:4]) ** 3
     critic = from_network(game, ca.Function("policy", [z], [u]), network="policy")
     verdict = verify(game, critic, limit_seconds=0.1, flights=4)
     assert verdict.to_dict()["proved"] is False
