@@ -50,7 +50,9 @@ def biased(game, share):
     return from_network(game, policy, network="policy")
 
 
-@pytest.mark.parametrize(("share", "grade"), [(1e-8, "near"), (0.3, "fail")])
+@pytest.mark.parametrize(
+    ("share", "grade"), [(1e-8, "near"), pytest.param(0.3, "fail", marks=pytest.mark.slow)]
+)
 def test_a_bias_is_graded_by_the_cost_of_its_equilibrium(game, share, grade):
     """A policy with a constant of a `share` of the largest inputs in the box has an equilibrium z off
     the trim. The check "rest_point" has V*(z) in percent of the mean of V* over the corners of the
