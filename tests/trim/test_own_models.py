@@ -148,7 +148,7 @@ FAULTS = {
     "A = 3": "A is 3, not a Model; define a Model",
     "B = 3": "A does not exist; define a Model",
     "1 / 0": "ZeroDivisionError: division by zero; correct the file",
-    "import hfa as s; A = s.Model('a', {'x': s.Signal()}, {'x': s.Signal()}, None)": (
+    "import hfa as s; A = s.Model('a', {'x': s.Signal()}, {'x': s.Signal()}, print)": (
         "x is declared twice"
     ),
 }
