@@ -89,6 +89,8 @@ def _is_of(value: Any, annotated: Any) -> bool:
     kind = get_origin(annotated) or annotated
     if kind is Any or not isinstance(kind, type):  # aliases and words, which functions check
         return True
+    if hasattr(kind, "_fields"):  # of any quantities, by its names
+        return hasattr(value, "_fields")
     word, classes = _KINDS.get(kind, ("", kind))
     if not isinstance(value, classes):
         return False
