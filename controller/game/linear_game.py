@@ -70,9 +70,9 @@ def default_weight(
     sides = {"Q": (of_states, of_states), "R": (of_inputs, of_inputs), "N": (of_states, of_inputs)}
     (rows, rows_of_file), (columns, columns_of_file) = sides[matrix]
     stored = model.about.weights.get(matrix)
-    if stored is None and matrix == "N":
-        return np.zeros((len(states), len(inputs)))
     if stored is None:
+        if matrix == "N":
+            return np.zeros((len(states), len(inputs)))
         sizes = {name: model.signals[name].nominal for name in rows}
         return np.diag([0.0 if name in positions else sizes[name] ** -2.0 for name in rows])
     if isinstance(stored, Mapping):

@@ -314,8 +314,6 @@ class Game(ByValue, Reported):
         from trim.linear.reduction import positions
 
         kept = positions("input", inputs, self.names.inputs)
-        if not kept:
-            raise BadInputError("no input is named; name at least one")
         names = self.names._replace(
             inputs=tuple(self.names.inputs[index] for index in kept),
             input_units=tuple(self.names.input_units[index] for index in kept),
@@ -380,7 +378,7 @@ def _zero_order_hold(A: np.ndarray, inputs: np.ndarray, dt: float) -> np.ndarray
 
     scaled_A, units = balanced(A)
     fastest = float(np.abs(scaled_A).max())
-    if dt * fastest < SHORTEST and fastest > 0.0:
+    if 0.0 < dt * fastest < SHORTEST:
         raise BadInputError(
             f"dt = {dt:g} s is too short: A of a step would differ from the identity by less"
             f" than {SHORTEST:g}, and lose its rates to rounding; give at least"
@@ -417,21 +415,17 @@ def rates_of_step(step: np.ndarray, dt: float) -> np.ndarray | None:
 def _refuse_other_shapes(game: Game) -> None:
     """Raise BadInputError for empty matrices, and for matrices that do not match A and B."""
     n, m, k = len(game.A), game.B.shape[1], game.E.shape[1]
-    if 0 in (n, m):
-        raise BadInputError("A or B is empty; a game needs at least one state and one input")
-    if not k:
+    if 0 in (n, m, k):
         raise BadInputError(
-            "E has no columns; leave E out for the identity, and set delta=inf for a game"
-            " without disturbance"
+            "A, B or E is empty; a game needs at least one state and one input; without a"
+            " disturbance leave E and delta out"
         )
     shapes = {"A": (n, n), "B": (n, m), "E": (n, k), "Q": (n, n), "R": (m, m), "N": (n, m)}
     for name, shape in shapes.items():
         actual = getattr(game, name).shape
         if actual != shape:
-            rule = f"give {shape_text(shape)}, to match A and B"
-            if name == "A":
-                rule = "give a square matrix"
-            raise BadInputError(f"{name} is {shape_text(actual)}; {rule}")
+            rule = "a square matrix" if name == "A" else f"{shape_text(shape)}, to match A and B"
+            raise BadInputError(f"{name} is {shape_text(actual)}; give {rule}")
 
 
 def _checked_numbers(delta: Any, dt: Any, discount: Any) -> dict[str, float | bool | None]:
@@ -489,10 +483,8 @@ def least_scaled_eigenvalue(matrix: np.ndarray) -> float:
     negative entry there, with a 0 there in a nonzero row, or if the scaled matrix is not finite.
     """
     diagonal = np.diag(matrix)
-    if (diagonal < 0.0).any():
-        return -np.inf
     is_positive = diagonal > 0.0
-    if matrix[~is_positive].any():
+    if matrix[~is_positive].any():  # also a negative entry of the diagonal
         return -np.inf
     if not is_positive.any():
         return 0.0

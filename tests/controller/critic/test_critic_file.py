@@ -50,7 +50,7 @@ SKEW = np.eye(4) + np.triu(np.ones((4, 4)), 1)  # not symmetric
         (STEPS, {"K": I2, "schema": "hfa.game-solution/1"}, "a policy in continuous time"),
         (STEPS, {"K": I2, "time": "continuous"}, "a policy in continuous time"),
         (STEPS, {"H": np.eye(5)}, r"give 4 x 4 over \(x, u\) or 6 x 6 over \(x, u, w\)"),
-        (STEPS, {"H": SKEW}, r"\(row 1, column 2\); give \(H \+ H'\)/2"),
+        (STEPS, {"H": SKEW}, r"not symmetric; give \(H \+ H'\)/2"),
         (STEPS, {"H": np.diag([1.0, 1.0, 1.0, 0.0])}, "is singular"),
     ],
 )

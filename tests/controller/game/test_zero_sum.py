@@ -37,7 +37,7 @@ QUARTIC = ("speed", "alpha", "pitch_rate", "dihedral")
         ({"B": np.eye(2), "R": [[1.0, 3.0], [3.0, 9.0]]}, "R is not positive definite"),
         ({"B": np.eye(2), "R": [[1e20, 1e10], [1e10, 1.0]]}, "R is not positive definite"),
         ({"R": None}, "Q or R is missing"),
-        ({"E": np.zeros((2, 0))}, "E has no columns; leave E out for the identity"),
+        ({"E": np.zeros((2, 0))}, "A, B or E is empty"),
         ({"dt": -0.1}, "give the sample time"),
         ({"delta": 0.0}, "delta is 0.0; give a number from"),
         ({"delta": 1e-60}, "delta is 1e-60; give a number from"),
@@ -96,7 +96,7 @@ def test_policies_are_stationary_points_of_the_game(dt, delta):
     other = game.without_cross_weights
     np.testing.assert_allclose(other.policies(P)[0], K - np.linalg.solve(R, N.T), atol=1e-12)
     assert not other.N.any()
-    with pytest.raises(BadInputError, match="no input is named"):
+    with pytest.raises(BadInputError, match="at least one state and one input"):
         game.select([])
 
 
