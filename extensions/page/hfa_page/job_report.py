@@ -191,9 +191,8 @@ def verdicts(job: MainJob) -> Table:
     ]
     for angle in job.angles:
         if pairs or angle.solution is not None or angle.reason:  # a game was asked for
-            rows.append(
-                (f"game at {angle.label} certified", verdict_text(angle.solution is not None))
-            )
+            found = "none" if angle.solution is None else "proved"
+            rows.append((f"solution of the game at {angle.label}", Cell(found)))
         if pairs:
             rows.append((f"learned critic at {angle.label} exact", verdict_text(angle.ok)))
     values = "angles" if pairs else f"values of {job.slider.sweep.model.schedule}"
