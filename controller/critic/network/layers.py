@@ -121,7 +121,10 @@ _NAMES_OF_POLICIES = re.compile(r"actor|policy|(^|[._])(pi|mu)$")
 _NAMES_OF_TRAINING = re.compile(
     r"optimizers?|scheduler|(^|[._])(log_)?(alpha|ent_coef)$|count$|num_batches_tracked$"
 )
-_ADVICE = "export the network to ONNX with everything that acts on its inputs or outputs"
+_ADVICE = (
+    "state a normalizer in a deployment file FILE.toml (docs/policy.md) and give that, or export "
+    "the network to ONNX with everything that acts on its inputs or outputs"
+)
 
 
 def without_training(tensors: Tensors) -> dict[str, np.ndarray]:
