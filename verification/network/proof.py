@@ -42,8 +42,8 @@ _SAMPLES = 4000
 #: Excess that is tried, relative to that which the errors known require, and to one for which the
 #: time was too short.
 _ABOVE, _NEXT = 1.3, 6.0
-#: Part of the time left for an excess.
-_PART = 0.6
+#: Part of the time left for an excess, if a larger one may follow or is proved.
+_PART = 0.5
 #: Smallest share of a level in that of a constant error.
 _OF_CONSTANT = 0.25
 #: Smallest bound that is tried.
@@ -78,7 +78,7 @@ def proof_of(
         bound, end = wanted, began + seconds
         while (left := end - time.process_time()) > 0.0:
             claim = prover.claim(bound)
-            found = prover.searched(claim, _PART * left, over)
+            found = prover.searched(claim, left if bound > wanted else _PART * left, over)
             needed = max(prover.worst(claim, prover.known)[0], _SMALLEST_EXCESS)
             if proof.is_found and not found.is_found:
                 break
