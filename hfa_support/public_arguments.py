@@ -128,6 +128,7 @@ def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Calla
 
     of_class, _, name = function.__qualname__.rpartition(".")
     subject = of_class if name == "__init__" else name
+    accepted: dict[str, set[Any]] = {}  # argument -> kinds that need no further check
 
     @wraps(function)
     def called(*args: Any, **options: Any) -> Any:
@@ -137,18 +138,28 @@ def checked(function: Callable[..., Any], makers: Callable[[str], str]) -> Calla
             frame = frame.f_back
         if caller.startswith(OWN):
             return function(*args, **options)
-        names, hints = [*_signature(function).parameters], function.__annotations__
-        for name, value in chain(zip(names, args, strict=False), options.items()):
-            if name in hints and name in names:
+        if not accepted:
+            accepted.update({name: set() for name in _signature(function).parameters})
+        hints = function.__annotations__
+        for name, value in chain(zip(accepted, args, strict=False), options.items()):
+            is_array = type(value) is np.ndarray
+            kind = value.dtype if is_array else type(value)
+            if name in hints and name in accepted and kind not in accepted[name]:
                 _check(subject, name, value, hints[name], function, makers)
+                # Another list may have elements of other types, and is checked again.
+                if is_array or kind is str or not isinstance(value, Collection):
+                    accepted[name].add(kind)
         try:
-            _signature(function).bind(*args, **options)
-        except TypeError as error:
-            missing = (hints[name] for name in names if f"'{name}'" in str(error))
-            kinds = (_alternatives(hint, function.__module__) for hint in missing)
-            advice = _advice(chain(*kinds), makers)
-            raise BadInputError(f"{subject}: {error}{advice}") from None
-        made = function(*args, **options)
+            made = function(*args, **options)
+        except TypeError:
+            try:
+                _signature(function).bind(*args, **options)
+            except TypeError as error:
+                missing = (hints[name] for name in accepted if f"'{name}'" in str(error))
+                kinds = (_alternatives(hint, function.__module__) for hint in missing)
+                advice = _advice(chain(*kinds), makers)
+                raise BadInputError(f"{subject}: {error}{advice}") from None
+            raise
         check_methods(type(made), makers)
         return made
 
