@@ -279,7 +279,8 @@ def main() -> None:
     if not (ROOT / asked.room).exists():
         parser.error(f"there is no {asked.room}; give a folder or a file of source")
     tests = asked.tests or [str(tests_of(asked.room))]
-    options = ["-n", "0", "-m", "not slow", "-q", "-s", "-p", "no:cacheprovider"]
+    plugins = ["-p", "no:cacheprovider", "-p", "no:faulthandler"]
+    options = ["-n", "0", "-m", "not slow", "-qs", *plugins]
     planter = Planter(asked.room, asked.count, asked.seed)
     sys.exit(pytest.main([*tests, *options], plugins=[planter]))
 
