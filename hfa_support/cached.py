@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Callable
+from contextlib import nullcontext
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 
@@ -16,10 +18,6 @@ class cached_property(functools.cached_property[T]):
     compute a property twice.
     """
 
-    if not TYPE_CHECKING:
-
-        def __get__(self, instance: Any, owner: type | None = None) -> Any:
-            if instance is None:
-                return self
-            value = vars(instance)[self.attrname] = self.func(instance)
-            return value
+    def __init__(self, func: Callable[[Any], T]) -> None:
+        super().__init__(func)
+        self.lock = nullcontext()

@@ -7,7 +7,6 @@ import io
 import json
 import math
 import os
-import re
 import stat
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -24,18 +23,13 @@ if TYPE_CHECKING:
 LARGEST = 2**28
 #: Suffixes of the files that `hfa_support/arrays/read.py` reads.
 MATRIX_FILES = (".json", ".npz", ".npy", ".mat", ".csv")
-#: Suffixes of tables (`hfa_support/arrays/tables.py`), the last ones by pandas.
-TABLE_FILES = (*MATRIX_FILES, ".txt", ".tsv", ".dat", ".parquet", ".feather", ".xlsx")
+#: Suffixes of tables (`hfa_support/arrays/tables.py`).
+TABLE_FILES = (*MATRIX_FILES, ".txt", ".tsv", ".dat")
 _LONGEST_REASON = 200
 #: Largest depth of elements, folders and keys: readers are recursive.
 _DEEPEST = 150
 #: Largest number of elements and attributes of an XML file. Each needs up to 1 kB.
 _MOST_XML_ENTRIES = 2**20
-#: A key of TOML with too many parts. The time of `tomllib` is quadratic in their number.
-_DEEP_KEY = re.compile(
-    r"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*)"""
-    f"{{{_DEEPEST}}}"
-)
 #: Inside `inputs_kept`: real paths of the files that were read.
 _FILES_READ: set[str] | None = None
 
@@ -184,10 +178,7 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
     content = regular_file(path).read_bytes()
     try:
-        text = content.decode("utf-8-sig")
-        if _DEEP_KEY.search(text):
-            raise ValueError(f"a key has more than {_DEEPEST} parts")
-        return tomllib.loads(text)
+        return tomllib.loads(content.decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise BadInputError(
             f"{path} is not a TOML file ({_reason(error)}); correct the file"

@@ -6,7 +6,6 @@ import ctypes
 import hashlib
 import os
 import shutil
-import stat
 import subprocess
 import tempfile
 import threading
@@ -70,9 +69,8 @@ def compiled(
     optimize: optimization flag of the compiler
 
     The library is kept in `cache_folder()`. The symbol contains a hash of the C text, the compiler
-    and its flags, because one process cannot load two libraries with equal symbols. The owner and
-    the hash of a kept library are checked before it is loaded. A library that cannot be loaded is
-    deleted.
+    and its flags, because one process cannot load two libraries with equal symbols. A library that
+    cannot be loaded is deleted.
     """
     compiler = c_compiler()
     if compiler is None:
@@ -84,8 +82,9 @@ def compiled(
     library = None
     try:
         folder = _own_folder(cache_folder())
-        kept = [path for path in folder.glob(f"{symbol}-*.so") if _is_own(path, symbol)]
-        library = kept[0] if kept else _compile(command, text(symbol), folder, symbol)
+        library = folder / f"{symbol}.so"
+        if not library.exists():
+            _compile(command, text(symbol), library)
         return load(symbol, library)
     except (OSError, RuntimeError, AttributeError, subprocess.CalledProcessError) as error:
         if library is not None:
@@ -140,37 +139,21 @@ def _own_folder(folder: Path) -> Path:
     return folder
 
 
-def _compile(compiler: list[str], text: str, folder: Path, symbol: str) -> Path:
-    """Compile a C text, and return the library, `symbol-digest.so` in a folder. The library is
-    moved there when it is complete.
+def _compile(compiler: list[str], text: str, library: Path) -> None:
+    """Compile a C text to a library, which is moved to its place when it is complete.
 
     compiler: command line without files
     """
-    with tempfile.TemporaryDirectory(dir=folder) as temporary:
+    with tempfile.TemporaryDirectory(dir=library.parent) as temporary:
         source = Path(temporary, "generated.c")
-        library = Path(temporary, "generated.so")
+        made = Path(temporary, "generated.so")
         source.write_text(text, encoding="utf-8")
-        command_line = [*compiler, str(source), "-o", str(library), "-lm"]
+        command_line = [*compiler, str(source), "-o", str(made), "-lm"]
         # Files of the compiler go with the temporary folder, also after it fails.
         environment = {**os.environ, "TMPDIR": temporary}
         subprocess.run(command_line, env=environment, check=True, capture_output=True)
-        library.chmod(0o700)  # nobody else may change or read it
-        return library.replace(folder / f"{symbol}-{_digest(library, symbol)}.so")
-
-
-def _is_own(file: Path, symbol: str) -> bool:
-    """Return whether a library belongs to this user and has the digest that its name states."""
-    status = file.lstat()
-    if not stat.S_ISREG(status.st_mode):
-        return False
-    if os.name == "posix" and status.st_uid != os.geteuid():
-        return False
-    return file.stem.endswith(_digest(file, symbol))
-
-
-def _digest(file: Path, symbol: str) -> str:
-    """Return a hash of a library and its symbol."""
-    return hashlib.sha256(symbol.encode() + file.read_bytes()).hexdigest()[:24]
+        made.chmod(0o700)  # nobody else may change or read it
+        made.replace(library)
 
 
 @cache

@@ -20,7 +20,6 @@ from hfa_support.reporting.text import (
     Cell,
     Table,
     columns,
-    matrix_records,
     matrix_table,
     numbered,
     wrapped,
@@ -148,7 +147,7 @@ def verdict_text(ok: bool) -> str:
 _MOST_ENTRIES = 12
 _LONGEST_LINE = 110
 #: Suffixes of the files that `Report.save` writes, besides .pdf.
-SUFFIXES = (".json", ".npz", ".mat", ".csv", ".md", ".html", ".tex")
+SUFFIXES = (".json", ".npz", ".mat", ".csv", ".md", ".html")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -213,12 +212,6 @@ class Report(Contents):
 
         return as_page(self.html())
 
-    def latex(self) -> str:
-        """Return the report in LaTeX without pictures. Requires pandas and Jinja2."""
-        from hfa_support.reporting.markup import latex_of
-
-        return latex_of(self)
-
     def json(self) -> str:
         """Return the data of the report as JSON text. Numbers that are not finite become null."""
         from hfa_support.reporting.results import json_text
@@ -234,7 +227,6 @@ class Report(Contents):
         - .json, .npz, .mat: `data`
         - .csv: `records`
         - .html, .md, .pdf: the text, in HTML and PDF with pictures. PDF requires reportlab
-        - .tex: the text, its tables with the rules of booktabs. Requires pandas and Jinja2
 
         A head without a date of issue gets that of the provenance, or today's.
 
@@ -249,7 +241,7 @@ class Report(Contents):
         if self.head and "issued" not in self.head:
             self._issued().save(path)
             return
-        texts = {".html": self.page, ".md": self.markdown, ".tex": self.latex}
+        texts = {".html": self.page, ".md": self.markdown}
         suffix = Path(path).suffix.lower()
         if suffix in texts:
             write_text(path, texts[suffix]())
@@ -324,22 +316,17 @@ def _of_fields(result: Any) -> Report:
     held = {field.name: getattr(result, field.name) for field in fields(result) if field.repr}
     lines: list[str] = []
     matrices: list[Part] = []
-    recorded: dict[str, Any] = {}  # matrices of real numbers, with names of rows and columns
     for name, value in held.items():
         is_matrix = isinstance(value, np.ndarray) and value.ndim == 2 and value.size > 0
-        if is_matrix:
-            rows, columns = (numbered("", count) for count in value.shape)
-            if value.dtype.kind == "f":
-                recorded[name] = (rows, columns, value)
         if is_matrix and max(value.shape) <= _MOST_ENTRIES:
+            rows, columns = (numbered("", count) for count in value.shape)
             matrices.append(matrix_table(name, rows, columns, value))
         elif (text := _on_one_line(value)) != "-":
             lines.append(f"{name}: {text}")
     kind = type(result)
     first_line = (kind.__doc__ or "").partition("\n")[0]
     title = f"{kind.__name__}: {first_line}"
-    report = Report(title, ["\n".join(lines), *matrices], data=held)
-    return replace(report, records=matrix_records(recorded)) if recorded else report
+    return Report(title, ["\n".join(lines), *matrices], data=held)
 
 
 def _on_one_line(value: Any) -> str:

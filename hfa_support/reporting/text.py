@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from decimal import ROUND_CEILING, ROUND_HALF_EVEN, Decimal
 from typing import Any, NamedTuple, Self
 
@@ -114,20 +114,6 @@ def entry_rows(
                 unit = unit_text.format(row_units[i], column_unit) if column_unit else ""
                 rows.append((name, row, column, *entries, unit))
     return rows
-
-
-def matrix_records(matrices: Mapping[str, tuple[Sequence[str], Sequence[str], Any]]) -> Table:
-    """Return a table with a row for each entry of matrices.
-
-    matrices: name -> (names of the rows, names of the columns, matrix)
-    """
-    rows = [
-        (name, row, column, float(entry))
-        for name, (row_names, column_names, matrix) in matrices.items()
-        for row, entries in zip(row_names, matrix, strict=True)
-        for column, entry in zip(column_names, entries, strict=True)
-    ]
-    return Table(("matrix", "row", "column", "value"), rows)
 
 
 def numbered(letter: str, count: int) -> tuple[str, ...]:
@@ -258,10 +244,7 @@ def eigenvalue_text(value: complex) -> str:
 
     value: the eigenvalue, or either member of the pair
     """
-    real, imaginary = (
-        four_decimals(part) if part == 0.0 or abs(part) >= 5e-5 else f"{part:.1e}"
-        for part in (value.real, abs(value.imag))
-    )
+    real, imaginary = map(_entry_text, (value.real, abs(value.imag)))
     return real + (f" ± {imaginary}i" if value.imag else "")
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
@@ -20,7 +19,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from hfa_support.errors import BadInputError, missing_package, on_one_line, shown, warn
-from hfa_support.files import read_json, resolved
+from hfa_support.files import folder_written_whole, read_json, resolved
 from hfa_support.origin import toolchain
 from hfa_support.progress import Progress
 from hfa_support.rows.workers import open_workers
@@ -28,8 +27,6 @@ from hfa_support.rows.workers import open_workers
 #: Attributes of a store that belong to the run that created it, not to the job.
 _ATTRIBUTES_OF_RUN = ("toolchain", "provenance")
 _METADATA_FILE = "zarr.json"
-#: Folder of an array with its values.
-_CHUNK_FOLDER = "c"
 
 
 class RowJob(NamedTuple):
@@ -209,27 +206,15 @@ def _create(path: Path, job: RowJob, provenance: Mapping[str, Any] | None) -> No
 
     Raises BadInputError if something exists at the path, or the folder cannot be written.
     """
-    taken = BadInputError(
-        f"{path} already exists; continue this store with --resume, or give another path"
-    )
     if os.path.lexists(path):  # also a link to itself
-        raise taken
-    files = _template(job, provenance)
-    try:
-        with tempfile.TemporaryDirectory(
-            prefix=".hfa-", dir=path.parent, ignore_cleanup_errors=True
-        ) as temporary:
-            store = Path(temporary) / "store"
-            for name, content in files.items():
-                file = store / name
-                file.parent.mkdir(parents=True, exist_ok=True)
-                file.write_bytes(content.to_bytes())
-            store.rename(path)
-    except OSError as error:
-        if path.exists():  # another run created it first
-            raise taken from None
-        reason = f"cannot write {path}: {error.strerror}; choose a writable folder"
-        raise BadInputError(reason) from error
+        raise BadInputError(
+            f"{path} already exists; continue this store with --resume, or give another path"
+        )
+    with folder_written_whole(path) as store:
+        for name, content in _template(job, provenance).items():
+            file = store / name
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(content.to_bytes())
 
 
 def _template(job: RowJob, provenance: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -306,21 +291,13 @@ def _without_run(metadata: dict[str, Any]) -> dict[str, Any]:
 
 
 def _differing_file(path: Path, expected: Mapping[str, Any]) -> str:
-    """Return the path of a file of a store that has other metadata, does not belong there or is a
-    symbolic link; "the metadata of an array" if these cannot be read; "" if all is as expected.
+    """Return the path of a file of a store that has other metadata or is a symbolic link; "the
+    metadata of an array" if these cannot be read; "" if all is as expected.
 
     expected: path of a metadata file -> its content
     """
-    # The store has a metadata file and a folder for each array, with its metadata and its chunks.
-    array_names = {Path(name).parent.name for name in expected}
-    for name in expected:
-        folder = (path / name).parent
-        allowed = (
-            {_METADATA_FILE, *array_names} if folder == path else {_METADATA_FILE, _CHUNK_FOLDER}
-        )
-        for entry in sorted(folder.iterdir()) if folder.is_dir() else []:
-            if entry.name not in allowed or entry.is_symlink():
-                return shown(str(entry.relative_to(path)))
+    if link := next(filter(Path.is_symlink, path.rglob("*")), None):
+        return shown(str(link.relative_to(path)))
     for name, content in expected.items():
         try:
             stored = _without_run(read_json(path / name))

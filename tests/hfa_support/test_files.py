@@ -106,17 +106,6 @@ def test_a_faulty_zip_file_is_refused_in_one_line(fault):
         assert_refused(run(*words, name), 2, name, reason)
 
 
-def test_a_toml_key_of_many_parts_is_refused():
-    """A key a.a.a... of 30,000 parts is refused before Python reads the file, which takes a time
-    quadratic in the number of parts. Points in a comment are not counted.
-    """
-    for key in ("a" + ".a" * 30_000, '"b"' + " . 'c'" * 30_000):
-        Path("a.toml").write_text(f"{key} = 1\n")
-        assert_refused(run("trim", "--parameters", "a.toml"), 2, "a.toml", "parts")
-    Path("a.toml").write_text(f"panel_mass = 0.1 # {'. ' * 1000}\n")
-    assert "parts" not in run("trim", "--parameters", "a.toml").err
-
-
 @pytest.mark.parametrize("is_named", [False, True])
 def test_a_full_disk_is_reported_with_the_name_of_the_output(monkeypatch, is_named):
     """If the disk is full when an output is stored, the message names the output, and no file

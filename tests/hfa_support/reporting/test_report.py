@@ -11,7 +11,6 @@ import pytest
 from hfa import BadInputError
 from hfa.extend import Report, Table
 from hfa_support.matrices import labels_of
-from hfa_support.reporting.rows import Group, Row
 from hfa_support.reporting.text import eigenvalue_text
 
 
@@ -81,25 +80,6 @@ def test_names_become_no_formulas_links_or_columns(tmp_path):
     assert "&lt;script>" in markdown
     assert "[a]\\(b)" in markdown
     assert "=cmd\\|" in markdown
-
-
-def test_latex_has_first_lines_head_sentences_and_notes():
-    """In LaTeX, each line that is not in a table (of the title, sentences, head and notes) is a
-    paragraph without indent.
-    """
-    pytest.importorskip("pandas")
-    group = Group("trim", (Row("alpha", 0.1, "rad"),), ("* assumed",))
-    made = Report("first\nCheck: warning", [group, "a sentence"], ["a note"], head={"data": "file"})
-    text = made.latex()
-    for line in (
-        "first",
-        "Check: warning",
-        "* assumed",
-        "a sentence",
-        "Note: a note",
-        "data: file",
-    ):
-        assert f"\n\\noindent {line}\n" in text
 
 
 def test_every_line_of_the_provenance_fits_in_80_columns():
