@@ -337,17 +337,16 @@ class Pair:
         # common, and 2^-(bits i): of at most 2^bits for i = 0, half of it for i = 1, and 9/16 of it
         # for i = 2, with the low part. The sums over products of slices i and j with the same
         # i + j < 3 are below 11/8 n 2^(2 bits) <= 2^53: exact.
-        high, low = products[0, 0], np.zeros(products.shape[2:])
+        high, low, sums = products[0, 0], np.zeros(products.shape[2:]), 0.0
         for level in range(1, SLICES):
             exact = sum(products[i, level - i] for i in range(level + 1))
             high, missing = _sum_and_error(high, exact)
             low = low + missing
+            sums += _size(low)
         low = low + products[IS_BEYOND].sum(0)
-        # Rounded are the last slices, these products of n terms, their sum, that with the missing
-        # parts, and the sum of these: of two, each below a roundoff of |A| |B|.
+        # Rounded are the last slices, these products of n terms and their sum, and the low parts.
         sizes = np.outer([*map(_size, left)], [*map(_size, right)])
-        whole, beyond = sizes.sum(), sizes[IS_BEYOND].sum()
-        rounding = (n + 16) * ROUNDOFF * beyond + 6 * ROUNDOFF**2 * whole
+        rounding = (n + 16) * ROUNDOFF * sizes[IS_BEYOND].sum() + ROUNDOFF * (sums + _size(low))
         error = self.error * Near.of(other).size + Near.of(self).size * other.error
         return Pair(*_sum_and_error(high, low), (error + rounding) * ROUNDED_UP + UNDERFLOW)
 

@@ -222,8 +222,8 @@ def _times_root(units: Units, root: np.ndarray) -> Units:
 
 
 def corrections(equation: Equation, X: Any) -> Iterator[Candidate]:
-    """Yield candidates X + Z, each with one more correction Z, until the correction is small, or is
-    more than half of the one before it.
+    """Yield candidates X + Z, each with one more correction Z, until the correction is small, the
+    residual is that of rounding, or the correction is more than half of the one before it.
 
     Z solves F'Z + Z F + r = 0 in doubles, with the loop F at X. Only the residual r at X is
     computed with more digits: in pairs of doubles, or in balls if `precision` has more bits than
@@ -237,15 +237,18 @@ def corrections(equation: Equation, X: Any) -> Iterator[Candidate]:
     has_no_cost, in_doubles = states_without_cost(equation.game), equation.in_doubles
     exact = equation.in_pairs if bits() == BITS else equation
     last, lyapunov, is_discrete = math.inf, None, equation.is_discrete
+    one = Near(np.eye(equation.n))
     X = exact.kind(X if isinstance(X, np.ndarray) else symmetric(X))
     for _ in range(NEWTON_STEPS):
         with failures():
             gains, residual = exact.gains_and_residual(X)
             near_X, r = Near.of(X), Near.of(residual)
-            F = in_doubles.loop(Near.of(gains))
+            F = Near.of(exact.loop(gains))  # where A and G k cancel, doubles lose digits
             if lyapunov is None:
-                lyapunov = Lyapunov(F.middle, is_discrete=is_discrete)
-                form = lyapunov.solve(-np.eye(equation.n))
+                lyapunov, Y = Lyapunov(F.middle, is_discrete=is_discrete), one * 0.0
+            # The defect of one solution Y in doubles may be large: it is corrected, too.
+            defect = change_along(F, Y, is_discrete=is_discrete) + one
+            form = Y.middle + lyapunov.solve(-defect.middle)
             correction = lyapunov.solve(-r.middle)
             correction[has_no_cost] = correction[:, has_no_cost] = 0.0
             # The proof is that of a symmetric Z and Y.
@@ -255,12 +258,13 @@ def corrections(equation: Equation, X: Any) -> Iterator[Candidate]:
             of_gains, quadratic = in_doubles.changes(near_X, F, Z)
             at_Z = r + change_along(F, Z, is_discrete=is_discrete) + quadratic
             X, gains = X + exact.kind(Z), gains + exact.kind(of_gains)
-            loop = in_doubles.loop(Near.of(gains))
+            loop = F - in_doubles.G * of_gains
         if largest <= LARGE_CORRECTION:
             yield Candidate(equation, X, gains, at_Z, loop, Y)
         else:
             lyapunov = None
-        if not SMALL_CORRECTION ** (bits() / BITS) < largest < 0.5 * last:
+        is_small = largest <= SMALL_CORRECTION ** (bits() / BITS) or at_Z.size <= 2.0 * r.error
+        if is_small or not largest < 0.5 * last:
             break
         X, last = X.mid(), largest
     if not largest <= LARGE_CORRECTION:

@@ -43,7 +43,6 @@ from controller.riccati.rationals import zeros_of
 from controller.riccati.refusal import (
     Stabilizing,
     has_semidefinite_weights,
-    prove_value,
     refuse_modes,
     stabilizing,
     why_no_value,
@@ -283,31 +282,32 @@ def _outcomes(
             equation, X = proposed(game, delta, near)
             for candidate in corrections(equation, X):
                 with suppress(NotProvedError):
-                    yield _known(enclosure_of(stabilizing(candidate)), digits=digits)
+                    yield _outcome(candidate, digits=digits)
         except FailedError:
             equation = Equation(game, near or first_units(game, delta), delta)
-            yield why_no_value(equation, None, frequency, in_bits=False)
+            yield why_no_value(equation, frequency, in_bits=False)
         else:
-            with suppress(NotProvedError):
-                yield why_not_the_value(stabilizing(candidate))
-            with precision(2 * BITS), suppress(FailedError):
+            with precision(2 * BITS):
                 equation, balls = Equation(game, equation.units, delta), ball_matrix(candidate.X)
-                for candidate in corrections(equation, balls):
-                    yield _outcome(candidate.in_balls, digits=digits, in_bits=False)
+                with suppress(FailedError):
+                    for candidate in corrections(equation, balls):
+                        with suppress(NotProvedError):
+                            yield _outcome(candidate.in_balls, digits=digits)
+                yield why_no_value(equation, frequency, in_bits=False)
     with precision(2 * BITS):
         refuse_modes(game)  # a mode because of which no delta has a value
     # Candidates in bits.
     for n_bits in ATTEMPTS:
         with precision(n_bits), np.errstate(all="ignore"):
+            equation = Equation(game, first_units(game, delta), delta)
             try:
                 candidate = candidate_in_bits(game, delta)
-            except FailedError:
+                equation = candidate.equation
+                yield _outcome(candidate, digits=digits)
+            except (FailedError, NotProvedError):
                 if len(game.A) > MOST_STATES_IN_BITS:
                     return
-                equation = Equation(game, first_units(game, delta), delta)
-                yield why_no_value(equation, None, in_bits=True)
-            else:
-                yield _outcome(candidate, digits=digits, in_bits=True)
+                yield why_no_value(equation, in_bits=True)
 
 
 @lru_cache(maxsize=8)
@@ -323,39 +323,36 @@ def enclosed_in_bits(enclosure: Enclosure, n_bits: int) -> Enclosure:
         equation = Equation(enclosure.game, enclosure.units, delta)
         try:
             *_, candidate = corrections(equation, enclosure.proved.P)
-            return enclosure_of(stabilizing(candidate.in_balls))
+            return enclosure_of(candidate.in_balls)
         except FailedError as failure:
             raise NotProvedError(str(failure)) from None
 
 
-def enclosure_of(found: Stabilizing) -> Enclosure:
-    """Return the enclosure of a stabilizing solution, proved to be the value of the game provided
-    that the game without disturbance has a value.
+def enclosure_of(candidate: Candidate) -> Enclosure:
+    """Return the enclosure about a candidate, proved to be the value of the game provided that the
+    game without disturbance has a value.
 
     Raises NotProvedError.
     """
-    prove_value(found)
-    return Enclosure(found.equation.game, found.equation.units, found, bits())
+    outcome = _outcome(candidate, digits=False)
+    if isinstance(outcome, str):
+        raise NotProvedError(outcome)
+    return outcome
 
 
-def _known(enclosure: Enclosure, *, digits: bool) -> Enclosure | str:
-    """Return an enclosure, or "" if P and K must be right to the last digit, and may not be."""
-    return "" if digits and not enclosure.digits.are_known else enclosure
+def _outcome(candidate: Candidate, *, digits: bool) -> Enclosure | str:
+    """Return what a candidate proves: an enclosure, a reason why there is no value, or "" if P and
+    K must be right to the last digit, and may not be.
 
+    digits: whether they must be
 
-def _outcome(candidate: Candidate, *, digits: bool, in_bits: bool) -> Enclosure | str:
-    """Return what a candidate proves: an enclosure, a reason why there is no value, or "".
-
-    digits: whether P and K must be right to the last digit of doubles
-    in_bits: as for `why_no_value`
+    Raises NotProvedError if it proves neither.
     """
-    found = None
-    try:
-        found = stabilizing(candidate)
-        enclosure = enclosure_of(found)
-    except NotProvedError:
-        return why_no_value(candidate.equation, found, in_bits=in_bits)
-    return _known(enclosure, digits=digits)
+    found = stabilizing(candidate)
+    if reason := why_not_the_value(found):
+        return reason
+    enclosure = Enclosure(found.equation.game, found.equation.units, found, bits())
+    return "" if digits and not enclosure.digits.are_known else enclosure
 
 
 #: Largest relative change of P and K that their data determine: two digits are known.

@@ -26,7 +26,7 @@ from controller.riccati.candidate import (
 from controller.riccati.enclosure import Enclosure, enclosure_of
 from controller.riccati.equation import Equation, LoopGame, Units
 from controller.riccati.lyapunov import FailedError, NotProvedError, loop_units
-from controller.riccati.refusal import between_eigenvalues, half_plane_eigenvalues, stabilizing
+from controller.riccati.refusal import between_eigenvalues, half_plane_eigenvalues
 from controller.riccati.smallest_delta import TOLERANCE
 from hfa_support.cached import cached_property
 from hfa_support.errors import BadInputError
@@ -68,8 +68,8 @@ class DisturbedLoop:
                 equation, X = proposed(game, delta, units, changes)
                 for candidate in corrections(equation, X):
                     with suppress(NotProvedError):
-                        return enclosure_of(stabilizing(candidate))
-        return enclosure_of(stabilizing(candidate_in_bits(game, delta)))
+                        return enclosure_of(candidate)
+        return enclosure_of(candidate_in_bits(game, delta))
 
     @cached_property
     def game(self) -> LoopGame:

@@ -110,31 +110,34 @@ def stabilizing(candidate: Candidate) -> Stabilizing:
     return Stabilizing(equation, X + s.transpose() * s * plus_minus, gains + of_gains, near)
 
 
-def prove_value(found: Stabilizing) -> None:
-    """Prove that the stabilizing solution is the value of the game. That the game without
-    disturbance has a value is a premise, which is not proved here.
+def why_not_the_value(found: Stabilizing) -> str:
+    """Return "" if the stabilizing solution is proved to be the value of the game, or why it is
+    proved not to be. That the game without disturbance has a value is a premise, which is not
+    proved here.
 
     Proved are two conditions:
     - The input of each player costs this player: R > 0 and δ² > 0, in discrete time R + B'P B > 0
       and δ² - E'P E > 0.
     - The loop without disturbance, A - B K, is stable.
 
-    Raises NotProvedError if the ball does not prove it.
+    Raises NotProvedError if the ball proves neither.
     """
     equation, P, gains, near = found
-    is_near = near is not None and _is_value(equation.in_doubles, *near)
-    if not (is_near or _is_value(equation, P, gains)):
+    if near is not None and all(met for met, _ in _conditions(equation.in_doubles, *near)):
+        return ""
+    is_decided = True
+    for is_met, reason in _conditions(equation, P, gains):
+        if is_met is False:
+            return reason
+        is_decided = is_decided and is_met is True
+    if not is_decided:
         raise NotProvedError("a player pays, or the loop without disturbance is not stable")
-
-
-def _is_value(equation: Equation, P: Any, gains: Any) -> bool:
-    """Return whether both conditions of `prove_value` are proved by the matrices of an equation."""
-    return all(is_met for is_met, _ in _conditions(equation, P, gains))
+    return ""
 
 
 def _conditions(equation: Equation, P: Any, gains: Any) -> Iterator[tuple[bool | None, str]]:
-    """Yield whether each condition of `prove_value` is met, None if neither is proved, and what it
-    means if it is not.
+    """Yield whether each condition of `why_not_the_value` is met, None if neither is proved, and
+    what it means if it is not.
     """
     of_inputs, of_disturbances = equation.weights(P)
     inputs_gain = "in one step, an input gains cost: R + B'P B is indefinite"
@@ -165,22 +168,13 @@ class ModeError(NoSolutionError):
     """
 
 
-def why_no_value(
-    equation: Equation,
-    found: Stabilizing | None,
-    frequency: float | None = None,
-    *,
-    in_bits: bool,
-) -> str:
-    """Return a reason, proved, why the game has no value, or "".
+def why_no_value(equation: Equation, frequency: float | None = None, *, in_bits: bool) -> str:
+    """Return that the gain from the disturbance is proved too large at some frequency, or "".
 
     equation: of the game
-    found: the ball of the stabilizing solution, None if there is no proof of one
-    frequency: at which the gain from the disturbance may be too large, rad/s or rad/step
+    frequency: at which it may be too large, rad/s or rad/step
     in_bits: whether eigenvalues are computed in many bits, for what doubles do not see
     """
-    if found is not None and (reason := why_not_the_value(found)):
-        return reason
     if frequency is not None and (reason := too_large_at(equation, frequency)):
         return reason
     values = half_plane_eigenvalues(equation, in_bits=in_bits)
@@ -221,9 +215,11 @@ def between_eigenvalues(values: np.ndarray, *, is_discrete: bool) -> list[float]
         frequencies = np.append(2.0 * np.arctan(frequencies), math.pi)
     ends = [0.0, *frequencies.tolist()]
     gaps = sorted(pairwise(ends), key=lambda gap: gap[0] - gap[1])
-    between = [math.sqrt(low) * math.sqrt(high) or high / 2.0 for low, high in gaps]
+    # An end may be noise: the geometric mean is far from a high one, the other from a low one.
+    geometric = [math.sqrt(low) * math.sqrt(high) for low, high in gaps]
+    between = *geometric, *((low + high) / 2.0 for low, high in gaps)
     # Both ends are tried, too. The number of frequencies bounds the work.
-    return [0.0, *between, ends[-1]][: len(values) + 2]
+    return list(dict.fromkeys([0.0, *between, ends[-1]]))[: len(values) + 2]
 
 
 def half_plane_eigenvalues(equation: Equation, *, in_bits: bool) -> np.ndarray:
@@ -278,14 +274,6 @@ def _has_other_signs(equation: Equation, frequency: float) -> bool:
         if sum(abs(entry) ** 2 for entry in rest.entries()) < 1:
             return int((values > 0.0).sum()) != positive
     return False
-
-
-def why_not_the_value(found: Stabilizing) -> str:
-    """Return why the stabilizing solution is proved not to be the value, or "": an input or the
-    disturbance gains cost in one step, or A - B K is unstable.
-    """
-    conditions = _conditions(found.equation, found.P, found.gains)
-    return next((reason for is_met, reason in conditions if is_met is False), "")
 
 
 def refuse_modes(game: Game) -> None:

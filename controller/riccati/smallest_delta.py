@@ -228,12 +228,13 @@ def _bracket(search: Search, estimate: Estimate) -> DeltaMin:
     """Return proved bounds about an estimate of 1/delta_min².
 
     Usually both are proved beside the estimate. If not, the distance from it grows until they are,
-    and the secant through two values is the next estimate.
+    and the secant through two values is the next estimate, or a w at which neither is proved: it is
+    nearly on the boundary.
 
     Raises UndecidedError.
     """
     secant = _Secant(Distances(0.0, np.full(1, np.nan)))
-    width, value, refused = FIRST_WIDTH, math.inf, 0.0
+    width, value, refused, was_undecided = FIRST_WIDTH, math.inf, 0.0, False
     guess, frequency = estimate
     w = guess / width
     while True:
@@ -242,23 +243,25 @@ def _bracket(search: Search, estimate: Estimate) -> DeltaMin:
         try:
             outcome = search.proved(w, frequency)
         except UndecidedError:
-            if refused > 0.0 or not value < NEGLIGIBLE_DELTA * search.first_w() ** -0.5:
+            if refused <= 0.0 and value < NEGLIGIBLE_DELTA * search.first_w() ** -0.5:
+                return DeltaMin(value, 0.0)  # the disturbance has hardly an effect at such deltas
+            if was_undecided:
                 raise
-            return DeltaMin(value, 0.0)  # the disturbance has hardly an effect at such deltas
-        is_value = not isinstance(outcome, str)
-        if isinstance(outcome, str):
-            # The next smaller delta may be what was refused.
-            refused, secant.high = float(np.nextafter(delta, 0.0)), w
+            guess, width, is_value, was_undecided = w, FIRST_WIDTH, math.isfinite(value), True
         else:
-            value, frequency = delta, outcome.frequency or frequency
-            secant.add(outcome)
-        if value <= refused * (1.0 + TOLERANCE):
-            return DeltaMin(value, refused)
-        if value <= SMALLEST_DELTA * FIRST_WIDTH:
-            return DeltaMin(value, 0.0)  # a game has no smaller delta that could be refused
-        if secant.is_open(zero := secant.first_zero()):
-            # The error of a secant is about the square of its step.
-            guess, width = zero, max(FIRST_WIDTH, 1.0 + (zero / secant.low.w - 1.0) ** 2)
+            is_value, was_undecided = not isinstance(outcome, str), False
+            if isinstance(outcome, str):
+                refused, secant.high = delta, w
+            else:
+                value, frequency = delta, outcome.frequency or frequency
+                secant.add(outcome)
+            if value <= refused * (1.0 + TOLERANCE):
+                return DeltaMin(value, refused)
+            if value <= SMALLEST_DELTA * FIRST_WIDTH:
+                return DeltaMin(value, 0.0)  # a game has no smaller delta that could be refused
+            if secant.is_open(zero := secant.first_zero()):
+                # The error of a secant is about the square of its step.
+                guess, width = zero, max(FIRST_WIDTH, 1.0 + (zero / secant.low.w - 1.0) ** 2)
         # Next is the other side of the estimate, or what is farther from the known bound.
         w = guess * width if is_value else guess / width
         if not secant.is_open(w):
@@ -338,18 +341,13 @@ class Search:
     def proved(self, w: float, frequency: float | None) -> Distances | str:
         """Return the distances at a w = 1/δ² that is proved to have a value, or why it has none.
 
-        A δ at which neither is proved is exactly on a boundary: the next one is taken.
-
         frequency: at which the gain from the disturbance may be too large, rad/s or rad/step
 
-        Raises UndecidedError if that does not help.
+        Raises UndecidedError if neither is proved.
         """
         delta = w**-0.5
         near = self.units._replace(disturbances=disturbance_units(self.game, delta))
-        try:
-            outcome = decided_at(self.game, delta, near=near, frequency=frequency)
-        except UndecidedError:
-            outcome = decided_at(self.game, float(np.nextafter(delta, 0.0)), near=near)
+        outcome = decided_at(self.game, delta, near=near, frequency=frequency)
         if isinstance(outcome, str):
             return outcome
         distances = self.in_doubles(w)

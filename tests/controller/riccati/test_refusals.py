@@ -11,7 +11,7 @@ from controller.riccati.balls import BITS, precision
 from controller.riccati.candidate import first_units
 from controller.riccati.enclosure import decided, enclosed_in_bits
 from controller.riccati.equation import Equation
-from controller.riccati.refusal import refuse_modes, why_no_value
+from controller.riccati.refusal import refuse_modes, why_no_value, why_not_the_value
 from hfa import Game
 
 
@@ -27,8 +27,7 @@ def test_no_proof_says_that_a_game_with_a_value_has_none(kind):
         game = each.game
         found = enclosed_in_bits(decided(game, game.delta), 2 * BITS).proved
         with precision(2 * BITS):
-            assert why_no_value(found.equation, found, in_bits=False) == ""
-            assert why_no_value(found.equation, None, in_bits=False) == ""
+            assert why_not_the_value(found) == why_no_value(found.equation, in_bits=False) == ""
         refuse_modes(game)
 
 
@@ -54,8 +53,7 @@ def test_a_frequency_proves_that_the_disturbance_gains_too_much(n, k, dt):
         )
         with precision(BITS):
             equation = Equation(game, first_units(game, game.delta), game.delta)
-            # None: no enclosure is known, and only a frequency can prove it.
-            assert bool(why_no_value(equation, None, in_bits=False)) == is_refused
+            assert bool(why_no_value(equation, in_bits=False)) == is_refused
 
 
 def test_the_root_of_a_discount_is_not_rounded():
