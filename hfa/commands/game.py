@@ -69,19 +69,19 @@ class GivenGames(NamedTuple):
 
 def given_games(request: SolveRequest) -> GivenGames:
     """Return the games that the options define."""
-    if request.plant is not None:
-        refuse(request, _OF_ONE_TRIM, "requires the equations of an aircraft; remove --model")
-    if request.rate is not None:
-        refuse(request, _OF_ONE_TRIM, "applies only to continuous time; remove it or --rate")
     typed = request.dihedral or request.at or ""
     is_single = not ("," in typed or ":" in typed)  # neither a list nor a range
+    if request.plant is not None or request.rate is not None or not is_single:
+        reason = "applies to one trim of an aircraft, in continuous time; remove this option"
+        refuse(request, _OF_ONE_TRIM, reason)
     if request.plant is not None or is_single:
         named = given_game(request)
         return GivenGames([named], None, named.source)
     trims, source = given_trims(request, _MOST_BREAKPOINTS)
     name = f"--{at_name(trims[0].model)}"
-    of_one = (*_OF_ONE_TRIM, "rate", "delay")
-    refuse(request, of_one, f"applies to one trim; remove this option, or give one {name}")
+    refuse(
+        request, ("rate", "delay"), f"applies to one trim; remove this option, or give one {name}"
+    )
     breakpoints = np.array([given.at for given in trims])
     if np.any(np.diff(breakpoints) <= 0.0):
         raise BadInputError(f"{name} does not increase; give the values in increasing order")

@@ -153,7 +153,6 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
     it has no trim.
     """
     model = points.trims.model
-    is_whole = request.full or request.json or request.output is not None
     conditions: list[Condition] = []
     stated: list[dict[str, Any]] = []
     refused: list[BadInputError] = []  # with the row of the file
@@ -186,7 +185,7 @@ def _sheets(request: TrimRequest, points: GivenPoints) -> tuple[Report, list[Con
         title=", ".join(counts),
         parts=[_overview(conditions), *reports],
         data={"schema": "hfa.trims/1", "sheets": [report.data for report in reports]},
-        records=matrix(stated, [report.sheet for report in reports]) if is_whole else NO_RECORDS,
+        records=matrix(stated, [report.sheet for report in reports]),
         failure=f"{failed} of {len(results)} conditions have no trim" if failed else "",
     )
     return overview, conditions

@@ -43,8 +43,7 @@ def number(text: str, declared: Number = NUMBER) -> float:
     except ValueError:
         value = None
     if value is None:
-        truth = " (1 for true, 0 for false)" if text.lower() in ("true", "false") else ""
-        raise BadInputError(f"is {shortened(text)!r}; give {declared}{truth}")
+        raise BadInputError(f"is {shortened(text)!r}; give {declared}")
     return value
 
 

@@ -496,10 +496,11 @@ def reference_of(texts: Mapping[str, str], named: NamedGame) -> dict[str, Wavefo
 
     texts: state -> signal as typed
 
-    Raises BadInputError without an aircraft in continuous time, and for an unknown state or signal.
+    named: game of an aircraft
+
+    Raises BadInputError in discrete time, and for an unknown state or signal.
     """
-    if named.linear is None:
-        raise BadInputError("--reference requires an aircraft; remove --model")
+    assert named.linear is not None
     named.game.refuse_steps("--reference")
     return each_of("--reference", named.linear.model, texts, deviation_signal)
 
