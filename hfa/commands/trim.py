@@ -17,7 +17,7 @@ from hfa.options.points import GivenPoints, PointOptions, given_points
 from hfa.options.trims import TrimInput, trim_input
 from hfa_aircraft.model import Model
 from hfa_support.errors import BadInputError
-from hfa_support.reporting.parts import NO_RECORDS, Picture
+from hfa_support.reporting.parts import Picture
 from hfa_support.reporting.report import Report
 from hfa_support.reporting.results import Entries
 from hfa_support.reporting.rows import Row, Sheet

@@ -43,7 +43,8 @@ def number(text: str, declared: Number = NUMBER) -> float:
     except ValueError:
         value = None
     if value is None:
-        raise BadInputError(f"is {shortened(text)!r}; give {declared}")
+        truth = " (1 for true, 0 for false)" if text.lower() in ("true", "false") else ""
+        raise BadInputError(f"is {shortened(text)!r}; give {declared}{truth}")
     return value
 
 
