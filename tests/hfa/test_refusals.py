@@ -49,6 +49,7 @@ REFUSED = {
         ("", "no value of dihedral is given; add --dihedral DEG"),
         ("15", "unrecognized arguments: 15 (see `hfa trim --help`)"),
         ("--dihedral", "--dihedral expected one argument"),
+        ("--conditions given.csv --show alpha", "--show is of a single trim"),
         ("--dihedrl 15", "unknown option --dihedrl; did you mean --dihedral?"),
         (
             "--dihedral 15 --hold Sped=68",
@@ -86,6 +87,8 @@ REFUSED = {
     "sweep": [
         ("", "no variable is swept"),
         ("--dihedral 20:0:1", "runs backwards from 20 to 0"),
+        ("--dihedral 0:20:1 --resume", "--resume requires a store"),
+        ("--conditions given.csv", "and a sweep requires the same columns in each row"),
         ("--dihedral 0:1000:1e-6", "1,000,000,001 points"),
         ("--dihedral 5deg:10:1", "give all three numbers in the same unit"),
         ("--dihedral 5 --workers 1.5", "--workers is 1.5; give a whole number from 1"),
@@ -113,17 +116,26 @@ REFUSED = {
             "--model given.json --hold speed=70",
             "--hold applies only to the aircraft; remove this option or --model",
         ),
-        ("--dihedral 10,5 -o a.npz", "--dihedral does not increase"),
+        ("--dihedral 10,10 -o a.npz", "--dihedral does not increase"),
         ("--dihedral 5,10 --order 3", "--order applies to one trim"),
+        ("--model given.json --order 3", "--order requires the equations of an aircraft"),
+        ("--dihedral 15 --rate 50 --order 3", "--order applies only to continuous time"),
         ("--dihedral 15 --reference speeds=7", "did you mean speed"),
         ("--dihedral 15 --reference speed=exp(t)", "write sums of terms"),
     ],
     "learn": [
         ("--dihedral 15 --law sarsa", "--law is 'sarsa'; choose from policy-iteration"),
+        ("--dihedral 15 --rate 50 --law policy-iteration", "--law applies only to continuous time"),
+        ("--dihedral 15 --data given.csv --seed 1", "--seed applies only to simulated data"),
     ],
     "verify": [
         ("--dihedral 15", "the following arguments are required: --weights"),
         ("--dihedral 15 --weights given.npz --set activation=tanh", "applies only to a network"),
+        ("--dihedral 15 --weights folder.json", "the folder contains no critic"),
+        (
+            "--dihedral 15 --rate 50 --weights given.npz --dt 0.1 --discount 0.9",
+            "--discount applies only to continuous time",
+        ),
     ],
     "regenerate": [("--dynamics unsteady", "more than seven states")],
 }
@@ -137,7 +149,7 @@ def test_bad_requests_are_refused_in_one_line(command, words, named):
     """Each bad request gives exit code 2 and one short, printable line that names the fault."""
     small("given.json")
     stored("given.npz", W=np.ones(21))
-    Path("given.csv").write_text("name,dihedral\nlow,5\n", "utf-8")
+    Path("given.csv").write_text("name,dihedral,aileron_center\nlow,5,\nhigh,9,2\n", "utf-8")
     result = hfa(command, *words.split())
     assert_refused(result, BAD_INPUT, named)
     assert result.err.rstrip("\n").isprintable()
