@@ -139,9 +139,27 @@ def test_a_sweep_without_a_trim_draws_and_finds_nothing():
 
 
 def test_a_sheet_in_a_file_has_a_picture_where_a_variable_has_limits():
-    """Beside the figures of the sheet, --full or not; a model without limits has no picture."""
-    assert command("trim", *AT_15, "-o", "a.html").code == 0
+    """Beside the figures of the sheet, which --full prints; a model without limits has no picture."""
+    short = command("trim", *AT_15, "-o", "a.html").out
+    assert 2 * len(short) < len(command("trim", *AT_15, "--full").out)
     assert "data:image/" in Path("a.html").read_text("utf-8")
     Path("own.py").write_text(UNLIMITED, "utf-8")
     assert command("trim", "--aircraft", "own.py:MODEL", "-o", "b.html").code == 0
     assert "data:image/" not in Path("b.html").read_text("utf-8")
+
+
+def test_learning_from_a_record_has_a_verdict_where_a_plant_is_given():
+    """Without noise, the record x_next = 0.5 x + u determines P and K, with and without the plant."""
+    x, u = np.random.default_rng(3).normal(size=(2, 40, 1))
+    record = stored("record.npz", x=x, u=u, x_next=0.5 * x + u, dt=0.1)
+    weights = ("--Q", "1", "--R", "1")
+    plant = stored("plant.json", A=[[0.5]], B=[[1.0]], dt=0.1)
+    exact = answer("solve", "--model", plant, *weights)
+    compared = answer("learn", "--model", plant, "--data", record, *weights)
+    assert compared["converged"] is True
+    alone = command("learn", "--data", record, *weights, "-o", "own.json")
+    assert (alone.code, "not compared: no plant is given" in alone.out) == (0, True)
+    for learned in (compared, json.loads(Path("own.json").read_text("utf-8"))):
+        assert np.allclose(learned["K"], exact["K"], rtol=1e-9)
+    law = answer("learn", "--model", small("small.json"), "--law", "policy-iteration")
+    assert law["converged"] is True

@@ -66,6 +66,7 @@ REFUSED = {
         ("--dihedral 15 --hold gamma=1 --free gamma", "gamma is both free and held"),
     ],
     "linearize": [
+        ("--conditions given.csv --bode -o a.npz", "--bode is of a single condition"),
         ("--dihedral 95", "dihedral is 95 deg"),
         (
             "--dihedral 0:20:1",
@@ -85,7 +86,7 @@ REFUSED = {
         ("--dihedral 15 -o folder.json", "folder.json is a folder"),
     ],
     "sweep": [
-        ("", "no variable is swept"),
+        ("", "no variable is swept; give --dihedral RANGE"),
         ("--dihedral 20:0:1", "runs backwards from 20 to 0"),
         ("--dihedral 0:20:1 --resume", "--resume requires a store"),
         ("--conditions given.csv", "and a sweep requires the same columns in each row"),
