@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 LARGEST = 2**28
 #: Suffixes of the files that `hfa_support/arrays/read.py` reads.
 MATRIX_FILES = (".json", ".npz", ".npy", ".mat", ".csv")
-#: Suffixes of tables (`hfa_support/arrays/tables.py`).
-TABLE_FILES = (*MATRIX_FILES, ".txt", ".tsv", ".dat")
+#: Suffixes of tables (`hfa_support/arrays/tables.py`), the last ones by pandas.
+TABLE_FILES = (*MATRIX_FILES, ".txt", ".tsv", ".dat", ".parquet", ".feather", ".xlsx")
 _LONGEST_REASON = 200
 #: Largest depth of elements, folders and keys: readers are recursive.
 _DEEPEST = 150

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -86,6 +86,19 @@ def si_factor(unit: str) -> float:
     All units after "/" divide, up to the end of the bracket.
     """
     return conversion_factor(unit, si_unit(unit)) or 1.0
+
+
+def system_of(units: Collection[str]) -> str:
+    """Return the system of some units: "english" (ft, slug, lbf, rad), "si", or "mixed" if they
+    are of neither. Units of both, such as rad/s, are "si" if there are no others.
+    """
+    bases = {"si": SI_BASES, "english": ENGLISH_BASES}
+    fitting = (
+        name
+        for name, of_system in bases.items()
+        if all(coherent_unit(unit, of_system) == unit for unit in units)
+    )
+    return next(fitting, "mixed")
 
 
 def coherent_unit(unit: str, bases: tuple[str, str, str]) -> str:

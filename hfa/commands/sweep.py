@@ -71,10 +71,15 @@ def _plan(points: GivenPoints, axes: Mapping[str, Any]) -> SweepPlan:
     axes: those of the points, as arrays or as ranges
     """
     model, names = points.trims.model, tuple(row.name for row in points.trims.rows)
+    if points.trims.rows and not axes:
+        raise BadInputError(
+            "the conditions have different columns, free variables or limits; `hfa trim "
+            "--conditions FILE` trims them, and a sweep requires the same columns in each row"
+        )
     if not axes:
         raise BadInputError(
             f"no variable is swept; give --{at_name(model)} RANGE, --hold NAME=RANGE or "
-            "--conditions FILE.csv with the same columns, free variables and limits in each row"
+            "--conditions FILE.csv"
         )
     condition, schedule = points.condition(), model.schedule
     is_hfa = model.about.names_schedule  # at a dihedral of 0 by default

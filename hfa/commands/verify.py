@@ -32,7 +32,7 @@ from hfa_support.reporting.report import Report
 from verification.critic_check import FLIGHTS, SECONDS, verify as judge
 from verification.critic_errors import LIMIT
 from verification.reports import verdict_report, verdicts_figure, verdicts_report
-from verification.verdict import Verdict
+from verification.verdict import NEAR, Verdict
 
 
 def _critics(text: str) -> list[Path]:
@@ -217,6 +217,9 @@ def _report(request: VerifyRequest, named: NamedGame, verdicts: Mapping[str, Ver
     else:
         ((path, verdict),) = verdicts.items()
         about = [named.weights_line()]
+        is_near = request.limit_cost is None and verdict._linear_grade() == "near"
+        if is_near and verdict.holds(NEAR):  # the nonlinear game may decide otherwise
+            about.append(f"Near the optimum, exit code 1; --limit-cost {NEAR:g} accepts it")
         if verdict.critic.network and not verdict.critic.has_weights:
             about.append("Without sample time, delay and input limits; see hfa assess")
         report = verdict_report(verdict, limit_cost=request.limit_cost, about=about, source=path)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
@@ -15,6 +15,8 @@ from hfa_support.errors import NoSolutionError, printable
 from hfa_support.progress import drop, print_notes, print_to_stderr
 from hfa_support.provenance import Provenance
 from hfa_support.reporting.report import SUFFIXES, Report
+from hfa_support.reporting.results import storable
+from hfa_support.units import system_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -155,12 +157,23 @@ def provenance(request: Request, source: Mapping[str, Any]) -> Provenance:
 
 
 def with_provenance(request: Request, report: Report, source: Mapping[str, Any]) -> Report:
-    """Return a report with the provenance of the run in its data.
+    """Return a report with the provenance of the run and the system of the units in its data.
 
     source: entries of the provenance on the plant
     """
+    if units := {*_units_in(storable(report.data))}:
+        report = report.with_data(units=system_of(units))
     origin = provenance(request, source)
     return replace(report, source=origin.text()).with_data(provenance=origin)
+
+
+def _units_in(data: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the units in stored data: those of entries such as `state_units`."""
+    for name, entry in data.items():
+        if name.endswith("_units"):
+            yield from entry.values() if isinstance(entry, Mapping) else entry
+        elif isinstance(entry, Mapping):
+            yield from _units_in(entry)
 
 
 def show(request: Request, outcome: Outcome) -> None:

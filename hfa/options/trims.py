@@ -28,6 +28,7 @@ from hfa.options.conditions import (
 from hfa.options.parser import PAPER, option
 from hfa.options.plants import AircraftOptions, loaded_aircraft
 from hfa_aircraft.model import Model
+from hfa_aircraft.signals import ISA
 from hfa_aircraft.units import in_si
 from hfa_support.errors import BadInputError, prefix_errors, refuse_unknown
 from hfa_support.provenance import Change
@@ -46,7 +47,7 @@ if TYPE_CHECKING:
     from trim.reports.models import AskedTrim, Conditions
 
 #: Fields of the options of a trim condition, without the scheduling variable.
-OF_THE_TRIM = ("condition", "conditions", "free", "hold", "limit", "row", "start")
+OF_THE_TRIM = ("condition", "conditions", "free", "hold", "isa", "limit", "row", "start")
 #: Forms of one or several values of a variable, for helps.
 SEVERAL = "a number, a list a,b,c or a range start:stop:step"
 
@@ -66,6 +67,11 @@ class TrimOptions(AircraftOptions):
     )
     hold: Mapping[str, str] = option(
         "hold a variable at a value; repeatable", "NAME=VALUE", named=True
+    )
+    isa: str | None = option(
+        "deviation of the air temperature from the standard atmosphere, K: +15; as --hold isa=15",
+        "K",
+        rare=True,
     )
     free: tuple[str, ...] = option(
         "variable that the trim solves for; repeatable", "NAME", repeated=True
@@ -107,7 +113,7 @@ class GivenTrim(NamedTuple):
     common: condition without this value, which all trims of a request have in common; its model is
         the aircraft as loaded
     at: value of the scheduling variable, or None for that of the condition
-    hold: variable or parameter -> value of --hold
+    hold: variable or parameter -> value of --hold and --isa
     start: point at which the search begins, or None
     source: entries of the provenance of the results: aircraft, parameters, condition
     """
@@ -130,7 +136,7 @@ class TrimInput(NamedTuple):
     free: variables of --free
     limits: variable -> (lowest, highest) of --limit
     at: values of the scheduling variable, or None for that of the condition
-    hold: variable or parameter -> values of --hold
+    hold: variable or parameter -> values of --hold and --isa
     begin: variable -> value of --start
     start: point of --start, or None
     rows: conditions of --conditions, of which --row leaves one
@@ -228,7 +234,7 @@ class TrimInput(NamedTuple):
         ]
 
     def held(self) -> dict[str, float]:
-        """Return variable or parameter -> its value of --hold.
+        """Return variable or parameter -> its value of --hold or --isa.
 
         Raises BadInputError for several values.
         """
@@ -347,7 +353,12 @@ def trim_input(
     Raises BadInputError for an unknown name, an invalid value, or options that contradict.
     """
     model, aircraft, _ = loaded_aircraft(request)
-    hold = each_of("--hold", model, request.hold, value_range)
+    texts = request.hold
+    if request.isa is not None:
+        if ISA in texts:
+            raise BadInputError(f"--isa and --hold {ISA} are the same; give one of them")
+        texts = {**texts, ISA: request.isa}
+    hold = each_of("--hold", model, texts, value_range)
     free = tuple(_freed(model, text) for text in request.free)
     for name in free:
         if name in hold:

@@ -11,11 +11,12 @@ import numpy as np
 
 from hfa_support.arrays.columns import Column, Label, columns_of_text
 from hfa_support.arrays.read import read_arrays
-from hfa_support.errors import BadInputError, file_faults
+from hfa_support.errors import BadInputError, file_faults, shortened
 from hfa_support.files import regular_file
 
-#: Suffixes of tables as text.
+#: Suffixes of tables as text, and of files that pandas reads: suffix -> its function.
 _TEXTS = (".csv", ".txt", ".tsv", ".dat")
+_OF_PANDAS = {".parquet": "read_parquet", ".feather": "read_feather", ".xlsx": "read_excel"}
 #: Entries of a file of arrays that name its signals.
 _NAMES = ("states", "inputs", "state_units", "input_units")
 
@@ -44,8 +45,8 @@ def sources(given: Any, noun: str) -> list[tuple[str, Any]]:
 def read_source(source: Any, name: str = "") -> Read:
     """Return the columns of a table, and the entries of a file of arrays.
 
-    source: file (text with commas, semicolons or tabs; .npz, .mat, .json), mapping of columns,
-        or data frame of pandas or polars. A heading is
+    source: file (text with commas, semicolons or tabs; .npz, .mat, .json; by pandas .parquet,
+        .feather, .xlsx), mapping of columns, or data frame of pandas or polars. A heading is
         "speed [ft/s]" or "speed (ft/s)". The units in a file of arrays can be the entries states,
         state_units, inputs, input_units. A flight, stored or not, has its history
     name: name of the table in messages, by default the file
@@ -57,7 +58,7 @@ def read_source(source: Any, name: str = "") -> Read:
     if is_file and Path(source).suffix.lower() in _TEXTS:
         with file_faults(source):
             return Read(columns_of_text(name, regular_file(source).read_bytes()))
-    content: Any = read_arrays(source) if is_file else source
+    content = _loaded(Path(source)) if is_file else source
     if hasattr(type(content), "history"):  # a flight, not a frame with this column
         content = content.to_dict() | {"history": content.history()}
     if hasattr(content, "columns"):  # of pandas or polars
@@ -103,8 +104,27 @@ def _columns_of_arrays(where: str, entries: Mapping[str, Any], no_unit: str | No
             raise BadInputError(
                 f"{where}: {text} does not consist of rows of equal length"
             ) from error
+        if cells.dtype.kind in "mM":  # dates, or durations
+            label, cells = Label(label.name, "s"), (cells - cells[:1]) / np.timedelta64(1, "s")
         if cells.ndim and max(cells.shape) == cells.size and text not in _NAMES:
             unit = label.unit or unit_of.get(label.name) or no_unit
             rows = range(1, cells.size + 1)
             columns.append(Column(where, label.name, unit, np.ravel(cells), rows))
     return columns
+
+
+def _loaded(path: Path) -> Any:
+    """Return the content of a file that is no text: a mapping, or a data frame."""
+    suffix = path.suffix.lower()
+    if suffix not in _OF_PANDAS:
+        return read_arrays(path)
+    try:
+        with file_faults(path):
+            import pandas
+
+            return getattr(pandas, _OF_PANDAS[suffix])(regular_file(path))
+    except ImportError as error:
+        raise BadInputError(
+            f"{path}: {suffix} is read by pandas, where it is installed with what it needs "
+            f"({shortened(str(error))}); install it, or save the table as .csv or .npz"
+        ) from error

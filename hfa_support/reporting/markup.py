@@ -1,15 +1,15 @@
-"""Reports as HTML and Markdown."""
+"""Reports as HTML, Markdown and LaTeX."""
 
 from __future__ import annotations
 
 import base64
 import html
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import groupby
 from typing import Any
 
-from hfa_support.errors import printable
+from hfa_support.errors import imported, printable
 from hfa_support.reporting.parts import BLANKS, SIGNERS, Contents, Picture
 from hfa_support.reporting.rows import Group
 from hfa_support.reporting.text import Cell, Table, are_words, flowing, is_warning
@@ -235,3 +235,62 @@ def _paragraph(line: str) -> str:
 def as_page(fragment: str) -> str:
     """Return a page in HTML with styles that contains a fragment."""
     return f'<!doctype html>\n<meta charset="utf-8">\n<style>{_STYLE}</style>\n{fragment}'
+
+
+#: Character with a meaning in LaTeX -> how it is printed.
+_ESCAPED = {character: f"\\{character}" for character in "&%$#_{}"} | {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+}
+
+
+def latex_of(report: Contents) -> str:
+    r"""Return a report as LaTeX that \input places in a document: its lines and notes are
+    paragraphs, its tables `tabular`. Requires pandas and Jinja2.
+    """
+    first = printable(report.title)
+    return "\n".join([f"% {first}", *_blocks(report)])
+
+
+def _blocks(part: Any) -> Iterator[str]:
+    """Yield tables and paragraphs of a part, and of the parts in it, in reading order."""
+    if isinstance(part, Group):
+        if part.rows:
+            yield _tabular(part.table())
+        yield from map(_latex_paragraph, part.lines)
+    elif isinstance(part, Table):
+        yield _tabular(part)
+    elif isinstance(part, str):
+        yield from map(_latex_paragraph, filter(None, flowing(part).split("\n")))
+    elif isinstance(part, (tuple, list)):
+        for nested in part:
+            yield from _blocks(nested)
+    elif isinstance(part, Contents):
+        yield from _blocks(part.title)
+        yield from (_latex_paragraph(f"{label}: {text}") for label, text in part.head.items())
+        yield from _blocks(tuple(part.parts))
+        yield from (_latex_paragraph(f"Note: {note}") for note in part.notes)
+        yield from _blocks(part.source)
+
+
+def _latex_paragraph(text: str) -> str:
+    """Return a sentence as a paragraph."""
+    escaped = "".join(_ESCAPED.get(character, character) for character in printable(text))
+    return f"\\noindent {escaped}\n"
+
+
+def _tabular(table: Table) -> str:
+    """Return a table, with columns of words aligned left and others right."""
+    imported("jinja2", "LaTeX files require")
+    pandas = imported("pandas", "LaTeX files require")
+    cells = [[str(cell) for cell in row] for row in table.rows]
+    style = pandas.DataFrame(cells, columns=list(table.header)).style.hide(axis="index")
+    style = style.format(escape="latex").format_index(escape="latex", axis=1)
+    columns = zip(*cells, strict=True) if cells else ((),) * len(table.header)
+    alignment = "".join(
+        "l" if index == 0 or are_words(column) else "r" for index, column in enumerate(columns)
+    )
+    return str(style.to_latex(hrules=True, column_format=alignment))

@@ -147,7 +147,7 @@ def verdict_text(ok: bool) -> str:
 _MOST_ENTRIES = 12
 _LONGEST_LINE = 110
 #: Suffixes of the files that `Report.save` writes, besides .pdf.
-SUFFIXES = (".json", ".npz", ".mat", ".csv", ".md", ".html")
+SUFFIXES = (".json", ".npz", ".mat", ".csv", ".md", ".html", ".tex")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -212,6 +212,12 @@ class Report(Contents):
 
         return as_page(self.html())
 
+    def latex(self) -> str:
+        """Return the report in LaTeX without pictures. Requires pandas and Jinja2."""
+        from hfa_support.reporting.markup import latex_of
+
+        return latex_of(self)
+
     def json(self) -> str:
         """Return the data of the report as JSON text. Numbers that are not finite become null."""
         from hfa_support.reporting.results import json_text
@@ -227,6 +233,7 @@ class Report(Contents):
         - .json, .npz, .mat: `data`
         - .csv: `records`
         - .html, .md, .pdf: the text, in HTML and PDF with pictures. PDF requires reportlab
+        - .tex: the text, its tables with the rules of booktabs. Requires pandas and Jinja2
 
         A head without a date of issue gets that of the provenance, or today's.
 
@@ -241,7 +248,7 @@ class Report(Contents):
         if self.head and "issued" not in self.head:
             self._issued().save(path)
             return
-        texts = {".html": self.page, ".md": self.markdown}
+        texts = {".html": self.page, ".md": self.markdown, ".tex": self.latex}
         suffix = Path(path).suffix.lower()
         if suffix in texts:
             write_text(path, texts[suffix]())

@@ -81,7 +81,7 @@ def save_data(target: Path, data: Mapping[str, Any], records: Table) -> None:
     else:
         raise BadInputError(
             f"{target}: the suffix {suffix!r} is unknown; use .json, .npz, .mat, .csv, .html, "
-            ".pdf or .md"
+            ".pdf, .md or .tex"
         )
 
 

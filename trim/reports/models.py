@@ -356,7 +356,7 @@ class Conditions(Result, Reported):
         - .npz: `arrays`, with the names and units of the signals
         - .zarr: `to_xarray`
         - .csv: `records`
-        - .html, .pdf, .md: the report, with a page of A to F for each linear model
+        - .html, .pdf, .tex, .md: the report, with a page of A to F for each linear model
 
         provenance: provenance of the results, or None
 

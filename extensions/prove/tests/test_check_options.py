@@ -27,6 +27,7 @@ CHANGED = {
     "dynamics": {"--dynamics newton": "model"},
     "parameters": {"--parameters gibson-2011-simulation": "parameters"},
     "servo": {"--servo .05": "model"},
+    "isa": {"--isa 10": REFUSED},
     "mass": {"--mass 5": REFUSED},
     "at": {"--at 15.1:15.25": "range"},
     "dihedral": {"--dihedral 15:15.5": "range"},

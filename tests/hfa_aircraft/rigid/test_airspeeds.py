@@ -95,15 +95,21 @@ def test_wrong_airspeeds_are_refused(held, words, uav):
     assert words in refused(trim, uav, hold=held)
 
 
-def test_a_temperature_deviation_beyond_its_limit_is_refused():
-    """The air is at most 100 K warmer than the standard atmosphere."""
-    run = hfa("trim", "--aircraft", UAV, "--hold", "isa=200")
-    assert_refused(run, 2, "isa is 200 K; give at most 100 K")
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--isa 15 --hold isa=10", "--isa and --hold isa"),
+        ("--isa 200", "isa is 200 K; give at most 100 K"),
+    ],
+)
+def test_wrong_temperature_deviations_are_refused(words, message):
+    """A temperature deviation given twice or beyond its limit is refused."""
+    assert_refused(hfa("trim", "--aircraft", UAV, *words.split()), 2, message)
 
 
 def test_a_temperature_deviation_is_refused_if_the_equations_compute_the_air():
-    """A deviation from the standard temperature is refused for the F-16, whose equations have air of
-    their own.
+    """--isa, a deviation from the standard temperature, is refused for the F-16, whose equations have their
+    own air.
     """
-    run = hfa("trim", "--aircraft", f"{ROOT}/examples/f16.py:F16", "--hold", "isa=15")
+    run = hfa("trim", "--aircraft", f"{ROOT}/examples/f16.py:F16", "--isa", "15")
     assert_refused(run, 2, "has air of its own")

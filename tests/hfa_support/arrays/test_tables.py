@@ -31,7 +31,8 @@ SAME = {
     "commas": "time,speed\n0,35.5\n0.5,36\n",
     "semicolons": "Time (ms);speed [km/h]\n0;127,8\n500;129,6\n",
     "capitals": "TIME [MS],Speed [KM/H]\n0,127.8\n500,129.6\n",
-    "tabs": "t\tspeed\n0\t35.5\n0.5\t36\n",
+    "tabs": "t\tspeed\n0\t35,5\n0,5\t36\n",
+    "quoted decimals": 'time,speed\n0,"35,5"\n"0,5",36\n',
     "comments": "# by hand\n\ntime,speed\n0,35.5\n# later\n0.5,36\n",
     "index of pandas": ",time,speed\n0,0,35.5\n1,0.5,36\n",
     "provenance": 'time,speed,about\n0,35.5,"{""schema"": 1}"\n0.5,36,\n',
@@ -63,6 +64,29 @@ def test_frames_and_arrays_are_read_alike():
         }
 
 
+#: Suffix -> library that writes it, and how.
+WRITERS = {
+    ".parquet": ("pyarrow", lambda frame, file: frame.to_parquet(file)),
+    ".feather": ("pyarrow", lambda frame, file: frame.to_feather(file)),
+    ".xlsx": ("openpyxl", lambda frame, file: frame.to_excel(file, index=False)),
+}
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_a_file_of_a_library_equals_the_text(suffix):
+    """.parquet, .feather and .xlsx have the columns, units and empty cells of the text."""
+    frame = pytest.importorskip("pandas").DataFrame(
+        {"Time (ms)": [0, 500, 1000], "speed [km/h]": [127.8, np.nan, 129.6]}
+    )
+    library, write = WRITERS[suffix]
+    pytest.importorskip(library)
+    frame.to_csv("table.csv", index=False)
+    write(frame, f"table{suffix}")
+    of_text, of_library = read("table.csv"), read(f"table{suffix}")
+    for name in ("time", "speed"):
+        np.testing.assert_allclose(of_library[name], of_text[name], rtol=1e-14)
+
+
 def test_commas_between_thousands():
     """Between commas, "1,250" is 1250, as spreadsheets write it; between tabs it could be 1.25."""
     assert read(written('time,speed\n0,"1,250"\n'))["speed"] == [1250.0]
@@ -84,7 +108,7 @@ REFUSED = {
     "time_ms,speed\n0,1\n": "unknown column 'time_ms'; write \"time [ms]\"",
     "time,speed [kg]\n0,1\n": "row 1: speed is in kg; give it in m/s",
     "time,speed\n0,x\n": "row 2: speed is 'x'; give a number",
-    "time\tspeed\n0\t1,250\n": "speed is '1,250'; give a number, with a decimal point",
+    "time\tspeed\n0\t1,250\n": "1,250, whose comma may separate thousands",
     "time;speed\n0;1,5\n1;2.5\n": "decimal commas and points",
     "time,alpha\n0,1\n": "row 1: alpha has no unit; write alpha [deg] or alpha [rad]",
 }

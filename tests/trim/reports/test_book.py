@@ -197,3 +197,15 @@ def test_a_sheet_saved_with_a_document_contains_its_text(folder):
     text = Path("sheet.html").read_text("utf-8")
     assert "TR-12, revision B" in text
     assert "signature" in text
+
+
+def test_the_book_in_latex_has_its_sheets_in_escaped_text(written):
+    """The LaTeX has the stall and the share of the thrust; a percent sign, which would begin a comment, and
+    an underscore are escaped, and braces are in pairs.
+    """
+    text = written("book.tex").read_text("utf-8")
+    for said in ("STALLED: CL", r"18.85 (31 \%)", *NAMES):
+        assert said in text
+    _, _, body = text.partition("\n")  # below the comment with the title
+    assert not re.search(r"(?<!\\)[%_]", body)
+    assert body.count("{") == body.count("}")
