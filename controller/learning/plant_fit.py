@@ -34,7 +34,7 @@ _OUTSIDE = 0.05
 _CHANCE = 1e-4
 #: Largest number of wrong rows that are named.
 _MOST_ROWS = 20
-#: Misfit that rounding can cause: no constant is fitted to it.
+#: Misfit that rounding can cause: no constant is fitted to it, and it gives no bands.
 _ROUNDING = 1e-12
 
 
@@ -168,8 +168,8 @@ class PlantFit:
 
     @property
     def shows_noise(self) -> bool:
-        """Whether the deviations from the fit can be independent noise of the ends, or rounding."""
-        return not any(self._doubts())
+        """Whether the deviations from the fit can be independent noise of the ends."""
+        return self.misfit > _ROUNDING and not any(self._doubts())
 
     def _doubts(self) -> Iterator[str]:
         """Yield sentences on why the deviations are no independent noise."""

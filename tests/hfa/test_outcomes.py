@@ -88,6 +88,7 @@ def test_the_loop_at_the_further_delay_of_a_solution_is_at_its_limit():
     price = solved["P"][0][0] / answer(*words)["P"][0][0]
     printed = " ".join(command(*words, "--delay", "50ms").out.split())
     assert f"at most {price:.4g} times the optimum without" in printed
+    assert f"of {1e3 * solved['further_delay']:.3g} ms makes the linear loop unstable" in printed
     ((k, k_before),) = solved["K"]
     whole, part = divmod(0.05 + solved["further_delay"], 0.05)
     count = int(whole) + 1  # commands under way
@@ -149,14 +150,18 @@ def test_a_sheet_in_a_file_has_a_picture_where_a_variable_has_limits():
 
 
 def test_learning_from_a_record_has_a_verdict_where_a_plant_is_given():
-    """Without noise, the record x_next = 0.5 x + u determines P and K, with and without the plant."""
-    x, u = np.random.default_rng(3).normal(size=(2, 40, 1))
+    """Without noise, the record x_next = 0.5 x + u determines P and K, with and without the plant. It
+    has no bands, which rounding would leave; one with noise has them.
+    """
+    x, u, noise = np.random.default_rng(3).normal(size=(3, 40, 1))
     record = stored("record.npz", x=x, u=u, x_next=0.5 * x + u, dt=0.1)
     weights = ("--Q", "1", "--R", "1")
     plant = stored("plant.json", A=[[0.5]], B=[[1.0]], dt=0.1)
     exact = answer("solve", "--model", plant, *weights)
     compared = answer("learn", "--model", plant, "--data", record, *weights)
-    assert compared["converged"] is True
+    assert (compared["converged"], "entries_in_bands" in compared) == (True, False)
+    noisy = stored("noisy.npz", x=x, u=u, x_next=0.5 * x + u + 1e-6 * noise, dt=0.1)
+    assert "entries_in_bands" in answer("learn", "--model", plant, "--data", noisy, *weights)
     alone = command("learn", "--data", record, *weights, "-o", "own.json")
     assert (alone.code, "not compared: no plant is given" in alone.out) == (0, True)
     for learned in (compared, json.loads(Path("own.json").read_text("utf-8"))):

@@ -62,6 +62,7 @@ REFUSED = {
             "no parameters and no readable file of this name",
         ),
         ("--dihedral 15 --hold alpha", "'alpha' is not NAME=VALUE"),
+        (f"--aircraft {F16} --hold speed=3,4", "speed is 3 ft/s; give a value between"),
         ("--dihedral 15 --hold dihedral=10", "dihedral is given by both --dihedral and --hold"),
         ("--dihedral 15 --hold gamma=1 --free gamma", "gamma is both free and held"),
     ],
