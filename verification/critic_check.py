@@ -25,7 +25,6 @@ from hfa_support.errors import (
 from hfa_support.matrices import labels_of
 from hfa_support.progress import Progress
 from hfa_support.reporting.parts import Part
-from hfa_support.reporting.report import Check, at_least
 from trim.linear.linear_model import LinearModel
 from verification.box import Box, usual_box
 from verification.critic_errors import LIMIT, critic_errors, is_gain_right
@@ -151,12 +150,8 @@ def verify(
     elif judged.is_layer and findings is None:
         sections.append(_polynomial_section(judged))
 
-    # A mistake explains the errors; data of too low a rank explain them first.
     reason = ""
-    if isinstance(critic, TrainingRun):
-        checks.append(_rank_check(critic))
-        reason = checks[-1].reason  # "" if the check passes
-    if not reason and any(check.kind == "error" and not check.ok for check in checks):
+    if any(check.kind == "error" and not check.ok for check in checks):
         reason = judged.declared.other_game or _reason(exact, compared, widths, limit)
         reason = reason or judged.declared.assumed
     above = 100.0 * loop.suboptimality.high  # of a linear policy, proved
@@ -180,18 +175,6 @@ def verify(
         nonlinear=nonlinear,
         suboptimality=loop.suboptimality if findings is None else None,
     )
-
-
-def _rank_check(run: TrainingRun) -> Check:
-    """Return the check that the data of a training run have full rank, and so determine its
-    weights.
-    """
-    rank, size = run.excitation.rank, run.excitation.size
-    reason = (
-        f"the data have rank {rank} of {size} and do not determine the weights, however small the "
-        "residual is"
-    )
-    return at_least("data_rank", rank, size, reason, kind="data")
 
 
 def _given_box(box: ArrayLike, game: Game) -> Box:

@@ -1,4 +1,4 @@
-"""Results of learners, without a verdict: weights, residual and the rank of the data."""
+"""Results of learners, without a verdict: weights, residual and what recorded data can tell."""
 
 from __future__ import annotations
 
@@ -23,31 +23,14 @@ if TYPE_CHECKING:
 SETTLED = 1e-9
 
 
-@dataclass(frozen=True)
-class Excitation(Result):
-    """Excitation of recorded data (paper Assumption 1).
-
-    rank: rank of the (N_h, M) matrix with the rows ψ(z_j)/|ψ(z_j)|; singular values below
-        `recording.RANK_TOLERANCE` times the largest count as 0
-    size: number of weights M
-    samples: number of samples N_h
-    condition: ratio of the largest to the smallest singular value of the matrix with the rows
-        ψ(z_j)/|ψ(z_j)|
-    """
-
-    rank: int
-    size: int
-    samples: int
-    condition: float
-
-
 @dataclass(frozen=True, eq=False)
 class DataSummary(Result):
     """What recorded transitions can tell of a linear plant.
 
     rows: number of transitions that were used
     episodes: number of runs of successive transitions, or 0 if none follow each other
-    excitation: rank and condition of the states, inputs and disturbances
+    condition: ratio of the largest to the smallest singular value of the states, inputs and
+        disturbances, in units of their sizes
     misfit: largest relative deviation of a state from the linear fit
     noise: standard deviation of these deviations, (n,), of rates or states in the game's units
     hold: time for which inputs are constant, s, of samples of a game in continuous time, or None
@@ -56,22 +39,20 @@ class DataSummary(Result):
 
     rows: int
     episodes: int
-    excitation: Excitation
+    condition: float
     misfit: float
     noise: Vector
     hold: float | None = None
     notes: tuple[str, ...] = ()
 
     def text(self) -> str:
-        """Return rows, excitation and misfit in one line."""
+        """Return rows, condition and misfit in one line."""
         parts = [f"{self.rows} transitions"]
         if self.episodes:
             parts[0] += f" of {self.episodes} episode{'s' if self.episodes > 1 else ''}"
         if self.hold is not None:
             parts.append(f"inputs held for {self.hold:.4g} s")
-        found = self.excitation
-        parts.append(f"states and inputs of rank {found.rank} of {found.size}")
-        parts.append(f"condition {found.condition:.3g}")
+        parts.append(f"condition of states and inputs {self.condition:.3g}")
         parts.append(f"misfit of a linear plant {100.0 * self.misfit:.2g} %")
         return ", ".join(parts)
 
@@ -83,10 +64,9 @@ class TrainingRun(Result, Reported):
     law: name of the learner
     basis: name of the basis ψ
     W: (M,), learned weights, V = W'ψ(z), in the units of the model
-    residual_norm: Bellman residual of the game on the recorded data, |e| / |z'Qz|
+    residual_norm: Bellman residual of the game at the random states, |e| / |z'Qz|
     K: (m, n), gain of the weights
-    excitation: rank of the data
-    seed: seed of the data
+    seed: seed of the random states
     diagnostics: name -> further number
     data: what recorded data can tell, or None for exact data of the learner's own
     P_band, K_band: half-widths of the 95 % bands of P and K, of recorded data whose deviations can
@@ -108,7 +88,6 @@ class TrainingRun(Result, Reported):
     W: Vector
     residual_norm: float
     K: Matrix
-    excitation: Excitation
     seed: int
     diagnostics: dict[str, float] = field(default_factory=dict)
     names: PlantNames = UNNAMED
@@ -149,15 +128,13 @@ class TrainingRun(Result, Reported):
     def outcome(self) -> str:
         """ "settled", or a sentence with the reason why the run has not settled.
 
-        A run has settled if the data have full rank and `residual_norm` is at most `SETTLED`;
-        its critic may still be wrong. For recorded data that are not linear, or noisy, the misfit
-        of their linear fit follows, and for samples in continuous time that no mode is assumed to
-        be faster than π/hold, which they cannot show.
+        A run has settled if `residual_norm` is at most `SETTLED`; its critic may still be wrong.
+        For recorded data that are not linear, or noisy, the misfit of their linear fit follows, and
+        for samples in continuous time that no mode is assumed to be faster than π/hold, which they
+        cannot show.
         """
         said = "settled"
-        if self.excitation.rank < self.excitation.size:
-            said = f"the data have rank {self.excitation.rank} of {self.excitation.size}"
-        elif not self.residual_norm <= SETTLED:  # true for a nan too
+        if not self.residual_norm <= SETTLED:  # true for a nan too
             last = self.residual_norm
             said = f"the residual does not settle: {last:.3g} at the end, above {SETTLED:g}"
         elif self.data is not None and self.data.misfit > SETTLED:
@@ -174,17 +151,14 @@ class TrainingRun(Result, Reported):
         return entries | without_empty(weight_units=self.weight_units)
 
     def report(self) -> Report:
-        """Return a report with the outcome, the rank of the data, P and K.
+        """Return a report with the outcome, P and K.
 
         `hfa verify --weights` reads W, K and H of its data.
         """
         m, n = self.K.shape
         names = self.names.completed(n, m)
-        data_rank = self.excitation
         parts: list[Any] = [
             f"Residual: {self.residual_norm:.2g} of the costs (settled: {SETTLED:g})",
-            f"Data: {data_rank.samples} samples, rank {data_rank.rank} of {data_rank.size},"
-            f" condition {data_rank.condition:.3g}",
             matrix_table("P", names.states, names.states, self.P),
             matrix_table("K", names.inputs, names.states, self.K),
         ]

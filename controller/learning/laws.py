@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from controller.critic.training_run import TrainingRun
 from controller.game.basis import basis
 from controller.game.zero_sum import Game
@@ -16,7 +14,7 @@ from controller.learning.policy_iteration import policy_iteration
 from controller.learning.published import published_law
 from controller.learning.q_learning import learn_steps
 from controller.learning.recorded import transitions_in
-from controller.learning.recording import Samples, excitation_of, root_mean_square, simulated
+from controller.learning.recording import Samples, drawn
 from hfa_support.errors import BadInputError, NoSolutionError, refuse_unknown
 from hfa_support.progress import Progress
 
@@ -40,16 +38,17 @@ def learn(
 
     A game in discrete time is learned by Q-learning.
 
-    Without `data`, exact transitions from random states are simulated. With `data`, A and B of the
-    game are not used (zeros serve), but that samples slower than a mode of A are refused, and E
-    only if the data have no disturbances; the run has what the data can tell, and 95 % bands.
+    A law learns from random states, with their rates or next states in the plant: that of the
+    game or, with `data`, their linear fit with a constant. A and B of the game are then not used
+    (zeros serve), but that samples slower than a mode of A are refused, and E only if the data have
+    no disturbances; the run has what the data can tell, and 95 % bands.
 
     The result is not verified. `hfa.verify` verifies it with the matrices of the game, as it does
     weights of a law of your own (examples/my_own_law.py).
 
     game: the game
     law: name of the law
-    seed: seed of simulated states, inputs and disturbances
+    seed: seed of the random states, inputs and disturbances
     data: file, mapping or frame of recorded transitions, or a list of them, one for each episode:
         "x" (N, n) or (episodes, N, n), "u" (N, m), and "x_next" (states after each step) or
         "x_rate", or neither for successive samples; optionally "d" (N, k), "time" or "dt" (s),
@@ -77,14 +76,12 @@ def learn(
             "weight"
         )
     if data is None:
-        data_of_law = simulated(game, seed)
-        return _learned(PlantFit(game, data_of_law).game, data_of_law.begins, law, seed, progress)
+        return _learned(game, law, seed, progress)
     fit = PlantFit(game, transitions_in(data, game))
     fit.refuse_without_effect()
     summary = fit.summary()
     try:
-        # The data determine the fit. The laws learn from states that are drawn for it.
-        run = _learned(fit.game, simulated(fit.game, seed).begins, law, seed, progress)
+        run = _learned(fit.game, law, seed, progress)
     except NoSolutionError as error:
         raise NoSolutionError(f"{error} (learned from {summary.text()})") from error
     if not fit.shows_noise:
@@ -93,31 +90,24 @@ def learn(
     return replace(run, data=summary, P_band=bands.P, K_band=bands.K)
 
 
-def _learned(
-    game: Game, begins: np.ndarray, law: str, seed: int, progress: Progress | None
-) -> TrainingRun:
-    """Return the training run of a law on the fit of transitions.
-
-    game: the game with A, B and E of the fit
-    begins: [x u d] from which the law learns, (N, s)
-    """
-    if game.is_discrete:
-        return learn_steps(game, begins, seed, progress)
-    n = len(game.A)
-    states = begins[:, :n]
+def _learned(game: Game, law: str, seed: int, progress: Progress | None) -> TrainingRun:
+    """Return the training run of a law on states that are drawn for a game."""
+    begins, n = drawn(game, seed), len(game.A)
     psi = basis("paper" if law == "published" and n == 6 else "quadratic", n)  # "paper": 6 states
-    of_samples = excitation_of(psi.psi(states / root_mean_square(states)))
-    # In the input u + F z, the game has the same value, and no cross weights.
-    samples = Samples(game.without_cross_weights, psi, states)
-    weights, diagnostics = LAWS[law](samples, progress)
+    if game.is_discrete:
+        law, learned = "Q-learning", learn_steps(game, begins, progress)
+    else:
+        # In the input u + F z, the game has the same value, and no cross weights.
+        samples = Samples(game.without_cross_weights, psi, begins[:, :n])
+        learned = LAWS[law](samples, progress)
     return TrainingRun(
         law=law,
         basis=psi.name,
-        W=weights,
-        residual_norm=samples.residual(weights),
-        K=game.gain(psi.matrix(weights)),
-        excitation=of_samples,
+        W=learned.weights,
+        residual_norm=learned.residual,
+        K=game.gain(psi.matrix(learned.weights)),
         seed=seed,
-        diagnostics=dict(diagnostics),
+        diagnostics=dict(learned.diagnostics),
         names=game.names,
+        H=learned.H,
     )

@@ -7,34 +7,29 @@ covariance of the fit, to first order.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from controller.critic.training_run import DataSummary, Excitation
+from controller.critic.training_run import DataSummary
 from controller.game.zero_sum import Game, q_function, rates_of_step
-from controller.learning.recording import (
-    RANK_TOLERANCE,
-    Transitions,
-    excitation_of,
-    plant_of,
-    root_mean_square,
-)
+from controller.learning.recording import Transitions, plant_of, root_mean_square
 from hfa_support.errors import BadInputError
 from hfa_support.reporting.text import numbered
-from hfa_support.units import conversion_factor
 
+#: Singular values of the data below this fraction of the largest count as 0. The fit can have the
+#: rounding error of a sample, 1e-16, divided by this fraction: eight digits remain correct.
+_RANK_TOLERANCE = 1e-8
 #: Probability that a band does not hold the exact value.
 _OUTSIDE = 0.05
-#: Probability that a constant is fitted to data without one, and that independent noise is taken
-#: for a correlated one.
+#: Probability that independent noise is taken for a correlated one.
 _CHANCE = 1e-4
 #: Largest number of wrong rows that are named.
 _MOST_ROWS = 20
-#: Misfit that rounding can cause: no constant is fitted to it, and it gives no bands.
+#: Misfit that rounding can cause: it gives no bands.
 _ROUNDING = 1e-12
 
 
@@ -46,16 +41,18 @@ class Bands(NamedTuple):
 
 
 class PlantFit:
-    """Least-squares fit M (n, s) of ends = M [x; u; d] to the transitions of a game.
+    """Least-squares fit M (n, s) of ends = M [x; u; d] + constant to the transitions of a game.
 
-    The ends are rates, or the states after a step, in which u and d are constant.
+    The ends are rates, or the states after a step, in which u and d are constant. Begins and ends
+    are those about their means, which is the fit of any constant: data may be about any trim.
 
     user_game: the game of the user, with any A and B; `game` has those of the fit
-    is_centered: whether a constant is fitted, too: the data are about another point than 0
-    scales: root mean squares of the columns of [x u d], (s,)
-    scaled_begins: [x u d] / scales, (N, s)
+    ends: about their means, (N, n)
+    scales: root mean squares of the columns of [x u d] about their means, (s,)
+    scaled_begins: [x u d] about their means / scales, (N, s)
+    condition: ratio of the largest to the smallest singular value of scaled_begins
     matrix: M
-    residuals: ends - M [x; u; d], (N, n)
+    residuals: ends - M [x; u; d] - constant, (N, n)
     covariance: of the residuals of the states, (n, n)
     noise: their standard deviations, (n,)
     misfit: largest ratio of a state's residuals to its ends, both as root mean squares
@@ -66,71 +63,55 @@ class PlantFit:
     def __init__(self, game: Game, transitions: Transitions) -> None:
         self.user_game = game
         self.transitions = transitions
-        begins, ends = transitions.begins, transitions.ends
-        count, columns = begins.shape
-        if count <= columns:
+        count, columns = transitions.begins.shape
+        if count <= columns + 1:
             raise BadInputError(
-                f"the data have {count} transitions; record at least {columns + 1}, one more than "
-                "there are states, inputs and disturbances, to see the noise"
+                f"the data have {count} transitions; record at least {columns + 2}, two more than "
+                "there are states, inputs and disturbances, to see a constant and the noise"
             )
-        self.is_centered = False
-        self._fit(begins, ends)
-        if count > columns + 1 and self._has_constant():
-            self.is_centered = True
-            self._fit(begins - begins.mean(axis=0), ends - ends.mean(axis=0))
-        self.excitation = self._checked_excitation()
-
-    def _fit(self, begins: np.ndarray, ends: np.ndarray) -> None:
-        """Fit ends (N, n) to begins (N, s)."""
-        self.ends, self.scales = ends, root_mean_square(begins)
-        sizes = np.where(self.scales > 0.0, self.scales, 1.0)
-        self.scaled_begins = begins / sizes
-        fit, *_ = np.linalg.lstsq(self.scaled_begins, ends, rcond=None)
-        self.matrix = fit.T / sizes
-        self.residuals = ends - self.scaled_begins @ fit
-        self.degrees_of_freedom = len(begins) - begins.shape[1] - self.is_centered
+        begins, self.ends = (
+            each - each.mean(axis=0) for each in (transitions.begins, transitions.ends)
+        )
+        self.scales = root_mean_square(begins)
+        n, m = game.B.shape
+        names = (*game.names.states, *game.names.inputs, *numbered("d", columns - n - m))
+        for place in np.flatnonzero(np.ptp(transitions.begins, axis=0) == 0.0).tolist():
+            raise BadInputError(f"{names[place]} is the same in every row of the data; excite it")
+        self.scaled_begins = begins / self.scales
+        self._refuse_policies(names)
+        sizes = np.linalg.svd(self.scaled_begins, compute_uv=False)
+        rank = int(np.sum(sizes > _RANK_TOLERANCE * sizes[0]))
+        if rank < columns:
+            raise BadInputError(
+                f"the rank of states, inputs and disturbances is {rank} of {columns}: "
+                "some are combinations of others in every row; record other motions too, and move "
+                "each input independently"
+            )
+        self.condition = float(sizes[0] / sizes[-1])
+        fit, *_ = np.linalg.lstsq(self.scaled_begins, self.ends, rcond=None)
+        self.matrix = fit.T / self.scales
+        self.residuals = self.ends - self.scaled_begins @ fit
+        self.degrees_of_freedom = count - columns - 1
         self.covariance = self.residuals.T @ self.residuals / self.degrees_of_freedom
         self.noise = np.sqrt(np.diag(self.covariance))
-        self.misfit = _misfit(self.residuals, ends)
+        self.misfit = _misfit(self.residuals, self.ends)
 
-    def _checked_excitation(self) -> Excitation:
-        """Return the excitation of [x u d]. Raises BadInputError if it is poor."""
-        n, m = self.user_game.B.shape
-        scales, scaled, signals = self.scales, self.scaled_begins, self.user_game.names
-        names = (*signals.states, *signals.inputs, *numbered("d", len(scales) - n - m))
-        for place in np.flatnonzero(scales == 0.0):
-            raise BadInputError(f"{names[place]} is 0 in every row of the data; excite it")
-        rounding = self.transitions.rounding / scales
+    def _refuse_policies(self, names: Sequence[str]) -> None:
+        """Raise BadInputError for inputs and disturbances that are linear functions of x."""
+        n = len(self.user_game.A)
+        scaled, rounding = self.scaled_begins, self.transitions.rounding / self.scales
         gains = np.linalg.lstsq(scaled[:, :n], scaled[:, n:], rcond=None)[0]  # (u, d) from x
         beyond_policy = np.abs(scaled[:, n:] - scaled[:, :n] @ gains).max(axis=0)
         # Rounding changes u and x by up to 0.5 of their last digits, and their fit by half of that.
         rounding_errors = (0.5 + 0.25) * (rounding[n:] + rounding[:n] @ np.abs(gains))
-        is_policy = beyond_policy <= np.maximum(rounding_errors, RANK_TOLERANCE)
+        is_policy = beyond_policy <= np.maximum(rounding_errors, _RANK_TOLERANCE)
         if is_policy.any():
-            moved = ", ".join(names[n + place] for place in np.flatnonzero(is_policy))
+            moved = ", ".join(names[n + place] for place in np.flatnonzero(is_policy).tolist())
             raise BadInputError(
                 f"in every row, {moved} is a policy u = -K x of the states, up to rounding, so "
                 "that its effect cannot be told from theirs; add independent excitation to it "
                 "while recording"
             )
-        found = excitation_of(scaled)
-        if found.rank < found.size:
-            raise BadInputError(
-                f"the rank of states, inputs and disturbances is {found.rank} of {found.size}: "
-                "some are combinations of others in every row; record other motions too, and move "
-                "each input independently"
-            )
-        return found
-
-    def _has_constant(self) -> bool:
-        """Return whether the ends have a part that M cannot fit, and a constant can."""
-        constant = _beyond(self.scaled_begins, np.ones(len(self.scaled_begins)))
-        components = np.abs(constant @ self.residuals) / (np.linalg.norm(constant) or 1.0)
-        # Student's t-test: the component against the residuals that remain with a constant.
-        rest = self.degrees_of_freedom - 1
-        squares = self.degrees_of_freedom * self.noise**2 - components**2
-        limits = _quantile(_CHANCE / len(squares), rest) * np.sqrt(squares.clip(0.0) / rest)
-        return self.misfit > _ROUNDING and bool(np.any(components > limits))
 
     @cached_property
     def game(self) -> Game:
@@ -145,7 +126,12 @@ class PlantFit:
                     "continuous time with held inputs does; record more often, or check dt and "
                     "that inputs are constant between samples"
                 )
-            self._refuse_fast_modes(rates)
+            fastest = np.abs(np.linalg.eigvals(self.user_game.A).imag).max()
+            if fastest * hold > math.pi:
+                raise BadInputError(
+                    f"the plant has a mode of {fastest:.3g} rad/s, and samples every {hold:g} s "
+                    f"show none faster than {math.pi / hold:.3g} rad/s; record more often"
+                )
             fit = rates
         A, B, E = np.split(fit, [n, n + m], axis=1)
         return replace(self.user_game, A=A, B=B, E=E if E.size else self.user_game.E)
@@ -153,17 +139,15 @@ class PlantFit:
     def summary(self) -> DataSummary:
         """Return what the data can tell."""
         follows = self.transitions.follows
-        sentence = "the data have a constant part, which is fitted: K is of deviations from a trim"
-        constant = [sentence] if self.is_centered else []
         return DataSummary(
             rows=len(follows),
             # A transition that follows no other is the first of an episode.
             episodes=int(np.sum(~follows)) if follows.any() else 0,
-            excitation=self.excitation,
+            condition=self.condition,
             misfit=self.misfit,
             noise=self.noise,
             hold=self.transitions.hold,
-            notes=(*self.transitions.notes, *constant, *self._doubts()),
+            notes=(*self.transitions.notes, *self._doubts()),
         )
 
     @property
@@ -175,14 +159,14 @@ class PlantFit:
         """Yield sentences on why the deviations are no independent noise."""
         from scipy.special import chdtri
 
-        if self.misfit <= RANK_TOLERANCE:
+        if self.misfit <= _RANK_TOLERANCE:
             return
         if self._outliers:
             yield self._outliers
         followers = np.flatnonzero(self.transitions.follows)
         if len(followers):
             # For independent residuals, each entry of all independent ones has the variance 1.
-            seen = self.noise > RANK_TOLERANCE * root_mean_square(self.ends)
+            seen = self.noise > _RANK_TOLERANCE * root_mean_square(self.ends)
             unit, *_ = np.linalg.svd(
                 self.residuals[:, seen] / self.noise[seen], full_matrices=False
             )
@@ -201,7 +185,8 @@ class PlantFit:
         The fit is that of the 80 % of the rows with the smallest residuals (least trimmed squares).
         A row is outside if a residual exceeds 6 standard deviations, by the median of all rows.
         """
-        begins, ends = self.scaled_begins, self.ends
+        ends = self.ends
+        begins = np.column_stack([self.scaled_begins, np.ones(len(ends))])  # of rows without them
         kept = inside = np.arange(len(ends))
         for _ in range(20):
             fit, *_ = np.linalg.lstsq(begins[kept], ends[kept], rcond=None)
@@ -214,42 +199,12 @@ class PlantFit:
         if len(inside) == len(ends) or without > 0.5 * self.misfit:
             return ""
         rows = [*map(str, np.delete(self.transitions.rows, inside))]
-        more = f" and {len(rows) - _MOST_ROWS} more" if len(rows) > _MOST_ROWS else ""
+        more = ", ..." if len(rows) > _MOST_ROWS else ""
         return (
             f"{len(rows)} of {len(ends)} rows do not fit the others "
             f"({', '.join(rows[:_MOST_ROWS])}{more}): without them, the misfit is "
             f"{100.0 * without:.2g} %; mark the ends of episodes, or remove wrong rows"
         )
-
-    def _refuse_fast_modes(self, rates: np.ndarray) -> None:
-        """Raise BadInputError if samples are slower than a mode of the user's plant, or if the rate
-        of X is not X_rate, of states with such names, as of slow samples or of a wrong time.
-
-        rates: [A B E] by the logarithm of the step, (n, s)
-        """
-        hold = self.transitions.hold
-        fastest = float(np.abs(np.linalg.eigvals(self.user_game.A).imag).max())
-        if hold is not None and fastest * hold > math.pi:
-            raise BadInputError(
-                f"the plant has a mode of {fastest:.3g} rad/s, and samples every {hold:g} s show "
-                f"none faster than {math.pi / hold:.3g} rad/s; record more often"
-            )
-        names = self.user_game.names
-        labels = dict(zip(names.states, names.state_units, strict=True))
-        for row, (state, unit) in enumerate(labels.items()):
-            rate = f"{state}_rate"
-            if rate not in labels or self.misfit > 0.1:
-                continue
-            terms = rates[row] * self.scales  # root mean squares of the parts of the rate
-            place = names.states.index(rate)
-            known = self.scales[place] * (conversion_factor(labels[rate], f"{unit}/s") or 1.0)
-            terms[place] -= known
-            if np.abs(terms).max() > 0.5 * known:
-                raise BadInputError(
-                    f"the rate of {state} in the data is not {rate}: the samples, every "
-                    f"{hold:g} s, are slower than a mode, or their time is wrong; "
-                    "record more often"
-                )
 
     @cached_property
     def _root_of_row(self) -> np.ndarray:
@@ -270,14 +225,10 @@ class PlantFit:
         for place, name in enumerate(self.user_game.names.inputs, start=n):
             if np.any(np.abs(self.matrix[:, place]) > bands[:, place]):
                 continue
-            # The share of the input that is no linear function of x: the scaled one has the size 1.
-            of_input = self.scaled_begins[:, place]
-            share = root_mean_square(_beyond(self.scaled_begins[:, :n], of_input))
             raise BadInputError(
-                f"the data show no effect of {name} in 95 % bands: {100.0 * share:.2g} % of it is "
-                f"not a policy u = -K x, and the misfit is {100.0 * self.misfit:.2g} %; record "
-                "longer, with less noise, or with larger independent excitation"
-                + (f". {self._outliers}" if self._outliers else "")
+                f"the data show no effect of {name} in 95 % bands, with a misfit of "
+                f"{100.0 * self.misfit:.2g} %; record longer, with less noise, or with larger "
+                "independent excitation" + (f". {self._outliers}" if self._outliers else "")
             )
 
     def bands(self, P: np.ndarray) -> Bands:
@@ -360,8 +311,3 @@ def _misfit(errors: np.ndarray, ends: np.ndarray) -> float:
     """Return the largest ratio of the errors of a state to its ends, as root mean squares."""
     sizes = root_mean_square(ends)
     return float(np.max(root_mean_square(errors) / np.where(sizes > 0.0, sizes, 1.0)))
-
-
-def _beyond(columns: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Return the residuals (N, k) of the least-squares fit of others (N, k) to columns (N, n)."""
-    return np.asarray(others - columns @ np.linalg.lstsq(columns, others, rcond=None)[0])

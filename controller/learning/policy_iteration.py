@@ -12,7 +12,6 @@ The iterations begin with u = 0 and a discount rate β that makes the plant stab
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -30,7 +29,7 @@ FIRST_MARGIN = 0.5
 CONVERGED, SMALL = 1e-12, 1e-6
 #: Largest number of iterations for a problem. If more are needed, a smaller step is tried.
 MOST_ITERATIONS = 60
-#: Smallest step of the discount and of the share of 1/δ², relative to the whole way.
+#: Smallest step of the discount and of the share of 1/δ², relative to the whole way of each.
 SMALLEST_STEP = 1e-9
 #: Largest negative eigenvalue of P >= 0 that rounding may cause, relative to the largest entry.
 NEGATIVE_BY_ROUNDING = 1e-10
@@ -76,7 +75,6 @@ class Iteration(Samples):
         regressors = np.einsum("jmi,ji->jm", self.gradient, rates)  # ∂ψ_j times rates_j, (N_h, M)
         costs = self.costs + quadratic_forms(self.states, P @ S @ P)
         row_lengths = np.linalg.norm(regressors, axis=1)
-        row_lengths[row_lengths == 0.0] = 1.0  # of the state 0
         equations = regressors / row_lengths[:, None]
         column_lengths = np.linalg.norm(equations, axis=0)
         scaled, *_ = np.linalg.lstsq(equations / column_lengths, -costs / row_lengths, rcond=None)
@@ -108,34 +106,6 @@ class Iteration(Samples):
         return is_semidefinite and spectral_abscissa(loop) < problem.discount
 
 
-def continuation(
-    iteration: Iteration,
-    P: np.ndarray,
-    problem_at: Callable[[float], Problem],
-    report: Callable[[float], object],
-) -> tuple[np.ndarray, float]:
-    """Return P (n, n) of the last problem that is solved on a path of problems, and its place.
-
-    The path begins at the place 0, and ends at the place 1. P of a problem begins the iterations of
-    the next one. A problem is solved if they converge to the only P >= 0 that stabilizes the
-    discounted plant (`is_solved`). Then the step along the path is doubled, and otherwise halved.
-
-    P: its policies stabilize the plant of the problem at the place 0
-    problem_at: place -> problem
-    report: called with the place after each trial
-    """
-    place, step = 0.0, 1.0
-    while place < 1.0 and step >= SMALLEST_STEP:
-        tried = min(1.0, place + step)
-        after = iteration.iterated(P, problem_at(tried))
-        if after is not None and iteration.is_solved(after, problem_at(tried)):
-            P, place, step = after, tried, 2.0 * step
-        else:
-            step /= 2.0
-        report(place)
-    return P, place
-
-
 def policy_iteration(samples: Samples, progress: Progress | None) -> Learned:
     """Return the weights of the value of a game that policy iteration learns from samples.
 
@@ -145,7 +115,7 @@ def policy_iteration(samples: Samples, progress: Progress | None) -> Learned:
     Raises NoSolutionError if (A, B) is not stabilizable, or, with the δ at which the solution
     ceases to exist, if the game has none.
     """
-    game, report = samples.game, progress or (lambda *_: None)
+    game = samples.game
 
     # The same game in states z / scales, whose sizes are 1.
     scales = root_mean_square(samples.states)
@@ -154,34 +124,34 @@ def policy_iteration(samples: Samples, progress: Progress | None) -> Learned:
     scaled = replace(game, A=A, B=B, E=E, Q=game.Q * products_of_scales)
     iteration = Iteration(scaled, samples.psi, samples.states / scales)
 
-    # Lower the discount to 0, without disturbance.
+    # Places 0 to 1 lower the discount to 0, without disturbance. Places 1 to 2 raise the share of
+    # 1/δ² to 1. P of a problem begins the iterations of the next one. The step is doubled if they
+    # converge to the only P >= 0 that stabilizes the discounted plant, and otherwise halved.
     first_discount = max(0.0, spectral_abscissa(A) + FIRST_MARGIN)  # u = 0 is stable with it
-    P, lowered = continuation(
-        iteration,
-        np.zeros_like(A),
-        lambda lowered: Problem(discount=(1.0 - lowered) * first_discount, share=0.0),
-        lambda lowered: report(
-            0.5 * lowered, 1.0, f"discount {(1.0 - lowered) * first_discount:.3g} 1/s"
-        ),
-    )
-    if lowered < 1.0:
+    P, place, step = np.zeros_like(A), 0.0, 1.0
+    while place < 2.0 and step >= SMALLEST_STEP:
+        tried = min(place + step, 1.0 if place < 1.0 else 2.0)
+        problem = Problem(max(1.0 - tried, 0.0) * first_discount, max(tried - 1.0, 0.0))
+        after = iteration.iterated(P, problem)
+        if after is not None and iteration.is_solved(after, problem):
+            P, place, step = after, tried, 2.0 * step
+        else:
+            step /= 2.0
+        if progress is not None:
+            told = f"discount {problem.discount:.3g} 1/s, share {problem.share:.3g} of 1/delta²"
+            progress(0.5 * place, 1.0, told)
+    if place < 1.0:
         raise NoSolutionError(
-            f"the discount cannot be lowered below {(1.0 - lowered) * first_discount:.6g} 1/s, "
+            f"the discount cannot be lowered below {(1.0 - place) * first_discount:.6g} 1/s, "
             "where the learned policies leave a mode unstable; check that (A, B) is stabilizable "
             "and that Q weights the mode"
         )
-
-    # Raise the share of 1/δ² to 1.
-    P, share = continuation(
-        iteration,
-        P,
-        lambda share: Problem(discount=0.0, share=share),
-        lambda share: report(0.5 + 0.5 * share, 1.0, f"share {share:.3g} of 1/delta²"),
-    )
-    if share < 1.0:  # solved up to share / δ²
+    if place < 2.0:  # solved up to share / δ²
+        share = place - 1.0
         end = game.delta / np.sqrt(share) if share else np.inf
         raise NoSolutionError(
             f"the law finds no solution for delta = {game.delta:g}, because the solution ceases to "
             f"exist at delta = {end:.6g}; choose a larger delta (`hfa solve` reports the smallest)"
         )
-    return Learned(samples.psi.weights(P / products_of_scales))  # in the units of the samples
+    weights = samples.psi.weights(P / products_of_scales)  # in the units of the samples
+    return Learned(weights, samples.residual(weights))

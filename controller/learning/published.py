@@ -24,8 +24,8 @@ from hfa_support.progress import Progress
 T_W, STEP, ETA, GAMMA, FIRST_WEIGHT = 10.0, 1e-4, 0.8, 0.01, 100.0
 #: θ, which the paper does not print.
 THETA = 0.9
-#: Number of reports of the progress.
-TICKS = 1000
+#: Number of steps from one report of the progress to the next.
+STEPS_OF_A_REPORT = 100
 
 
 class TheoremGains(NamedTuple):
@@ -94,36 +94,26 @@ class PublishedLaw(Samples):
         above_1 = (self.gains.alpha2 + 1.0) * sizes ** (1.0 + ETA)
         return np.asarray(-GAMMA * (np.copysign(below_1 + above_1, residuals) @ regressors))
 
-    def advance(self, tick: int, weights: np.ndarray) -> np.ndarray:
-        """Return the weights after the Euler steps of one of the `TICKS`.
-
-        Raises NoSolutionError, with the step, if the weights overflow.
-        """
-        steps = round(T_W / STEP) // TICKS
-        for step in range(tick * steps, (tick + 1) * steps):
-            with np.errstate(all="ignore"):
-                weights = weights + STEP * self.rate(weights)
-            if not np.isfinite(weights).all():
-                gains = self.gains
-                raise NoSolutionError(
-                    f"the law of Eq. (46) as printed overflows at step {step + 1} (t = "
-                    f"{(step + 1) * STEP:.3g} s): lambda_0 = {gains.lambda_0:.2g}, alpha1 = "
-                    f"{gains.alpha1:.2g} and alpha2 = {gains.alpha2:.2g} require an explicit step "
-                    f"below {gains.explicit_step_limit:.2g} s, the printed step is {STEP:g} s; "
-                    "leave out the law for one that solves the game"
-                )
-        return weights
-
 
 def published_law(samples: Samples, progress: Progress | None) -> Learned:
-    """Return the weights of Eq. (46) as printed, and the gains of Theorem 1.
+    """Return the weights of Eq. (46) as printed, by explicit Euler, and the gains of Theorem 1.
 
-    Raises NoSolutionError, with the cause, if the weights overflow.
+    Raises NoSolutionError, with the step and the cause, if the weights overflow.
     """
     law = PublishedLaw(samples.game, samples.psi, samples.states)
-    weights = np.full(law.psi.size, FIRST_WEIGHT)
-    for tick in range(TICKS):
-        if progress is not None:
-            progress(tick / TICKS, 1.0, f"t = {tick * T_W / TICKS:.3g} s")
-        weights = law.advance(tick, weights)
-    return Learned(weights, law.gains._asdict())
+    gains, weights = law.gains, np.full(law.psi.size, FIRST_WEIGHT)
+    steps = round(T_W / STEP)
+    for step in range(steps):
+        if progress is not None and step % STEPS_OF_A_REPORT == 0:
+            progress(step / steps, 1.0, f"t = {step * STEP:.3g} s")
+        with np.errstate(all="ignore"):
+            weights = weights + STEP * law.rate(weights)
+        if not np.isfinite(weights).all():
+            raise NoSolutionError(
+                f"the law of Eq. (46) as printed overflows at step {step + 1} (t = "
+                f"{(step + 1) * STEP:.3g} s): lambda_0 = {gains.lambda_0:.2g}, alpha1 = "
+                f"{gains.alpha1:.2g} and alpha2 = {gains.alpha2:.2g} require an explicit step "
+                f"below {gains.explicit_step_limit:.2g} s, the printed step is {STEP:g} s; "
+                "leave out the law for one that solves the game"
+            )
+    return Learned(weights, law.residual(weights), gains._asdict())

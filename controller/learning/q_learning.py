@@ -1,6 +1,6 @@
-"""Discrete-time Q-learning from recorded steps: value iteration, followed by policy iteration.
+"""Discrete-time Q-learning from steps: value iteration, followed by policy iteration.
 
-Each step (x, u, w, x⁺), with x⁺ of the fit to the data, gives one equation that is linear in the
+Each step (x, u, w, x⁺), gives one equation that is linear in the
 weights H of Q(x, u, w) = [x; u; w]'H [x; u; w]. Source: Al-Tamimi, Lewis and Abu-Khalaf,
 Automatica 43 (2007), 473-481; Lagoudakis and Parr, J. Machine Learning Research 4 (2003),
 1107-1149.
@@ -13,14 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from controller.critic.training_run import SETTLED, Excitation, TrainingRun
+from controller.critic.training_run import SETTLED
 from controller.game.basis import basis, q_extremum
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, is_definite, q_function
-from controller.learning.recording import (
-    excitation_of,
-    plant_of,
-    root_mean_square,
-)
+from controller.learning.recording import Learned, plant_of, root_mean_square
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.matrices import quadratic_forms, spectral_radius
 from hfa_support.progress import Progress
@@ -31,18 +27,15 @@ PAUSES = 12
 MOST_POLICY_ITERATIONS = 12
 
 
-def learn_steps(
-    game: Game, begins: np.ndarray, seed: int, progress: Progress | None
-) -> TrainingRun:
-    """Return the training run of Q-learning on a game in discrete time, from recorded steps.
+def learn_steps(game: Game, begins: np.ndarray, progress: Progress | None) -> Learned:
+    """Return what Q-learning learns of a game in discrete time, from steps.
 
     Value iteration H <- cost + α extremum of H at x⁺ starts from 0. After 1, 3, 7, ... value
     iterations, policy iteration is tried. Learning ends if policy iteration converges to a policy
-    that stabilizes the linear fit of the steps.
+    that stabilizes the plant of the game.
 
-    game: the game with the plant that was fitted to the data
-    begins: (x, u, w) of the recorded steps, (N, s); w only for a finite delta
-    seed: seed of the data, which is reported
+    game: the game, with the plant that was fitted to data, if any
+    begins: (x, u, w) of the steps, (N, s); w only for a finite delta
     progress: called before each block of value iterations, or None
 
     Raises BadInputError if R is singular.
@@ -55,7 +48,6 @@ def learn_steps(
             " over u; give R > 0, or solve the game with hfa.solve"
         )
     learner = QLearner(game, begins)
-    of_samples = excitation_of(learner.features)
     P = np.zeros_like(game.A)
     for pause in range(PAUSES):
         if progress is not None:
@@ -68,7 +60,7 @@ def learn_steps(
             for _ in range(MOST_POLICY_ITERATIONS):
                 before, H = H, learner.policy_iteration(H)
                 if learner.is_settled(before, H):
-                    return learner.training_run(H, seed, of_samples)
+                    return learner.learned(H)
     raise NoSolutionError(
         f"Q-learning did not converge in {learner.iterations} iterations; check with `hfa solve`"
         " that a stabilizing policy exists and that delta is large enough, or record smaller steps"
@@ -77,17 +69,17 @@ def learn_steps(
 
 @dataclass(eq=False)
 class QLearner:
-    """Iterations of the Q-function H, (s, s), on recorded steps.
+    """Iterations of the Q-function H, (s, s), on steps.
 
-    game: the game with the plant that was fitted to the data
-    begins: (x, u, w) of the recorded steps, (N, s)
+    game: the game, with the plant that was fitted to data, if any
+    begins: (x, u, w) of the steps, (N, s)
     iterations: number of iterations so far
-    ends: x⁺ of the steps by the fit, (N, n)
+    ends: x⁺ of the steps, (N, n)
     costs: cost of each step, (N,)
     scales: root mean squares of the columns of `begins`, (s,)
     products_of_scales: scales scales', which makes H one of (x, u, w) / scales
-    features: all products of two entries of (x, u, w) / scales, (N, M)
-    pseudoinverse: of the features. Times values of Q at the steps, it is the weights of H
+    pseudoinverse: of all products of two entries of (x, u, w) / scales, (N, M). Times values of Q
+        at the steps, it is the weights of H
     """
 
     game: Game
@@ -101,8 +93,7 @@ class QLearner:
         self.products_of_scales = np.outer(self.scales, self.scales)
         self.ends = self.begins @ plant_of(self.game, size).T
         self.psi = basis("quadratic", size)
-        self.features = self.psi.psi(self.begins / self.scales)
-        self.pseudoinverse = np.linalg.pinv(self.features)
+        self.pseudoinverse = np.linalg.pinv(self.psi.psi(self.begins / self.scales))
         cost_matrix = q_function(self.game, np.zeros_like(self.game.A))  # no cost after the step
         self.costs = quadratic_forms(self.begins, cost_matrix)
 
@@ -153,7 +144,7 @@ class QLearner:
         """Return whether policy iteration has converged to a stabilizing policy.
 
         The block of H over the states changes by at most `SETTLED`, H has a saddle point, and the
-        discounted loop √α (A - B K) of the fit is stable, also with the worst disturbance L x.
+        discounted loop √α (A - B K) is stable, also with the worst disturbance L x.
 
         before, after: H of consecutive iterations
         """
@@ -167,22 +158,12 @@ class QLearner:
         root = np.sqrt(self.game.discount)
         return all(root * spectral_radius(loop) < 1.0 for loop in loops)
 
-    def training_run(self, H: np.ndarray, seed: int, of_samples: Excitation) -> TrainingRun:
+    def learned(self, H: np.ndarray) -> Learned:
         """Return the result of the last iteration, with the residual of Bellman's equation."""
-        optimum = q_extremum(self.game, H)
-        errors = quadratic_forms(self.begins, H) - self.costs - self._costs_after(optimum["P"])
-        psi = basis("quadratic", len(self.game.A))
-        return TrainingRun(
-            law="Q-learning",
-            basis=psi.name,
-            W=psi.weights(optimum["P"]),
-            residual_norm=float(np.linalg.norm(errors) / np.linalg.norm(self.costs)),
-            K=optimum["K"],
-            excitation=of_samples,
-            seed=seed,
-            names=self.game.names,
-            H=H,
-        )
+        P = q_extremum(self.game, H)["P"]
+        errors = quadratic_forms(self.begins, H) - self.costs - self._costs_after(P)
+        residual = float(np.linalg.norm(errors) / np.linalg.norm(self.costs))
+        return Learned(basis("quadratic", len(P)).weights(P), residual, H=H)
 
     def _costs_after(self, P: np.ndarray) -> np.ndarray:
         """Return the cost α x⁺'P x⁺ after each step, (N,)."""

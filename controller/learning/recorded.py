@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -28,8 +28,8 @@ from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shorten
 from hfa_support.matrices import LARGEST, shape_text
 from hfa_support.reporting.text import numbered
 
-#: Matrix of the ends of transitions -> suffixes of their columns.
-_SUFFIXES_OF_ENDS = {"x_next": ("_next",), "x_rate": ("_dot", "_rate")}
+#: Matrix of the ends of transitions -> suffix of their columns.
+_SUFFIX_OF_ENDS = {"x_next": "_next", "x_rate": "_dot"}
 #: Flags of the last row of an episode, in libraries of reinforcement learning.
 _LAST = (
     *("terminals", "terminal", "terminated", "terminations", "timeouts", "truncated"),
@@ -47,7 +47,7 @@ _ALIASES = {
     **dict.fromkeys(("x_dot", "xdot"), "x_rate"),
 }
 #: Entries that are matrices.
-_MATRICES = ("x", "u", "d", *_SUFFIXES_OF_ENDS)
+_MATRICES = ("x", "u", "d", *_SUFFIX_OF_ENDS)
 
 
 def transitions_in(data: Any, game: Game) -> Transitions:
@@ -63,7 +63,7 @@ def transitions_in(data: Any, game: Game) -> Transitions:
                 parts.append(_transitions(record, game))
             names += [f"{name}: {row}" for row in parts[-1].rows]
     begins, ends, follows, roundings, holds, notes, rows = zip(*parts, strict=True)
-    if len({(len(rounding), hold) for rounding, hold in zip(roundings, holds, strict=True)}) > 1:
+    if len({*zip(map(len, roundings), holds, strict=True)}) > 1:
         raise BadInputError(
             "the episodes differ in sample time or in disturbances; give equal ones"
         )
@@ -168,14 +168,14 @@ def _record(
     """
     signals = {*plant.states, *plant.inputs}  # before words such as time
     named = matched(columns, _NO_SIGNALS | dict.fromkeys(signals, ""))
-    if len(getattr(named.get("dt"), "cells", ())) == 1:
-        del named["dt"]  # an entry
-    table, names = named, plant
     if "x" in entries and not (signals and signals <= named.keys()):  # no state x of the plant
-        table, names = _columns_of_matrices(entries, where, plant)
-    blocks = _blocks_among(table, names)
+        blocks = _blocks_of_matrices(entries, where, plant)
+    else:
+        blocks = _blocks_among(named, plant)
     count, of_inputs = (len(blocks[key][0].cells) for key in "xu")
-    marks = {name: column for name, column in named.items() if name in _NO_SIGNALS}
+    marks = {name: named[name] for name in _NO_SIGNALS if name in named}
+    if "dt" in marks and len(marks["dt"].cells) == 1:
+        del marks["dt"]  # an entry
     for name, column in marks.items():
         if len(column.cells) == of_inputs < count:
             marks[name] = column._replace(cells=np.append(column.cells, np.nan))
@@ -184,54 +184,51 @@ def _record(
         raise BadInputError("the columns differ in length; give columns of one length")
     if "dt" in marks:
         entries = {**entries, "dt": np.unique(marks["dt"].numbers("s"))}  # one number
-    used = {*_MATRICES, *_NO_SIGNALS, *NAME_KEYS, *NAME_ALIASES, "Ts"}
-    used |= {column.name for column in chain(*blocks.values())}
-    unused = [name for name in named if name not in used]
-    used |= {column.name for column in columns}
-    unused += [key for key in entries if Label.of(key).name not in used]
+    used = {*_MATRICES, *_ALIASES, *_NO_SIGNALS, *NAME_KEYS, *NAME_ALIASES, "Ts"}
+    used |= {column.name for column in chain(*blocks.values(), marks.values())}
+    given = chain((column.name for column in columns), (Label.of(key).name for key in entries))
+    unused = [name for name in dict.fromkeys(given) if name not in used]
     return _Record(blocks, marks, entries, unused)
 
 
-def _columns_of_matrices(
+def _blocks_of_matrices(
     entries: Mapping[str, Any], where: str, plant: PlantNames
-) -> tuple[dict[str, Column], PlantNames]:
-    """Return the columns of the matrices x (N, n), u, ..., and the names of states and inputs, in
-    the order of the plant if they are its own. A last row of x alone ends the last step.
+) -> dict[str, list[Column]]:
+    """Return the matrices x (N, n), u, ... as columns, in the order of the plant if the names are
+    its own. A last row of x alone ends the last step.
     """
     matrices = {key: numbers_in(key, entries[key]) for key in _MATRICES if key in entries}
     if "u" not in matrices:
         raise BadInputError(f"there is no u{entries_found(entries)}; add it")
     matrices = {key: np.atleast_2d(matrix.T).T for key, matrix in matrices.items()}
-    count, n = matrices["x"].shape
+    count = len(matrices["x"])
+    rows = range(1, count + 1)
     names = plant_names(entries)
-    names = names._replace(
-        states=names.states or plant.states or numbered("x", n),
-        inputs=names.inputs or plant.inputs or numbered("u", matrices["u"].shape[1]),
-    )
-    names = names.completed(len(names.states), len(names.inputs))
-    of_states = [*zip(names.states, names.state_units, strict=True)]
-    labels = {
-        "x": of_states,
-        "u": [*zip(names.inputs, names.input_units, strict=True)],
-        "d": [(name, "") for name in numbered("d", matrices.get("d", matrices["x"]).shape[1])],
-        "x_next": [(f"{name}_next", unit) for name, unit in of_states],
-        "x_rate": [(f"{name}_dot", unit and f"{unit}/s") for name, unit in of_states],
-    }
-    shortest = count - {*_SUFFIXES_OF_ENDS}.isdisjoint(matrices)
-    columns: dict[str, Column] = {}
+    states = names.states or plant.states or numbered("x", matrices["x"].shape[1])
+    inputs = names.inputs or plant.inputs or numbered("u", matrices["u"].shape[1])
+    names = names._replace(states=states, inputs=inputs).completed(len(states), len(inputs))
+    shortest = count - {*_SUFFIX_OF_ENDS}.isdisjoint(matrices)
+    blocks: dict[str, list[Column]] = {}
     for key, matrix in matrices.items():
-        wanted = (count, len(labels[key]))
-        if matrix.shape not in (wanted, (shortest, wanted[1])):
+        suffix, per = _SUFFIX_OF_ENDS.get(key, ""), "/s" if key == "x_rate" else ""
+        ordered = plant.states
+        units = dict(zip(states, names.state_units, strict=True))
+        if key == "u":
+            units, ordered = dict(zip(inputs, names.input_units, strict=True)), plant.inputs
+        if key == "d":
+            units, ordered = dict.fromkeys(numbered("d", matrix.shape[1]), ""), ()
+        if matrix.shape not in [(length, len(units)) for length in (count, shortest)]:
             raise BadInputError(
-                f"{key} is {shape_text(matrix.shape)}; give {shape_text(wanted)}, a row for each "
-                "sample"
+                f"{key} is {shape_text(matrix.shape)}; give {shape_text((count, len(units)))}, a "
+                "row for each sample"
             )
-        columns |= {
-            name: Column(where, name, unit or None, cells, range(1, count + 1))
-            for (name, unit), cells in zip(labels[key], matrix.T, strict=True)
+        columns = {
+            name: Column(where, f"{name}{suffix}", (unit and f"{unit}{per}") or None, cells, rows)
+            for (name, unit), cells in zip(units.items(), matrix.T, strict=True)
         }
-    is_of_plant = {*names.states, *names.inputs} == {*plant.states, *plant.inputs}
-    return columns, plant if is_of_plant else names
+        is_of_plant = columns.keys() == {*ordered}
+        blocks[key] = [columns[name] for name in (ordered if is_of_plant else columns)]
+    return blocks
 
 
 def _blocks_among(named: Mapping[str, Column], plant: PlantNames) -> dict[str, list[Column]]:
@@ -240,14 +237,13 @@ def _blocks_among(named: Mapping[str, Column], plant: PlantNames) -> dict[str, l
     The states and inputs are those of the plant. If the table has none of them, the states are the
     columns beside one of their next value or rate, and the inputs are all other columns.
     """
-    states, inputs = [*plant.states], [*plant.inputs]
+    states, inputs, suffixes = [*plant.states], [*plant.inputs], _SUFFIX_OF_ENDS.values()
     disturbances = [name for name in named if re.fullmatch(r"d\d*", name)]
     missing = [name for name in (*states, *inputs) if name not in named]
     if is_other := len(missing) == len(states) + len(inputs):
-        every = [*_SUFFIXES_OF_ENDS.values()]
-        states = next(filter(None, ([*_ends_among(named, named, each)] for each in every)), [])
-        ends = chain(*(_ends_among(named, states, each).values() for each in every))
-        no_inputs = {*states, *disturbances, *_NO_SIGNALS, *_NO_INPUTS, *ends}
+        states = [name for name in named if any(f"{name}{end}" in named for end in suffixes)]
+        of_states = {f"{state}{end}" for state in states for end in suffixes}
+        no_inputs = {*states, *of_states, *disturbances, *_NO_SIGNALS, *_NO_INPUTS}
         inputs = [name for name in named if name not in no_inputs]
     if (missing and not is_other) or not states or not inputs:
         raise BadInputError(
@@ -256,31 +252,19 @@ def _blocks_among(named: Mapping[str, Column], plant: PlantNames) -> dict[str, l
             "the columns so, with units as in alpha [deg], or give a plant that names them"
         )
     blocks = {"x": states, "u": inputs, "d": disturbances}
-    for key, suffixes in _SUFFIXES_OF_ENDS.items():
-        of_states = _ends_among(named, states, suffixes)
-        if {*states}.issuperset(of_states.values()):
-            continue
-        for state in states:
-            if state not in of_states:
-                raise BadInputError(
-                    f"there is no column {state}{suffixes[0]}; add it, or remove the others"
-                )
-        blocks[key] = [of_states[state] for state in states]
+    for key, suffix in _SUFFIX_OF_ENDS.items():
+        ends = [f"{state}{suffix}" for state in states]
+        lacking = [end for end in ends if end not in named]
+        if lacking and not named.keys() & {*ends} <= {*states}:  # pitch_dot may be a state
+            raise BadInputError(f"there is no column {lacking[0]}; add it, or remove the others")
+        blocks[key] = [] if lacking else ends
     return {key: [named[name] for name in block] for key, block in blocks.items() if block}
-
-
-def _ends_among(
-    columns: Collection[str], states: Iterable[str], suffixes: Sequence[str]
-) -> dict[str, str]:
-    """Return state -> column of its end, which may be a state: pitch_rate of pitch."""
-    ends = ((state, f"{state}{each}") for each in reversed(suffixes) for state in states)
-    return {state: end for state, end in ends if end in columns}
 
 
 def _transitions(record: _Record, game: Game) -> Transitions:
     """Return the transitions of samples in the units of a game."""
     blocks, rows_of, signals = record.blocks, record.blocks["x"][0].rows, game.names
-    end, *others = [key for key in _SUFFIXES_OF_ENDS if key in blocks] or ["x"]
+    end, *others = [key for key in _SUFFIX_OF_ENDS if key in blocks] or ["x"]
     if others:
         raise BadInputError("the data have x_next and x_rate; remove one of them")
     if end == "x_rate" and game.is_discrete:
@@ -292,11 +276,10 @@ def _transitions(record: _Record, game: Game) -> Transitions:
         if given != known:
             notes.append(f"{', '.join(given)} of the data, taken as {', '.join(known)}")
     of_d = blocks.get("d", ())
-    k = len(of_d)
-    if k and math.isfinite(game.delta) and k != game.E.shape[1]:
-        notes.append(f"E of the game is replaced by {k} recorded disturbances")
+    if of_d and math.isfinite(game.delta):
+        notes.append(f"E of the game is replaced by that of {len(of_d)} recorded disturbances")
     of_begins = [*blocks["x"], *blocks["u"], *of_d]
-    of_game = [*signals.state_units, *signals.input_units, *[""] * k]
+    of_game = [*signals.state_units, *signals.input_units, *[""] * len(of_d)]
     units = [unit or each.unit or "" for unit, each in zip(of_game, of_begins, strict=True)]
     of_time = "/s" if end == "x_rate" else ""
     units_of_ends = [unit and f"{unit}{of_time}" for unit in units[: len(game.A)]]

@@ -1,4 +1,4 @@
-"""Transitions of a plant: their generation, rank and Bellman residuals."""
+"""Transitions of a plant, states that are drawn for one, and the residual of its game."""
 
 from __future__ import annotations
 
@@ -9,16 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.critic.training_run import Excitation
 from controller.game.basis import Basis
 from controller.game.zero_sum import Game
 from hfa_support.matrices import balanced, quadratic_forms, spectral_abscissa, spectral_radius
 
-#: Singular values of the unit rows below this fraction of the largest count as 0. The weights can
-#: have the rounding error of a sample, 1e-16, divided by this fraction: eight digits remain
-#: correct.
-RANK_TOLERANCE = 1e-8
-#: Recorded samples for each weight by default.
+#: Drawn samples for each weight.
 SAMPLES_PER_WEIGHT = 4
 
 
@@ -38,15 +33,15 @@ class Transitions(NamedTuple):
     ends: np.ndarray
     follows: np.ndarray
     rounding: np.ndarray
-    hold: float | None = None
-    notes: tuple[str, ...] = ()
-    rows: Sequence[str] = ()
+    hold: float | None
+    notes: tuple[str, ...]
+    rows: Sequence[str]
 
 
-def simulated(game: Game, seed: int) -> Transitions:
-    """Return exact transitions from random states with random inputs and disturbances.
+def drawn(game: Game, seed: int) -> np.ndarray:
+    """Return random states, inputs and, for a finite delta, disturbances [x u d], (N, s).
 
-    [x u d] is drawn uniformly from a box, whose half-widths are those of `widths_of`.
+    They are drawn uniformly from a box, whose half-widths are those of `widths_of`.
 
     seed: seed of the random numbers
     """
@@ -54,13 +49,7 @@ def simulated(game: Game, seed: int) -> Transitions:
     size = len(widths)
     # A quadratic form of [x u d] has s (s + 1) / 2 weights.
     count = SAMPLES_PER_WEIGHT * size * (size + 1) // 2
-    begins = np.random.default_rng(seed).uniform(-widths, widths, (count, size))
-    return Transitions(
-        begins=begins,
-        ends=begins @ plant_of(game, size).T,
-        follows=np.zeros(count, dtype=bool),
-        rounding=np.zeros(size),
-    )
+    return np.random.default_rng(seed).uniform(-widths, widths, (count, size))
 
 
 def plant_of(game: Game, columns: int) -> np.ndarray:
@@ -72,7 +61,7 @@ def widths_of(game: Game) -> np.ndarray:
     """Return half-widths of random x and u, and of d for a finite delta, (s,).
 
     The half-widths of x are the `natural_spread`. No input or disturbance changes a state by more
-    than its spread in one step, or in the time of the fastest mode, or costs more than all states.
+    than its spread in one step, or costs more than all states.
     """
     columns, weights = game.B, np.diag(game.R)
     if np.isfinite(game.delta):
@@ -80,10 +69,9 @@ def widths_of(game: Game) -> np.ndarray:
         weights = np.append(weights, np.full(game.E.shape[1], game.delta**2))
     spread = natural_spread(game)
 
-    # Change in a step, or rate (1/s), of the state that an input of 1 moves most, in spreads.
+    # Change in a step of the state that an input of 1 moves most, in spreads.
     effects = np.abs(columns / spread[:, None]).max(axis=0)
-    permitted = 1.0 if game.is_discrete else spectral_radius(game.A) or 1.0
-    by_effect = permitted / np.where(effects > 0.0, effects, 1.0)
+    by_effect = 1.0 / np.where(effects > 0.0, effects, 1.0)
 
     cost_of_states = float(np.diag(game.Q) @ spread**2) or 1.0
     by_cost = np.sqrt(cost_of_states / weights)
@@ -115,29 +103,19 @@ def root_mean_square(columns: np.ndarray) -> np.ndarray:
     return np.asarray(np.sqrt(np.mean(columns**2, axis=0)))
 
 
-def excitation_of(samples: np.ndarray) -> Excitation:
-    """Return the rank and the condition of recorded samples.
-
-    samples: ψ(z_j), (N_h, M), whose rows are divided by their lengths, unless these are 0
-    """
-    count, size = samples.shape
-    lengths = np.linalg.norm(samples, axis=1, keepdims=True)
-    rows = samples / np.where(lengths > 0.0, lengths, 1.0)
-    values = np.linalg.svd(rows, compute_uv=False)
-    values = np.pad(values, (0, size - len(values)))
-    return Excitation(
-        rank=int(np.sum(values > RANK_TOLERANCE * values[0])),
-        size=size,
-        samples=count,
-        condition=float(values[0] / values[-1]) if values[-1] > 0.0 else np.inf,
-    )
-
-
 class Learned(NamedTuple):
-    """Weights (M,) of a value that a law learned, and further numbers of the law by name."""
+    """What a law learned.
+
+    weights: of the value, (M,)
+    residual: of the equation of the game, relative to the costs
+    diagnostics: further numbers of the law, by name
+    H: Q-function of a game in discrete time, or None
+    """
 
     weights: np.ndarray
+    residual: float
     diagnostics: Mapping[str, float] = {}
+    H: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)

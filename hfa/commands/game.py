@@ -230,10 +230,10 @@ def given_learning(request: LearnRequest) -> NamedGame:
 def learn(request: LearnRequest, named: NamedGame) -> Outcome:
     """Learn the value and gain of the game, and compare them with the exact solution.
 
-    -o FILE saves the weights for `hfa verify`. For a discrete-time plant, Q-learning from recorded
-    steps is used. With --data, recorded transitions take the place of simulated ones; A and B of
-    the plant are used for the comparison alone, and without a plant there is none. The exit code is
-    1 if a check fails.
+    -o FILE saves the weights for `hfa verify`. For a discrete-time plant, Q-learning is used. With
+    --data, the linear fit of recorded transitions takes the place of A and B; those of the plant
+    are used for the comparison alone, and without a plant there is none. The exit code is 1 if a
+    check fails.
     """
     from controller.learning.laws import learn
 

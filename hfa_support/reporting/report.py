@@ -46,7 +46,7 @@ class Check(Result):
     reason: reason for a failure, or "" if `ok`.
     relation: "<=", "<", ">=", ">" or "=="
     kind: what the check is about: "error", "rest" (an equilibrium), "stability", "game loop",
-        "cost", "gain", "data" or ""
+        "cost", "gain" or ""
     """
 
     name: str

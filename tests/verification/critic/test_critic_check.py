@@ -1,7 +1,6 @@
 """The check of critics. The exact critic passes, and each planted error is found, in any units."""
 
 import math
-from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -24,7 +23,6 @@ from hfa import (
     from_value,
     from_weights,
     game as game_on,
-    learn,
     linearize,
     read_critic,
     trim,
@@ -45,16 +43,6 @@ def over_the_box(game, candidate, box=None):
     """Return name -> value of the checks of a critic in a box."""
     checks = verify(game, candidate, box=box, flights=1, limit_seconds=0.0).checks
     return {check.name: check.value for check in checks}
-
-
-def test_a_critic_whose_data_have_too_low_a_rank_fails(game):
-    """A right critic fails if its data had only rank 15, less than the 21 weights, and the reason
-    names both numbers.
-    """
-    run = learn(game, seed=0)
-    check = verify(game, replace(run, excitation=replace(run.excitation, rank=15)))
-    assert failed_names(check.checks) == {"data_rank"}
-    assert "rank 15 of 21" in check.reason
 
 
 # Numbers of extreme size, wrong shapes, games without a solution.

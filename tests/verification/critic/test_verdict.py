@@ -73,7 +73,7 @@ def test_an_undecided_cost_is_not_printed_as_0():
         ("rest", 1.0, 0.0, "near", False),
         ("rest", 1.1, 0.0, "fail", False),
         ("stability", 0.5, 0.0, "fail", False),
-        *((kind, 0.5, 0.0, "fail", True) for kind in ("game loop", "gain", "cost", "data")),
+        *((kind, 0.5, 0.0, "fail", True) for kind in ("game loop", "gain", "cost")),
     ],
 )
 def test_each_kind_of_check_has_its_grade(kind, off, above, grade, holds):
@@ -84,7 +84,7 @@ def test_each_kind_of_check_has_its_grade(kind, off, above, grade, holds):
     equilibrium are at most 1 %. With a limit of 0.5 %, the critic passes (`holds`) if both are within
     it and the loop is stable.
     """
-    kinds = ("error", "rest", "stability", "stability", "game loop", "gain", "cost", "data")
+    kinds = ("error", "rest", "stability", "stability", "game loop", "gain", "cost")
     checks = [Check(f"{each} {i}", 0.0, 0.0, True, "", kind=each) for i, each in enumerate(kinds)]
     if kind:
         checks.insert(2, Check("failed", off, 0.0, False, "it failed", kind=kind))
