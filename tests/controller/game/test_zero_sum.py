@@ -8,15 +8,11 @@ import numpy as np
 import pytest
 from cli import refused
 from game_files import SMALL
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, expm
 
-from controller import basis
-from controller.game.zero_sum import q_function
+from controller.game.basis import q_extremum
+from controller.game.zero_sum import least_scaled_eigenvalue, q_function, rates_of_step
 from hfa import BadInputError, Game
-from hfa_model import LINEAR_STATES
-
-#: States with fourth powers in the paper's basis.
-QUARTIC = ("speed", "alpha", "pitch_rate", "dihedral")
 
 
 @pytest.mark.parametrize(
@@ -96,25 +92,111 @@ def test_policies_are_stationary_points_of_the_game(dt, delta):
     other = game.without_cross_weights
     np.testing.assert_allclose(other.policies(P)[0], K - np.linalg.solve(R, N.T), atol=1e-12)
     assert not other.N.any()
+    loop, both = A - B @ K + E @ L, {True: "(x, u, w)", False: "(x, u)"}[delta < math.inf]
+    np.testing.assert_allclose(game.worst_case_loop(P), loop, atol=1e-12)
+    np.testing.assert_allclose(other.worst_case_loop(P), loop, atol=1e-12)
+    weight = R + discount * B.T @ P @ B if dt else R
+    np.testing.assert_allclose(game.suboptimality_weight(P), weight, rtol=1e-12)
+    if dt:  # the extremum over (u, w), and over u alone
+        found = q_extremum(game, H)
+        np.testing.assert_allclose(found["K"], K, atol=1e-12)
+        assert ("L" in found) == (delta < math.inf)
+        np.testing.assert_allclose(found.get("L", L), L, atol=1e-12)
+        policies = np.vstack([np.eye(n), -K, L])[: len(H)]
+        np.testing.assert_allclose(found["P"], policies.T @ H @ policies, atol=1e-12)
+        assert "L" not in q_extremum(game, H[:5, :5])
+        for wrong, said in (
+            (H[:4, :4], f"H is 4 x 4; give .*{re.escape(both)}$"),
+            (H + np.eye(len(H), k=1), "H is not symmetric"),
+            (H * (np.arange(len(H)) < n), "not symmetric"),
+            (np.diag(np.arange(5) < n) * 1.0, "H over the inputs is singular"),
+        ):
+            assert re.search(said, refused(q_extremum, game, wrong))
     with pytest.raises(BadInputError, match="at least one state and one input"):
         game.select([])
 
 
-# The basis of the value.
+@pytest.mark.parametrize(("dt", "R"), [(None, [2.0, 1.0]), (0.1, [2.0, 1.0]), (0.1, [2.0, 0.0])])
+def test_the_game_without_cross_weights_costs_the_same(dt, R):
+    """With v = u + F z, the rates of the states and the cost rate of any z and u are the same, also
+    where an input has no weight.
+    """
+    random = np.random.default_rng(5)
+    A, B, N = (random.normal(size=(3, columns)) for columns in (3, 2, 2))
+    R = np.diag(R)
+    game = Game(A, B, Q=9.0 * np.eye(3), R=R, N=N @ R, dt=dt)
+    other = game.without_cross_weights
+    np.testing.assert_array_equal(other.Q, other.Q.T)
+    for _ in range(3):
+        z, u = random.normal(size=3), random.normal(size=2)
+        v = u + game.F @ z
+        np.testing.assert_allclose(other.A @ z + B @ v, A @ z + B @ u, atol=1e-12)
+        cost = np.r_[z, u] @ game.weights @ np.r_[z, u]
+        assert np.r_[z, v] @ other.weights @ np.r_[z, v] == pytest.approx(cost)
+    assert other.without_cross_weights is other
 
 
-def test_quadratic_monomials_come_first_row_by_row():
-    """The quadratic monomials of a basis come first, row by row, and the other monomials follow."""
-    z = np.array([2.0, 3.0, 5.0])
-    squares = [4.0, 6.0, 10.0, 9.0, 15.0, 25.0]
-    assert basis("quadratic+linear", 3).psi(z).tolist() == [*squares, *z]
-    assert basis("quadratic+quartic", 3).psi(z).tolist() == [*squares, 16.0, 81.0, 625.0]
-    z = np.arange(1.0, 7.0)
-    extra = [z[LINEAR_STATES.index(name)] ** 4 for name in QUARTIC]
-    assert basis("paper", 6).psi(z)[21:].tolist() == extra
-    for name, states, said in (("paper", 4, "6 states"), ("quadratic", 0, "at least 1 state")):
-        with pytest.raises(BadInputError, match=said):
-            basis(name, states)
+def test_a_sample_is_the_flight_with_held_inputs():
+    """A, B and E of a sample are those of the exponential, in other units too, and `rates_of_step`
+    finds the rates again. Weights are times dt, delta times its root.
+    """
+    random = np.random.default_rng(6)
+    A, B, E = (random.normal(size=(3, columns)) for columns in (3, 2, 1))
+    given = {"Q": np.eye(3), "R": np.eye(2), "N": np.full((3, 2), 0.1), "delta": 3.0}
+    for units in (np.ones(3), np.array([1e-7, 1.0, 1e6])):
+        game = Game(A * units[:, None] / units, B * units[:, None], E=E * units[:, None], **given)
+        step = game.sampled(0.2, 0.9)
+        whole = expm(0.2 * np.block([[A, B, E], [np.zeros((3, 6))]]))[:3]
+        found = np.hstack(
+            [step.A * units / units[:, None], np.hstack([step.B, step.E]) / units[:, None]]
+        )
+        np.testing.assert_allclose(found, whole, atol=1e-12)
+        assert (step.dt, step.discount, step.delta) == (0.2, 0.9, pytest.approx(3.0 * 0.2**0.5))
+        for each in "QRN":
+            np.testing.assert_allclose(getattr(step, each), 0.2 * given[each])
+    np.testing.assert_allclose(rates_of_step(whole, 0.2), np.hstack([A, B, E]), atol=1e-12)
+    for pole in (-0.5, 0.0):
+        assert rates_of_step(np.array([[pole, 1.0]]), 0.2) is None
+    said = refused(game.sampled, 1e-20)
+    advised = float(re.search(r"at least (\S+) s", said)[1])
+    assert "too short" in said
+    assert "too short" in refused(game.sampled, 0.9 * advised)
+    game.sampled(1.1 * advised)
+    assert "dt is 0" in refused(game.sampled, 0.0)
+    assert "in discrete time there are" in refused(step.sampled, 0.1)
+
+
+def test_the_least_scaled_eigenvalue_does_not_depend_on_units():
+    """States without a weight are left out; a matrix whose diagonal shows it is indefinite has -inf."""
+    M = np.array([[2.0, 0.3], [0.3, 1.0]])
+    least = 1.0 - 0.3 / 2.0**0.5
+    for units in (np.ones(2), np.array([1e-30, 1e40])):
+        padded = block_diag(units[:, None] * M * units, 0.0)
+        assert least_scaled_eigenvalue(padded) == pytest.approx(least)
+    assert least_scaled_eigenvalue(np.zeros((2, 2))) == 0.0
+    for indefinite in ([[0.0, 1.0], [1.0, 2.0]], [[-1.0, 0.0], [0.0, 2.0]]):
+        assert least_scaled_eigenvalue(np.array(indefinite)) == -math.inf
+
+
+def test_games_with_other_inputs_and_what_they_refuse():
+    """`select` keeps the columns of the named inputs in their order; refusals say what to do."""
+    game = Game(
+        np.eye(2), [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], Q=[1.0, 0.0], R={"u1": 1, "u2": 2, "u3": 3}
+    )
+    chosen = game.select(["u3", "u1"])
+    assert chosen.names.inputs in (("u3", "u1"), ("u1", "u3"))
+    order = [int(name[1]) - 1 for name in chosen.names.inputs]
+    np.testing.assert_array_equal(chosen.B, game.B[:, order])
+    np.testing.assert_array_equal(chosen.R, np.diag([1.0, 2.0, 3.0])[np.ix_(order, order)])
+    assert "P is 3 x 3; give 2 x 2" in refused(game.gain, np.eye(3))
+    assert "such as the transpose of K" in refused(game.checked_gain, np.ones((2, 3)))
+    assert "K is 1 x 2; give 3 x 2, inputs x states" in refused(game.checked_gain, np.ones((1, 2)))
+    np.testing.assert_array_equal(chosen.select(["u1"]).checked_gain([1.0, 2.0]), [[1.0, 2.0]])
+    game.refuse_cross_weights("X")
+    crossed = Game(np.eye(2), np.eye(2), Q=[1.0, 1.0], R=[1.0, 1.0], N=0.1 * np.eye(2))
+    assert refused(crossed.refuse_cross_weights, "X") == "X has no cross weights; remove N"
+    assert crossed == Game(np.eye(2), np.eye(2), Q=[1.0, 1.0], R=[1.0, 1.0], N=0.1 * np.eye(2))
+    assert hash(crossed) == hash(Game(np.eye(2), np.eye(2), Q=[1, 1], R=[1, 1], N=0.1 * np.eye(2)))
 
 
 @pytest.mark.parametrize("discount", [0.0, -0.5, 1.0 + 2**-52, 1.5, 2.0, np.nan])
