@@ -58,6 +58,13 @@ def test_the_sample_time_of_matlab_is_read(entries, dt):
         return
     game, notes = noted(path)
     assert game.dt == dt
+    if dt is not None:
+        later = noted(stored("later.json", **PLANT, time="discrete", dt=dt, discount=0.9))
+        assert (later[0].dt, later[0].discount) == (dt, 0.9)
+        assert "unused" not in later[1]
+        assert noted(stored("unknown.json", **PLANT, time="discrete"))[0].dt is True
+    else:
+        assert "unused: step;" in noted(stored("dt.json", **PLANT, dt=0.0, step=1.0))[1]
     assert "Ts" not in notes
     gain = stored("K.json", K=[[0.0, 0.0]], **entries)
     assert np.array_equal(read_critic(gain, game).K, np.zeros((1, 2)))
@@ -92,6 +99,10 @@ def noted(path, **changes):
             "unknown entry 'Gamma'",
         ),
         (PLANT | {"dt": 0.1, "time": "continuous"}, "dt denotes discrete time, but"),
+        (PLANT | {"discount": 0.9}, "discount requires a game in discrete time"),
+        (PLANT | {"time": "later"}, 'time is later; give "continuous" or "discrete"'),
+        ({"A": A2, "B": B2, "Q": np.eye(2)}, r"there is no R; give R \(1 x 1\)"),
+        (PLANT | {"delta": [1.0, 2.0]}, "delta"),
         (PLANT | {"dt": True, "discount": True}, "discount does not consist of"),
         (PLANT | {"Q": [[[1], 2]]}, "Q does not consist of rows of real numbers"),
         (PLANT | {"B1": B2, "C1": A2, "D12": B2}, r"B1, C1, D12 are of another convention"),

@@ -1,6 +1,7 @@
 """Games on linear models: names from the model, and weights by name."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,13 @@ from own_models import GTM, trimmed
 from scipy.linalg import solve_continuous_are
 
 import hfa
-from controller.game.linear_game import weights_of_flights
+from controller.game.linear_game import (
+    disturbance_text,
+    matrix_text,
+    sizes_text,
+    weights_line,
+    weights_of_flights,
+)
 from hfa import BadInputError, Model, Signal
 from hfa.main import main
 from hfa_aircraft import in_si
@@ -124,3 +131,64 @@ def test_a_wrong_weight_is_named(linear, weights, words):
     """The message on an unknown name, a missing weight or a wrong shape names the faulty entry."""
     with pytest.raises(BadInputError, match=words):
         hfa.game(linear, **{"Q": np.ones(6), "R": np.ones(5)} | weights)
+
+
+def test_weights_that_are_not_given_are_those_of_the_file(folder):
+    """Each of Q, R and N is the given one, else that of the file; given Q and R have N = 0, unless it
+    is given too. Without Q and R in the file, flights have 1/nominal².
+    """
+    plant = {"A": np.eye(2), "B": np.ones((2, 1))}
+    np.savez("plant.npz", **plant, Q=np.diag([4.0, 1.0]), R=[[5.0]], N=[[0.1], [0.2]])
+    linear = hfa.load_model("plant.npz")
+    linear = hfa.linearize(linear, hfa.trim(linear))
+    of_file = {"Q": np.diag([4.0, 1.0]), "R": np.array([[5.0]]), "N": np.array([[0.1], [0.2]])}
+    other = {"Q": np.diag([2.0, 3.0]), "R": np.array([[6.0]]), "N": np.array([[0.3], [0.0]])}
+    for keys in ("", "Q", "R", "N", "QR", "QN", "QRN"):
+        game = hfa.game(linear, **{key: other[key] for key in keys})
+        expected = of_file | ({"N": np.zeros((2, 1))} if {*"QR"} <= {*keys} else {})
+        expected |= {key: other[key] for key in keys}
+        for key, matrix in expected.items():
+            np.testing.assert_allclose(getattr(game, key), matrix, err_msg=f"{key} of {keys}")
+    kept = {"Q": None, "R": None}
+    assert weights_of_flights(linear) == kept
+    assert weights_of_flights(linear, R=other["R"]) == kept | {"R": other["R"]}
+    gtm = trimmed(GTM).linearize()
+    nominal = gtm.model.nominal(gtm.states)
+    weights = weights_of_flights(gtm, R=np.ones(len(gtm.inputs)))
+    np.testing.assert_allclose(np.diag(weights["Q"]), 1.0 / nominal**2)
+    assert weights["R"].tolist() == [1.0] * len(gtm.inputs)
+
+
+def test_a_game_as_text():
+    """Q, R, delta, N and E as one line: diagonals, other matrices, and many entries by their range."""
+    game = hfa.Game(np.eye(2), [[0.0], [1.0]], Q=[4.0, 0.25], R=[1.0], delta=3.0)
+    weights = "Q diag(4, 0.25) ({}), R diag(1) ({}), delta 3 ({})"
+    identity = "E identity (d acts on each state)"
+    assert weights_line(game) == f"{weights.format(*['of the game'] * 3)}, {identity}"
+    given = {"Q": "given", "R": "default", "delta": "of the file"}
+    assert weights_line(game, given) == f"{weights.format(*given.values())}, {identity}"
+    crossed = replace(game, N=[[0.5], [0.0]], E=[[0.0], [1.0]])
+    assert weights_line(crossed).endswith("N [0.5; 0] (of the game), E [0; 1]")
+    named = crossed.names._replace(disturbances=("gust",))
+    assert disturbance_text(replace(crossed, names=named)) == "E gust"
+    assert sizes_text(game) == "x1 0.5, x2 2, u1 1"
+    assert sizes_text(replace(game, Q=np.diag([4.0, 0.0]))) == "x1 0.5, u1 1"
+    assert matrix_text(np.array([[1.0, 0.0], [3.0, 2.0]])) == "[1 0; 3 2]"
+    assert matrix_text(np.diag(np.arange(40.0))).startswith("diag(0, 1, 2")
+    assert matrix_text(np.diag(np.arange(41.0))) == "diag of 41 entries from 0 to 40"
+    assert matrix_text(np.arange(42.0).reshape(2, 21)) == "matrix of 42 entries from 0 to 41"
+
+
+def test_the_box_of_a_game_is_the_largest_within_the_limits():
+    """It is as wide as the nearer limit of each state, and there is none at or without a limit."""
+    for high, width in ((5.0, [1.0, 3.0]), (2.5, [0.5, 3.0]), (2.0, None), (np.inf, [1.0, 3.0])):
+        states = {"a": Signal(min=1.0, max=high), "b": Signal(min=-3.0, max=4.0)}
+        model = Model(
+            "plant",
+            states,
+            {"u": Signal(), "v": Signal()},
+            lambda x, u, p, w: ({"a": x.b + u.u, "b": u.v - x.b}, {}),
+        )
+        game = hfa.game(hfa.linearize(model, hfa.trim(model, hold={"a": 2.0})), Q=[1, 1], R=[1, 1])
+        found = game.half_widths
+        assert found is None if width is None else found == pytest.approx(width)
