@@ -84,7 +84,7 @@ def test_policies_are_stationary_points_of_the_game(dt, delta):
     weights = block_diag(np.block([[Q, N], [N.T, R]]), *[[[-(delta**2)]]] * (len(players) - 1))
     J = plant if dt else np.eye(*plant.shape)
     H = weights + (plant.T @ P @ plant if dt else J.T @ P @ plant + plant.T @ P @ J) * discount
-    K, L = game.policies(P)
+    K, L = game.gain(P), game.disturbance_gain(P)
     assert (L == 0.0).all() == (delta == math.inf)
     np.testing.assert_allclose((H @ np.vstack([np.eye(n), -K, L])[: len(H)])[n:], 0.0, atol=1e-12)
     if dt:
