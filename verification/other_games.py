@@ -82,8 +82,9 @@ def _families(exact: Solution, plant: Game | None) -> Iterator[Family]:
         instead = f", not {game.delta:.4g}" if has_delta else ""
         with suppress(NoSolutionError):  # where the smallest delta is not decided
             middle = game.delta if has_delta else max(exact.delta_min, np.finfo(float).tiny)
-            says = "exact for delta {:.4g}{}"
-            yield Family(lambda delta: says.format(delta, instead), middle, game.with_delta)
+            yield Family(
+                lambda delta: f"exact for delta {delta:.4g}{instead}", middle, game.with_delta
+            )
     if not game.N.any():
         yield Family(
             lambda factor: f"exact for R {factor:.4g} times as large",

@@ -120,7 +120,7 @@ def _first_lines(verdict: Verdict, limit_cost: float | None, game: str) -> list[
     scope = f"on the {game}, {verdict.box.name}"
     if verdict.nonlinear is not None:
         scope = f"of the linear part on the {game}"
-    is_seen = verdict.proof is not None and verdict.flights and not verdict.is_proved(limit_cost)
+    is_seen = verdict.flights and not verdict.is_proved(limit_cost)
     if is_seen and not verdict.has_counterexample(limit_cost):
         flights = f"{verdict.flights} flight{'' if verdict.flights == 1 else 's'}"
         scope += f", in {flights}, not proved"

@@ -204,7 +204,8 @@ class Verdict(Checked, Result, Reported):
         limit_cost: with a limit, percent, the grade is "exact" if the loop is stable, and the cost
             and V* at the equilibrium are within the limit, else "fail"
         """
-        above = self._above(limit_cost)
+        flown = self.cost_above_optimum_percent
+        above = self.proved_percent if self.is_proved(limit_cost) else flown
         if limit_cost is not None:
             is_within = above <= limit_cost and self.rests_within(limit_cost)
             return "exact" if is_within and self.stabilizing else "fail"
@@ -214,25 +215,21 @@ class Verdict(Checked, Result, Reported):
         is_near = above <= NEAR and self.rests_within(NEAR)
         return "near" if is_near and failed <= {"error", "rest"} else "fail"
 
+    @property
+    def proved_percent(self) -> float:
+        """Proved bound of the cost above the optimum, percent, of a critic that is not quadratic;
+        inf if none is proved.
+        """
+        return math.inf if self.proof is None else 100.0 * self.proof.excess
+
     def is_proved(self, limit_cost: float | None = None) -> bool:
         """Return whether a cost within the limit, by default `NEAR` percent, is proved."""
-        limit = NEAR if limit_cost is None else limit_cost
-        if self.proof is None:
-            return self.cost_above_optimum_percent <= limit
-        return 100.0 * self.proof.excess <= limit
+        return self.proved_percent <= (NEAR if limit_cost is None else limit_cost)
 
     def has_counterexample(self, limit_cost: float | None = None) -> bool:
         """Return whether a flight costs more than the limit, by default `NEAR` percent."""
         limit = NEAR if limit_cost is None else limit_cost
         return self.worst_flight is not None and self.cost_above_optimum_percent > limit
-
-    def _above(self, limit_cost: float | None) -> float:
-        """Return the cost above the optimum that decides, percent: a bound within the limit, or
-        that of simulations.
-        """
-        if self.proof is not None and self.is_proved(limit_cost):
-            return 100.0 * self.proof.excess
-        return self.cost_above_optimum_percent
 
     def file_entries(self, limit_cost: float | None = None) -> dict[str, Any]:
         """Return the entries of the verdict for files, name -> value.

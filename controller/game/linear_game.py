@@ -25,6 +25,7 @@ from hfa_aircraft.readers.matrices_file import (
     one_number,
     plant_matrices,
     plant_names,
+    sample_time,
     words,
 )
 from hfa_aircraft.servos import positions_of_servos
@@ -384,9 +385,7 @@ def _time(stored: Mapping[str, Any]) -> dict[str, Any]:
     """Return the entries dt and discount of a game in discrete time, {} in continuous time."""
     time: dict[str, Any] = {}
     if is_discrete(stored):
-        time["dt"] = True  # with an unknown sample time
-        if stored.get("dt", True) is not True:
-            time["dt"] = one_number("dt", stored["dt"])
+        time["dt"] = sample_time(stored) or True  # True if it is unknown
     if "discount" in stored:
         time["discount"] = one_number("discount", stored["discount"])
     return time

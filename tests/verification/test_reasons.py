@@ -323,25 +323,6 @@ def test_what_is_wrong_with_a_policy_or_a_value_is_named(case, says):
     assert says in verify(game, critic, flights=1).reason
 
 
-@pytest.mark.parametrize(
-    ("formula", "words"),
-    [
-        (lambda A, B, P, R, c: c * np.linalg.solve(R + c * B.T @ P @ B, B.T @ P), "A is missing"),
-        (lambda A, B, P, R, c: c * np.linalg.solve(R + c * B.T @ B, B.T @ A), "P is missing"),
-        (
-            lambda A, B, P, R, c: np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A),
-            "the discount is missing",
-        ),
-        (lambda A, B, P, R, c: c * np.linalg.solve(R, B.T @ P @ A), "R⁻¹ is in place of"),
-    ],
-)
-def test_a_wrong_formula_of_a_gain_in_steps_is_named(formula, words):
-    """A gain by a wrong formula of A, B, the exact P, R and the discount c has its reason."""
-    game = replace(SQUARE.sampled(0.1, 0.95), delta=np.inf)
-    K = formula(game.A, game.B, value(game), game.R, game.discount)
-    assert words in verify(game, from_gain(game, K)).reason
-
-
 def test_a_nonsmooth_point_at_the_trim_is_the_first_finding():
     """A policy with two slopes at the trim has the nonsmooth point in the first line and in the
     reason. One with 1.5 times the exact slope on both sides has not.
