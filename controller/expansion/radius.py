@@ -183,7 +183,7 @@ class Search:
         """Return the radius of V2 + ... + V_degree."""
         row = degree - LOWEST
         count = _agreeing(self._errors_at_sizes[row])
-        size = [0.0, *self.sizes][count] if count < len(self.sizes) else math.inf
+        size = [0.0, *self.sizes[:-1], math.inf][count]
         if 0.0 < size < math.inf:
             between = size * _BETWEEN
             size = between[_agreeing(self.largest_errors(between)[row]) - 1]

@@ -354,13 +354,12 @@ def q_function(game: Game, P: np.ndarray) -> np.ndarray:
 
     P: (n, n)
     """
-    plant = np.hstack([game.A, game.B])
-    weights = game.weights
+    from scipy.linalg import block_diag
+
+    plant, weights = np.hstack([game.A, game.B]), game.weights
     if math.isfinite(game.delta):
         plant = np.hstack([plant, game.E])
-        disturbances = game.E.shape[1]
-        weights = np.pad(weights, (0, disturbances))
-        weights[-disturbances:, -disturbances:] = -(game.delta**2) * np.eye(disturbances)
+        weights = block_diag(weights, -(game.delta**2) * np.eye(game.E.shape[1]))
     return np.asarray(weights + game.discount * plant.T @ P @ plant)
 
 
