@@ -224,7 +224,7 @@ class Search:
         errors = self._errors(size * unit_y)[degree - LOWEST]
         for distance in _DISTANCES:
             if not np.all(errors <= PERMITTED_ERROR):
-                return False
+                break
             worst = unit_y[np.argsort(errors)[-_STATES_OF_LARGEST_ERRORS:]]
             random = directions(n, _STATES_NEAR_THEM, _SEED + degree)
             near = np.resize(worst, random.shape) + distance * random  # the worst, repeated
