@@ -29,7 +29,7 @@ _OUTSIDE = 0.05
 _CHANCE = 1e-4
 #: Largest number of wrong rows that are named.
 _MOST_ROWS = 20
-#: Misfit that rounding can cause: it gives no bands.
+#: Misfit that rounding can cause: it is no noise.
 _ROUNDING = 1e-12
 
 
@@ -159,14 +159,12 @@ class PlantFit:
         """Yield sentences on why the deviations are no independent noise."""
         from scipy.special import chdtri
 
-        if self.misfit <= _RANK_TOLERANCE:
-            return
         if self._outliers:
             yield self._outliers
         followers = np.flatnonzero(self.transitions.follows)
         if len(followers):
             # For independent residuals, each entry of all independent ones has the variance 1.
-            seen = self.noise > _RANK_TOLERANCE * root_mean_square(self.ends)
+            seen = self.noise > _ROUNDING * root_mean_square(self.ends)
             unit, *_ = np.linalg.svd(
                 self.residuals[:, seen] / self.noise[seen], full_matrices=False
             )
@@ -191,7 +189,7 @@ class PlantFit:
         for _ in range(20):
             fit, *_ = np.linalg.lstsq(begins[kept], ends[kept], rcond=None)
             errors = np.abs(ends - begins @ fit)
-            deviations = 1.4826 * np.median(errors, axis=0) + 1e-14 * root_mean_square(ends)
+            deviations = 1.4826 * np.median(errors, axis=0) + _ROUNDING * root_mean_square(ends)
             sizes = (errors / np.where(deviations > 0.0, deviations, 1.0)).max(axis=1)
             kept = np.argsort(sizes)[: max(int(0.8 * len(ends)), begins.shape[1] + 1)]
             inside = np.flatnonzero(sizes <= 6.0)
