@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from own_models import NAVION, trimmed
 
 import hfa
 from trim import modes_of
@@ -51,34 +50,3 @@ def test_an_eigenvalue_zero_by_rounding_is_zero(block, seed):
         assert (mode.damping, mode.frequency, mode.stable) == (0.0, 0.0, False)
         assert math.isinf(mode.time_to_half)
         assert math.isinf(mode.time_to_double)
-
-
-# Handling qualities.
-
-
-def values(point):
-    """Return the handling qualities on the sheet, name -> value."""
-    (group,) = (each for each in point.sheet.groups if each.title == "modes and levels")
-    return {row.name: row.value for row in group.rows if "eigenvalue" not in row.name}
-
-
-def test_handling_qualities_follow_from_the_modes():
-    """Frequencies, dampings, time constants and times of the sheet are those of the eigenvalues.
-
-    n/alpha and CAP are computed by hand in test_sheet.py.
-    """
-    point = trimmed(NAVION)
-    qualities = values(point)
-    roots = {mode.name: mode.eigenvalue for mode in point.modes}
-    for name in ("short period", "phugoid", "dutch roll"):
-        assert qualities[f"{name} frequency"] == pytest.approx(abs(roots[name]), rel=1e-12)
-        assert qualities[f"{name} damping"] == pytest.approx(
-            -roots[name].real / abs(roots[name]), rel=1e-12
-        )
-    damped = qualities["dutch roll damping"] * qualities["dutch roll frequency"]
-    assert qualities["dutch roll damping times frequency"] == pytest.approx(damped)
-    assert len(qualities) == 12  # with n/alpha, CAP and phi/beta
-    assert qualities["roll time constant"] == pytest.approx(-1 / roots["roll"].real, rel=1e-12)
-    assert qualities["spiral time to half"] == pytest.approx(
-        -math.log(2) / roots["spiral"].real, rel=1e-12
-    )

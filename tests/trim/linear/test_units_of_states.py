@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import control
 import flint
 import numpy as np
 import pytest
@@ -114,34 +113,3 @@ def test_linear_models_in_any_units_agree_with_rational_arithmetic():
             # Where the value is below 1e-3 of the static gain, the error is relative to the gain.
             rel = 1e-9 + 1e-12 * abs(known.at(0) / value)
             assert system(s) == pytest.approx(value, rel=rel)
-
-
-def step_responses(linear):
-    """Return the responses of all outputs to steps of each input, at 0 to 3 s."""
-    system = linear.to_control(balance=True)
-    return np.asarray(
-        control.step_response(system, np.linspace(0.0, 3.0, 7), squeeze=False).outputs
-    )
-
-
-#: Name of a result -> function of a linear model.
-RESULTS = {
-    "step responses": step_responses,
-    "eigenvalues without x2": lambda linear: linear.select(residualize=("x2",)).eigenvalues,
-}
-
-
-@pytest.mark.parametrize("result", RESULTS)
-def test_results_do_not_depend_on_the_units_of_states(result):
-    """Step responses, and eigenvalues with x2 residualized, of a plant with three inputs and two
-    outputs do not change if the states are in other units.
-    """
-    random = np.random.default_rng(5)
-    for _ in range(4):
-        plant = mixed(random, 3, 2)
-        units = 10.0 ** random.uniform(-6.0, 6.0, len(plant.A))
-        converted = plant.in_units(units, np.ones(3), np.ones(2))
-        one, other = (
-            np.array(RESULTS[result](LinearModel.of(*each))) for each in (plant, converted)
-        )
-        np.testing.assert_allclose(other, one, rtol=1e-7, atol=1e-9 * np.abs(one).max(initial=0.0))

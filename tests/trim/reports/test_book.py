@@ -1,6 +1,5 @@
 """The document of several trims: nothing that a trim says is lost on its pages."""
 
-import math
 import re
 from pathlib import Path
 
@@ -10,7 +9,6 @@ from cli import hfa as command
 from project import ROOT
 
 import hfa
-from trim.reports.book import Condition, matrix_figure
 
 #: A stall (CL above CL_max = 1, which the fixture `uav` adds), a warning about the inertias, a
 #: condition without a trim, and a trim.
@@ -125,53 +123,6 @@ def test_the_book_in_html_has_the_stall_the_warning_and_links(written):
     assert len(links) == len(NAMES)
 
 
-def test_the_figure_has_the_values_of_the_sheets():
-    """The lines have the alpha of each sheet in degrees, the used share of the travel of each input
-    in percent and the static margin; they are nan at the condition without a trim.
-
-    The figure is refused if no condition has a trim.
-    """
-    model = hfa.load_model(f"{ROOT}/examples/uav.toml")
-    points = [hfa.trim(model, hold={"speed": speed}) for speed in (30.0, 35.0)]
-    found = [Condition("", each.report(), each) for each in points]
-    figure = matrix_figure([*found, Condition("", points[0].report(), None)])
-    alpha, used, margin = (
-        {line.get_label(): line.get_ydata() for line in axes.lines} for axes in figure.axes
-    )
-    for index, point in enumerate(points):  # limits of uav.toml: thrust 60 N, elevator 25 deg
-        assert alpha["alpha"][index] == pytest.approx(math.degrees(point["alpha"]))
-        assert used["thrust"][index] == pytest.approx(100.0 * point["thrust"] / 60.0)
-        assert used["elevator"][index] == pytest.approx(
-            100.0 * abs(math.degrees(point["elevator"])) / 25.0
-        )
-        assert margin["static margin"][index] == point.sheet["static margin"].value
-    assert math.isnan(alpha["alpha"][2])
-    assert math.isnan(used["thrust"][2])
-    assert math.isnan(margin["static margin"][2])
-    with pytest.raises(hfa.BadInputError, match="no condition has an alpha"):
-        matrix_figure([Condition("", points[0].report(), None)])
-
-
-@pytest.mark.slow
-def test_conditions_without_a_trim_have_a_matrix_of_reasons(folder):
-    """If no condition has a trim, the table has the reason of each, and no figure is drawn."""
-    Path("weak.csv").write_text("speed,limit\n45,throttle=0:5\n200,\n", "utf-8")
-    words = ("trim", "--aircraft", f"{ROOT}/examples/gtm.py:GTM", "--conditions", "weak.csv")
-    assert command(*words, "-q", "-o", "weak.html").code == 1
-    text = Path("weak.html").read_text("utf-8")
-    assert "throttle at maximum" in text
-    assert "speed is 200 m/s" in text
-    assert "<figure>" not in text
-
-
-@pytest.mark.slow
-def test_a_model_without_a_speed_has_a_book(folder):
-    """The table of two trims of a pendulum has a column of its input, the torque."""
-    words = ("trim", "--aircraft", f"{ROOT}/examples/pendulum.py:PENDULUM", "--hold", "angle=0,2")
-    assert command(*words, "-q", "-o", "pendulum.html").code == 0
-    assert "torque [N m]" in Path("pendulum.html").read_text("utf-8")
-
-
 @pytest.mark.parametrize(
     ("held", "said"),
     [
@@ -189,14 +140,6 @@ def test_the_cover_has_the_mass_of_the_conditions(held, said, folder):
     text = Path("mass.md").read_text("utf-8")
     assert said in text
     assert "mass [kg]" in text  # a column of the matrix, also where all conditions set it
-
-
-def test_a_sheet_saved_with_a_document_contains_its_text(folder):
-    """A sheet that Python saves with `document` contains this text and lines to sign."""
-    hfa.trim(hfa.aircraft()).save("sheet.html", document="TR-12, revision B")
-    text = Path("sheet.html").read_text("utf-8")
-    assert "TR-12, revision B" in text
-    assert "signature" in text
 
 
 def test_the_book_in_latex_has_its_sheets_in_escaped_text(written):
