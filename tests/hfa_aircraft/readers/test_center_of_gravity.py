@@ -59,7 +59,6 @@ def test_rates_at_another_center_of_gravity_equal_independent_equations(number, 
     assert model.outputs_at(*at, [*outputs]) == pytest.approx(outputs, rel=1e-4)
 
 
-@pytest.mark.slow
 def test_moving_the_center_of_gravity_gives_avls_file_about_the_new_center(folder):
     """AVL's file about x = 0.3 m, moved by cg to 0.375 m (by 0.1 chord), gives the A, static margin, elevator
     per g and c.g. of AVL's file about x = 0.375 m. Not moved, it gives another A.
