@@ -332,9 +332,11 @@ def test_faulty_entries_are_refused(change, message):
         (b"# a note\n\nspan,1,\nspan,2,\n", "row 5: 'span' is given twice"),
         (b"span,\xff,\n", "row 2: span is 'ÿ'; give a finite number"),
         (b"span,1\n", "row 2 has 2 cells, but row 1 has 3"),
+        (b"name\nspan\n", "has no columns name and value"),
     ],
 )
 def test_faulty_rows_are_refused(folder, rows, message):
-    """A faulty row of a CSV file is refused with its number."""
-    Path("uav.csv").write_bytes(b"name,value,unit\n" + rows)
+    """A faulty row of a CSV file is refused with its number, as is one without a column of values."""
+    head = b"" if rows.startswith(b"name") else b"name,value,unit\n"
+    Path("uav.csv").write_bytes(head + rows)
     assert message in refusal(from_derivatives, "uav.csv")
