@@ -22,8 +22,8 @@ from project import ROOT
 
 #: A number in a text, and one that is only a rounding.
 _NUMBER, _ROUNDING = re.compile(r"-?\d+(?:\.\d+)?"), re.compile(r"-?\d(?:\.\d+)?e-\d+")
-#: Version and date of an output.
-_DATED = re.compile(r"hfa \d\S+ \d{4}-\d\d-\d\d")
+#: Version and date of an output, digest of a file, and what made a table.
+_MADE = re.compile(r"hfa \d\S+ \d{4}-\d\d-\d\d|SHA-256 \w+|.*\"command\".*", re.DOTALL)
 _UNSTORED = {"provenance", "made_by", "toolchain"}
 #: Most numbers that are stored one by one; of more, the sum and a weighted sum are.
 _LONGEST = 40
@@ -58,7 +58,7 @@ def answer_of(line, folder):
     os.chdir(folder)
     with patch.object(Figure, "savefig", record):
         done = hfa(*words)
-    said = [text.replace(f"{ROOT}/", "").splitlines() for text in (done.out, done.err)]
+    said = [text.splitlines() for text in (done.out, done.err)]
     content = {"code": done.code, "said": said, "drawn": pictures}
     if not pictures and "-o" not in words:
         content["data"] = json.loads(hfa(*words, "--json").out or "{}")
@@ -97,7 +97,7 @@ def rounded(value):
     if isinstance(value, complex):
         return [rounded(value.real), rounded(value.imag)]
     if isinstance(value, str):
-        return _DATED.sub("hfa", value)
+        return _MADE.sub("", value.replace(f"{ROOT}/", ""))
     return float(f"{value:.9e}") if isinstance(value, float) else value
 
 
