@@ -11,7 +11,6 @@ T = np.array([[1.0, 2.0, 1.0], [1.0, 3.0, 1.0], [0.0, 1.0, 1.0]])
 T_INVERSE = np.array([[2.0, -1.0, -1.0], [-1.0, 1.0, 0.0], [1.0, -1.0, 1.0]])
 #: Loops with the eigenvalues of their diagonals.
 LOOPS = {
-    "simple": np.diag([-1.0, -2.0, -3.0]),
     "slow": np.diag([-1e-14, -1.0, -1e6]),
     "double": np.diag([-2.0, -2.0, -1.0]),
     "Jordan block": np.diag([1.0, 1.0], 1) - 2.0 * np.eye(3),

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from flint import arb
 from game_samples import game_models
-from stored_games import in_units, stored
 
 from controller.riccati.balls import ball_matrix, precision
 from controller.riccati.l2_gain import DisturbedLoop
@@ -24,10 +23,6 @@ def judged(game, K):
     return suboptimality_of(
         solve(game).enclosure, np.asarray(K, dtype=float), box=np.ones(len(game.A))
     )
-
-
-def graded(game, K):
-    return verify(game, from_gain(game, K)).to_dict()["graded"]
 
 
 #: Eight kinds of games, in continuous time and, with a discount, in discrete time, with and without a
@@ -107,19 +102,6 @@ def test_the_cost_of_a_gain_of_just_delta_is_not_decided():
     report = verify(game, from_gain(game, [[0.0]]))
     assert not report.ok
     assert "cost not decided" in str(report)
-
-
-@pytest.mark.parametrize(("kind", "number"), [("weak", 12), ("discrete", 5), ("aircraft", 4)])
-def test_a_suboptimality_does_not_depend_on_units(kind, number):
-    # K and the box are converted to the new units, of which units.u and units.z are in an old one.
-    game = stored(kind, number).game.with_delta(math.inf)
-    other, units = in_units(game, np.random.default_rng(number), base=10.0, most=3)
-    K = 1.01 * solve(game).K
-    first = suboptimality_of(solve(game).enclosure, K, box=np.ones(len(game.A)))
-    second = suboptimality_of(solve(other).enclosure, K * units.u[:, None] / units.z, box=units.z)
-    assert second.high == pytest.approx(first.high, rel=1e-6)
-    if math.isfinite(first.mean):
-        assert second.mean == pytest.approx(first.mean, rel=1e-6)
 
 
 # Values of loops.

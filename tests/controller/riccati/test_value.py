@@ -96,4 +96,5 @@ def test_last_digits_that_decide_are_said(dt, A, B):
     """The solution is right for the entries as they are, and the first line says what decides."""
     solution = solve(Game(A, B, Q=I3, R=[1.0], dt=dt))
     assert solution.certificate.data_change > 0.1
+    assert "last digits of the data" in "".join(solution.certificate.proved)
     assert "last digits decide" in str(solution.report()).splitlines()[0]
