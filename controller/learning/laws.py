@@ -92,13 +92,13 @@ def learn(
 
 def _learned(game: Game, law: str, seed: int, progress: Progress | None) -> TrainingRun:
     """Return the training run of a law on states that are drawn for a game."""
-    begins, n = drawn(game, seed), len(game.A)
+    n = len(game.A)
     psi = basis("paper" if law == "published" and n == 6 else "quadratic", n)  # "paper": 6 states
     if game.is_discrete:
-        law, learned = "Q-learning", learn_steps(game, begins, progress)
+        law, learned = "Q-learning", learn_steps(game, seed, progress)
     else:
         # In the input u + F z, the game has the same value, and no cross weights.
-        samples = Samples(game.without_cross_weights, psi, begins[:, :n])
+        samples = Samples(game.without_cross_weights, psi, drawn(game, seed)[:, :n])
         learned = LAWS[law](samples, progress)
     return TrainingRun(
         law=law,

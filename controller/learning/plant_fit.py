@@ -87,7 +87,7 @@ class PlantFit:
                 "some are combinations of others in every row; record other motions too, and move "
                 "each input independently"
             )
-        self.condition = float(sizes[0] / sizes[-1])
+        self.condition = sizes[0] / sizes[-1]
         fit, *_ = np.linalg.lstsq(self.scaled_begins, self.ends, rcond=None)
         self.matrix = fit.T / self.scales
         self.residuals = self.ends - self.scaled_begins @ fit

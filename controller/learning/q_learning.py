@@ -16,7 +16,7 @@ import numpy as np
 from controller.critic.training_run import SETTLED
 from controller.game.basis import basis, q_extremum
 from controller.game.zero_sum import LARGEST_CRITIC_ENTRY, Game, is_definite, q_function
-from controller.learning.recording import Learned, plant_of, root_mean_square
+from controller.learning.recording import Learned, drawn, plant_of, root_mean_square
 from hfa_support.errors import BadInputError, NoSolutionError
 from hfa_support.matrices import quadratic_forms, spectral_radius
 from hfa_support.progress import Progress
@@ -27,15 +27,15 @@ PAUSES = 12
 MOST_POLICY_ITERATIONS = 12
 
 
-def learn_steps(game: Game, begins: np.ndarray, progress: Progress | None) -> Learned:
-    """Return what Q-learning learns of a game in discrete time, from steps.
+def learn_steps(game: Game, seed: int, progress: Progress | None) -> Learned:
+    """Return what Q-learning learns of a game in discrete time, from steps that are drawn for it.
 
     Value iteration H <- cost + α extremum of H at x⁺ starts from 0. After 1, 3, 7, ... value
     iterations, policy iteration is tried. Learning ends if policy iteration converges to a policy
     that stabilizes the plant of the game.
 
     game: the game, with the plant that was fitted to data, if any
-    begins: (x, u, w) of the steps, (N, s); w only for a finite delta
+    seed: seed of the steps
     progress: called before each block of value iterations, or None
 
     Raises BadInputError if R is singular.
@@ -47,7 +47,7 @@ def learn_steps(game: Game, begins: np.ndarray, progress: Progress | None) -> Le
             "R is singular: Q-learning begins with the cost of one step, which then has no minimum"
             " over u; give R > 0, or solve the game with hfa.solve"
         )
-    learner = QLearner(game, begins)
+    learner = QLearner(game, drawn(game, seed))
     P = np.zeros_like(game.A)
     for pause in range(PAUSES):
         if progress is not None:
@@ -72,7 +72,7 @@ class QLearner:
     """Iterations of the Q-function H, (s, s), on steps.
 
     game: the game, with the plant that was fitted to data, if any
-    begins: (x, u, w) of the steps, (N, s)
+    begins: (x, u, w) of the steps, (N, s); w only for a finite delta
     iterations: number of iterations so far
     ends: x⁺ of the steps, (N, n)
     costs: cost of each step, (N,)

@@ -64,6 +64,12 @@ def test_the_refusal_names_the_smallest_delta():
 REFUSED = {
     "law": (lambda: learn(PAPER, "sarsa"), "choose from policy-iteration"),
     "no cost": (lambda: learn(replace(STABLE, Q=np.zeros((2, 2)))), "Q is zero"),
+    "law of steps": (lambda: learn(SAMPLED, "published"), "learned by Q-learning; leave out law"),
+    "singular R": (lambda: learn(replace(SAMPLED, R=[[0.0]], N=None)), "R is singular"),
+    "unstable": (
+        lambda: learn(Game([[0.5]], [[0.0]], Q=[[1.0]], R=[[1.0]])),
+        r"cannot be lowered below 0\.50?\d* 1/s",
+    ),
     "no input": (lambda: learn(Game([[1.2]], [[0.0]], Q=[[1.0]], R=[[1.0]], dt=True)), "diverges"),
 }
 
@@ -74,6 +80,17 @@ def test_unusable_arguments_are_refused(case):
     call, words = REFUSED[case]
     with pytest.raises((BadInputError, NoSolutionError), match=words):
         call()
+
+
+@pytest.mark.parametrize("game", [STABLE, SAMPLED])
+def test_progress_grows(game):
+    """The shares that a law reports do not fall, and stay within the whole."""
+    told = []
+    learn(game, progress=lambda *each: told.append(each))
+    shares = [done / whole for done, whole, _ in told]
+    assert shares == sorted(shares)
+    assert 0.0 <= shares[0] <= shares[-1] <= 1.0
+    assert all(text for *_, text in told)
 
 
 # The law of the paper.

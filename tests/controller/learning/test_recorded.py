@@ -72,14 +72,17 @@ def test_exact_data_give_the_exact_solution_without_a_and_b(game, margin):
     assert_exact(game, learn(replace(blind(game), E=0.0 * game.E), data=with_d))
 
 
-def trajectory(game, count, seed=0, probing=1.0):
-    """Return successive states (count + 1, n) and inputs (count, m), those of K x and random ones."""
+def trajectory(game, count, seed=0, probing=1.0, noise=0.0):
+    """Return successive states (count + 1, n) and inputs (count, m), those of K x and random ones.
+
+    noise: standard deviations of independent noise of the next states
+    """
     rng = np.random.default_rng(seed)
     n, m = game.B.shape
     K, x, u = solve(game).K, [rng.normal(size=n)], []
     for _ in range(count):
         u.append(probing * rng.normal(size=m) - K @ x[-1])
-        x.append(game.A @ x[-1] + game.B @ u[-1])
+        x.append(game.A @ x[-1] + game.B @ u[-1] + noise * rng.normal(size=n))
     return np.array(x), np.array(u)
 
 
@@ -158,6 +161,62 @@ def test_bands_contain_the_exact_entries_in_95_percent(game, hold):
     assert 0.3 * noise < runs[-1].data.noise.mean() < 2.0 * noise
 
 
+def test_rows_that_do_not_fit_are_named():
+    """Wrong rows of noisy data are named, with the misfit of the others, and there are no bands. A row
+    within the noise is not.
+    """
+    data = recorded(STEPS, 200, noise=1e-3)
+    right = learn(STEPS, data=data)
+    for rows in ([5], [40, 5], list(range(25))):
+        wrong = data | {"x_next": data["x_next"].copy()}
+        wrong["x_next"][rows] += 3.0
+        run = learn(STEPS, data=wrong)
+        (note,) = run.data.notes
+        assert run.P_band is run.K_band is None
+        if len(rows) > 20:
+            assert ", 20, ...)" in note
+            continue
+        named = ", ".join(str(row + 1) for row in sorted(rows))
+        percent = f"{100.0 * right.data.misfit:.1g}"
+        assert note.startswith(f"{len(rows)} of 200 rows do not fit the others ({named}): without")
+        assert f"misfit is {percent}" in note
+        assert run.data.misfit > 10.0 * right.data.misfit
+    small = data | {"x_next": data["x_next"].copy()}
+    small["x_next"][5] += 0.003
+    assert learn(STEPS, data=small).P_band is not None
+
+
+def test_noise_of_the_process_gives_no_note():
+    """Successive states of a plant with independent noise are right data, of which 10 records have no
+    note; the noise, the episodes and the rows are those of the record. Exact ones have no bands.
+    """
+    deviations = np.array([1e-3, 1e-2, 1e-3])
+    for seed in range(10):
+        x, u = trajectory(STEPS, 300, seed, noise=deviations)
+        run = learn(blind(STEPS), data={"x": x, "u": u})
+        assert run.data.notes == ()
+        assert (run.data.rows, run.data.episodes, run.data.hold) == (300, 1, None)
+        np.testing.assert_allclose(run.data.noise, deviations, rtol=0.2)
+        assert np.abs(run.K - solve(STEPS).K).max() < 4.0 * run.K_band.max()
+    exact = learn(blind(STEPS), data=dict(zip("xu", trajectory(STEPS, 300), strict=True)))
+    assert (exact.P_band, exact.data.notes) == (None, ())
+
+
+@pytest.mark.parametrize(("dt", "digits"), [(1 / 30, 2), (1 / 30, 17), (0.25, 2), (2.0, 0)])
+def test_times_may_be_rounded(dt, digits):
+    """Times printed with a few decimals are equally spaced, and a record of rates by their mean step."""
+    step = RATES.sampled(dt)
+    x, u = trajectory(replace(step, delta=np.inf), 30)
+    record = {"x": x, "u": u, "time": np.round(dt * np.arange(31), digits)}
+    run = learn(blind(RATES), data=record)
+    assert run.data.hold == pytest.approx(dt, rel=1e-9 if digits == 17 else 0.02)
+    if digits == 2 and dt < 0.1:
+        with pytest.raises(BadInputError, match="not equally spaced"):
+            learn(
+                blind(RATES), data=record | {"time": record["time"] + 0.02 * (np.arange(31) == 7)}
+            )
+
+
 def test_notes_name_what_contradicts_a_linear_plant():
     """Notes tell noise of the sensors that measure the states, and data without the units that the
     plant has. Independent noise of the next states, and other trims, which a linear plant may have,
@@ -209,6 +268,29 @@ REFUSED = {
     "is 3 of 5: some are combinations": recorded(STEPS)
     | {"x": RNG.normal(size=(80, 1)) * [1.0, 2, 3]},
     "there is no u": {"x": X, "x_next": X},
+    "x has 2 columns; give 3": {"states": ["a", "b"], "x": X[:, :2], "u": U},
+    "remove one of them": recorded(STEPS) | {"x_rate": np.ones((80, 3))},
+    "neither x and u nor columns of all states and inputs (there is no x2, x3": {"x1": [1.0, 2.0]},
+    "there is no column h_next; add it": (
+        NAMED,
+        {key: each for key, each in in_columns().items() if key != "h_next [m]"},
+    ),
+    "has a unit, but its state has none": (
+        STEPS,
+        {
+            f"x{i}{end}{unit}": X[:, 0]
+            for i in (1, 2, 3)
+            for end, unit in (("", ""), ("_next", " [m]"))
+        }
+        | {"u1": X[:, 0], "u2": X[:, 0]},
+    ),
+    "the columns differ in length": recorded(STEPS) | {"episode": np.ones(70)},
+    "the episodes differ in sample time or in disturbances": [
+        recorded(STEPS),
+        recorded(STEPS) | {"d": np.ones((80, 1))},
+    ],
+    "that of their dt is 0.2 s": TIMES | {"dt": 0.2},
+    "there is no data": [],
     "alpha is in furlong; give it in rad": (
         NAMED,
         recorded(STEPS) | {"state_units": ["furlong", "rad/s", "m"]},
