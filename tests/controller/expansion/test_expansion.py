@@ -168,7 +168,9 @@ def test_what_has_no_expansion_is_refused(case):
     "f",
     [
         lambda a, b: ca.atan2(0.3 + a, 0.5 - b) + ca.atan2(0.3 + a, b - 0.1) + ca.atan2(b - 0.4, a),
-        lambda a, b: (1.2 + a) ** (0.7 + b) + (a - 2.0) ** 3 + (3.0 + b) ** -2.0 + 2.0 ** (a * b),
+        lambda a, b: (
+            (1.2 + a) ** (0.7 + b) + ca.constpow(a - 2.0, 3.0) + (3.0 + b) ** -2.0 + 2.0 ** (a * b)
+        ),
         lambda a, b: ca.tanh(a - b) + ca.erf(a) * ca.cos(b) + ca.exp(a) / (2.0 + ca.sin(b)),
         lambda a, b: (
             ca.fmax(a, 0.5) * b + ca.fmin(b, a - 1.0) + ca.fabs(b - 0.3) + ca.sign(a - 1.0)

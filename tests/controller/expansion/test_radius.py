@@ -61,7 +61,9 @@ def test_flights_inside_the_radius_agree_and_some_outside_do_not():
     linear = hfa.linearize(PENDULUM, hfa.trim(PENDULUM))
     solution = hfa.solve(hfa.game(linear, Q=[1.0, 0.5], R=[2.0], delta=4.0, E=[[0.0], [1.0]]))
     expansion = expand(linear, solution, 4)
+    of_one = np.sqrt(np.diag(np.linalg.inv(solution.P)))  # largest |z_i| where z'Pz = 1
     for radius in expansion.radii:
+        np.testing.assert_allclose(radius.extents, math.sqrt(radius.c) * of_one)
         random = np.random.default_rng(99).uniform(size=50) ** 0.5  # of the distance
         inside = random * states_at(expansion, math.sqrt(radius.c), count=50, seed=99)
         outside = states_at(expansion, 1.3 * math.sqrt(radius.c), count=200, seed=99)
