@@ -169,7 +169,11 @@ def test_what_has_no_expansion_is_refused(case):
     [
         lambda a, b: ca.atan2(0.3 + a, 0.5 - b) + ca.atan2(0.3 + a, b - 0.1) + ca.atan2(b - 0.4, a),
         lambda a, b: (
-            (1.2 + a) ** (0.7 + b) + ca.constpow(a - 2.0, 3.0) + (3.0 + b) ** -2.0 + 2.0 ** (a * b)
+            (1.2 + a) ** (0.7 + b)
+            + ca.constpow(a - 2.0, 3.0)
+            + ca.constpow(a, 3.0)
+            + (3.0 + b) ** -2.0
+            + 2.0 ** (a * b)
         ),
         lambda a, b: ca.tanh(a - b) + ca.erf(a) * ca.cos(b) + ca.exp(a) / (2.0 + ca.sin(b)),
         lambda a, b: (
