@@ -51,7 +51,7 @@ def learn_steps(game: Game, seed: int, progress: Progress | None) -> Learned:
     P = np.zeros_like(game.A)
     for pause in range(PAUSES):
         if progress is not None:
-            progress(pause, PAUSES, f"{learner.iterations} iterations")
+            progress(pause, PAUSES, f"{2**pause} value iterations")
         for _ in range(2**pause):
             H = learner.value_iteration(P)
             P = q_extremum(game, H)["P"]
@@ -62,7 +62,7 @@ def learn_steps(game: Game, seed: int, progress: Progress | None) -> Learned:
                 if learner.is_settled(before, H):
                     return learner.learned(H)
     raise NoSolutionError(
-        f"Q-learning did not converge in {learner.iterations} iterations; check with `hfa solve`"
+        f"Q-learning did not converge in {2**PAUSES} iterations; check with `hfa solve`"
         " that a stabilizing policy exists and that delta is large enough, or record smaller steps"
     )
 
@@ -73,7 +73,6 @@ class QLearner:
 
     game: the game, with the plant that was fitted to data, if any
     begins: (x, u, w) of the steps, (N, s); w only for a finite delta
-    iterations: number of iterations so far
     ends: x⁺ of the steps, (N, n)
     costs: cost of each step, (N,)
     scales: root mean squares of the columns of `begins`, (s,)
@@ -84,7 +83,6 @@ class QLearner:
 
     game: Game
     begins: np.ndarray
-    iterations: int = 0
 
     def __post_init__(self) -> None:
         """Compute what all iterations use, with features of (x, u, w) in units of their sizes."""
@@ -102,7 +100,6 @@ class QLearner:
 
         Raises NoSolutionError if w gains more than it costs, or if the value diverges.
         """
-        self.iterations += 1
         weights = self.pseudoinverse @ (self.costs + self._costs_after(P))
         H = self.psi.matrix(weights) / self.products_of_scales
         is_moderate = bool(np.abs(H).max() <= LARGEST_CRITIC_ENTRY)
@@ -123,7 +120,6 @@ class QLearner:
         Its weights h solve h = pseudoinverse (costs + α features_after h), with the features of the
         policies at x⁺.
         """
-        self.iterations += 1
         optimum = q_extremum(self.game, H)
         rows = [np.eye(len(self.game.A)), -optimum["K"]]  # (x, u, w) = rows x
         if "L" in optimum:
