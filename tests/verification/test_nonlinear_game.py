@@ -1,5 +1,6 @@
 """Critics compared with the nonlinear game, coefficient by coefficient."""
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -11,6 +12,8 @@ from scipy.integrate import solve_ivp
 import hfa
 from hfa import Model, Signal
 from hfa_support.reporting.text import percent
+from verification.box import BoxFlights
+from verification.nonlinear_game import DegreeError, NonlinearComparison
 
 #: Number of flights of a verdict; the default takes longer.
 QUICK = 3
@@ -224,3 +227,58 @@ def test_the_error_of_a_policy_does_not_depend_on_the_units_of_an_input():
         errors.append(max(found.errors, key=lambda each: each.error))
     assert errors[0].worst == errors[1].worst
     assert errors[1].error == pytest.approx(errors[0].error, rel=1e-5)
+
+
+FLOWN = BoxFlights("box", 1.0, np.ones(2), 9.0, np.zeros(2), 8, suboptimality=0.02, resolved=True)
+
+
+@pytest.mark.parametrize(
+    ("flown", "where", "words", "within"),
+    [
+        (FLOWN, "box", "8 flights cost at most 2 % of the largest optimum", True),
+        (replace(FLOWN, suboptimality=1e-12), "box", "at most 0 % of", True),
+        (replace(FLOWN, suboptimality=0.05), "box", "at most 5 % of", True),
+        (replace(FLOWN, suboptimality=0.06), "box", "at most 6 % of", False),
+        (replace(FLOWN, part=0.25), "0.25 of the box", "at most 2 %", True),
+        (replace(FLOWN, part=0.0), "box", "converges from no part", False),
+        (replace(FLOWN, diverged=3, suboptimality=np.inf), "box", "3 of 8 flights diverge", False),
+        (replace(FLOWN, undecided=2, suboptimality=np.nan), "box", "2 of 8 .* within 9 s", False),
+        (replace(FLOWN, resolved=False), "box", "but are not resolved", False),
+    ],
+)
+def test_what_flights_say(flown, where, words, within):
+    """The part of the box, the first finding, and whether all converge, are resolved and cost at most 5 %
+    more; a critic with right coefficients passes with them, in a part of the box "near".
+
+    With a limit of the cost, the coefficients do not decide.
+    """
+    assert flown.where == where
+    assert re.search(words, flown.sentence)
+    assert flown.within(0.05) is within
+    error = DegreeError("V", 2, 1e-9, "a**2", 1.0, 1.0)
+    for each, is_right in ((error, True), (replace(error, error=1e-3), False)):
+        compared = NonlinearComparison((each,), LIMIT, mixed_game(4)[2], flown)
+        passes = "exact" if flown.part == 1.0 else "near"
+        assert compared.grade() == (passes if within and is_right else "fail")
+        assert compared.grade(5.0) == (passes if within else "fail")
+        assert compared.ok is (compared.grade() == "exact")
+        assert replace(compared, flown=None).grade() == ("exact" if is_right else "fail")
+        lines = compared.part()
+        assert flown.flights == 0 or any(flown.sentence in str(line) for line in lines[1:])
+        assert ("z'Pz <=" in lines[0]) is is_right
+
+
+def test_what_coefficients_say():
+    """The wrong degrees of V, or of u, with the worst term and how it differs."""
+    right = DegreeError("V", 2, 1e-9, "a**2", 1.0, 1.0)
+    wrong = DegreeError("u", 3, 0.25, "u: a**3", 1.25, 1.0)
+    for errors, words in (
+        ((right, replace(right, degree=4)), "every coefficient of V to degree 4 within 1e-06"),
+        (
+            (right, wrong, replace(wrong, degree=1, error=0.1)),
+            "u wrong in degree 3, 1 (worst: u: a**3, off by 25 %)",
+        ),
+        ((replace(wrong, exact=0.0),), "(worst: u: a**3, 1.25 in place of 0)"),
+        ((replace(wrong, error=np.inf, learned=np.nan),), "(worst: u: a**3, not finite)"),
+    ):
+        assert words in NonlinearComparison(errors, LIMIT, mixed_game(4)[2]).sentence

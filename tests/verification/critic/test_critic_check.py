@@ -1,6 +1,7 @@
 """The check of critics. The exact critic passes, and each planted error is found, in any units."""
 
 import math
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -25,6 +26,7 @@ from hfa import (
     game as game_on,
     linearize,
     read_critic,
+    solve,
     trim,
     verify,
 )
@@ -96,6 +98,15 @@ REFUSED = {
         lambda game: verify(game, from_gain(game, gain(game)), limit=-1),
         "limit is -1; give",
     ),
+    "object": (lambda game: verify(game, 3.0), "critic is 3.0; give "),
+    "box": (lambda game: verify(game, gain(game), box=[1.0] * 5), "box is .*; give 6 positive"),
+    "negative box": (lambda game: verify(game, gain(game), box=[1, 1, 1, 1, 1, 0]), "6 positive"),
+    "flights": (lambda game: verify(game, gain(game), flights=-1), "flights is -1"),
+    "seconds": (lambda game: verify(game, gain(game), limit_seconds=-1.0), "limit_seconds is -1"),
+    "time": (
+        lambda game: verify(game, solve(game.sampled(0.1))),
+        "in discrete time, but the game is in continuous time",
+    ),
     "no file": (lambda game: read_critic("none.npz", game), "(?i)no such file"),
 }
 
@@ -117,6 +128,8 @@ def test_a_value_is_read_from_a_file_only_with_its_game(game):
     np.savez("P.npz", P=value(game))
     for file in ("K.npz", "P.npz"):
         assert verify(game, read_critic(file, game)).ok
+        assert verify(game, file).ok
+        assert verify(game, Path(file)).ok
     assert np.array_equal(read_critic("K.npz").K, gain(game))
     np.savez("in_SI.npz", K=gain(game), state_units=["m/s", *game.names.state_units[1:]])
     for file in ("P.npz", "in_SI.npz"):

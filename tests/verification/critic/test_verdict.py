@@ -11,10 +11,13 @@ from game_samples import in_steps
 from planted_critics import gain
 from scipy.linalg import solve_discrete_lyapunov
 
+from controller.game.linear_game import weights_line
 from hfa import Game, from_gain, solve, verify
 from hfa.extend import Check
+from hfa_model.parameters import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.reporting.text import percent
-from verification.reports import verdicts_report
+from verification.box import ordinary_box, usual_box
+from verification.reports import checks_part, verdicts_report
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -104,6 +107,123 @@ def test_each_kind_of_check_has_its_grade(kind, off, above, grade, holds):
     assert verdict.largest_error == (off if kind == "error" else 0.0)
     assert verdict.file_entries(0.5)["graded"]["ok"] is holds
     assert ("not stabilizing" in str(verdict)) is (kind == "stability")
+
+
+TWO = Game(
+    [[0.0, 1.0], [2.0, -0.3]], [[0.0], [1.0]], E=[[0.0], [1.0]], Q=[4.0, 1.0], R=[1.0], delta=9.0
+)
+
+
+def test_the_report_of_a_verdict_says_what_was_judged():
+    """The heading names the game, the critic's file and the weights, or what is given about them; a wrong
+    critic without a known mistake has advice; checks are counted, those beyond the first are named.
+    """
+    exact = solve(TWO)
+    verdict = verify(TWO, exact)
+    (gain,) = (check for check in verdict.checks if check.name == "l2_gain")
+    assert f"L2 gain {gain.value:.4g} (delta 9)" in verdict.report().title
+    lines = verdict.report().parts[0]
+    assert "against the exact game solution" in lines[0]
+    assert lines[1:] == (weights_line(TWO),)
+    heading = verdict.report(about=["of the file"], source="K.npz").parts[0]
+    assert heading[0].startswith("Critic of K.npz on ")
+    assert heading[1:] == ("of the file",)
+    assert verdict.report().parts[1] == (f"{len(verdict.checks)} checks passed",)
+    rows = verdict.report().records.rows
+    assert {(matrix, row, column) for matrix, row, column, *_ in rows} >= {
+        ("K", "u1", "x2"),
+        ("P", "x1", "x2"),
+    }
+    wrong = verify(TWO, from_gain(TWO, exact.K * [[1.03, 0.98]]))
+    assert any(
+        line.startswith("Compare signs, units and order") for line in wrong.report().parts[0]
+    )
+    assert not any(line.startswith("Reason") for line in wrong.report().parts[0])
+    mistaken = verify(TWO, from_gain(TWO, -exact.K))
+    assert f"Reason: {mistaken.reason}" in mistaken.report().parts[0]
+    assert not any(line.startswith("Compare") for line in mistaken.report().parts[0])
+    limited = verdict.report(limit_cost=0.5).title
+    assert "decided by the cost limit 0.5 %" in limited
+    sampled = TWO.sampled(0.1)
+    for game, words in (
+        (sampled, ("sampled game", "discrete time, steps of 0.1 s")),
+        (replace(sampled, dt=True), ("discrete game", "discrete time")),
+        (TWO.sampled(0.1, 0.9), ("sampled game", "time, discount 0.9 a step, steps of 0.1 s")),
+    ):
+        report = verify(game, solve(game)).report()
+        assert words[0] in report.title
+        assert report.parts[0][0].endswith(words[1])
+
+
+def test_failed_checks_are_listed_and_the_others_counted():
+    """Each failed check has a line, errors last; entries are left out beside the whole matrix."""
+    names = ["P_entry_error", "P_rel_error", "stability 1", *[f"check {i}" for i in range(20)]]
+    checks = [
+        Check(name, 2.0, 1.0, False, f"of {name}", kind="error" if "error" in name else "stability")
+        for name in names
+    ]
+    for count in range(1, len(checks) + 1):
+        lines = checks_part([*checks[:count], Check("right", 0.0, 1.0, True, "")])
+        shown = {"P_entry_error"} if count == 1 else {*names[1:count]}
+        text = "\n".join(lines)
+        assert lines[-1] == "1 check passed"
+        assert all(name in text for name in shown)
+        assert ("P_entry_error" in text) == (count == 1)
+        assert ("FAIL too" in text) == (len(lines) - 2 > 0 and lines[-2].startswith("FAIL too"))
+        first = [line for line in lines if line.startswith("FAIL ") and "too" not in line]
+        assert f"{first[0]}".endswith("(must be <= 1)")
+        if count > 2:
+            assert "stability 1" in first[0]
+        told = len(first) + sum(line.count(",") + 1 for line in lines if "FAIL too" in line)
+        assert told == len(shown)
+
+
+def test_a_table_of_critics_has_their_costs_and_reasons():
+    """The errors, the cost in percent, 0 for rounding, the L2 gain, and the number that passes."""
+    exact = solve(TWO)
+    off = verify(TWO, from_gain(TWO, 1.2 * exact.K))
+    report = verdicts_report({"right": verify(TWO, exact), "off": off}, 50.0)
+    right, wrong = report.records.rows
+    assert (right[0], *right[5:7]) == ("right", "yes", "0")
+    assert float(wrong[3]) == pytest.approx(off.K_rel_error, rel=0.05)
+    assert float(wrong[6]) == pytest.approx(off.cost_above_optimum_percent, rel=0.01)
+    assert float(wrong[7]) == pytest.approx(off.value_of("l2_gain"), rel=1e-3)
+    assert [str(row[1]) for row in report.records.rows] == ["PASS", "PASS"]
+    assert "Decided by the cost limit 50 percent" in report.parts
+    assert report.title.startswith("PASS: 2 of 2 critics pass")
+    failing = verdicts_report({"off": off, "right": verify(TWO, exact)})
+    assert failing.title.startswith("FAIL: 1 of 2 critics pass")
+    assert failing.parts[-1] == ((f"off: {off.reason}",) if off.reason else ())
+
+
+def test_the_box_of_a_game():
+    """The typical one of the paper's aircraft in ft or m, that of limits, or the balanced one, which
+    changes with the units of the states.
+    """
+    typical = np.array([7.0, 0.1, 0.1, 0.1, 0.1, 0.1])
+    metres = ["m/s", *LINEAR_UNITS[1:]]
+    for units, widths in (
+        ((), typical),
+        (LINEAR_UNITS, typical),
+        (tuple(metres), typical * [0.3048, 1, 1, 1, 1, 1]),
+        (("kt", *LINEAR_UNITS[1:]), None),
+    ):
+        box = ordinary_box(LINEAR_STATES, INPUTS[:2], units)
+        assert box is None if widths is None else box.half_widths == pytest.approx(widths)
+    assert ordinary_box(LINEAR_STATES, ("rudder",), ()) is None
+    assert usual_box(replace(TWO, half_widths=np.array([2.0, 3.0]))).name == "box of limits"
+    balanced = usual_box(TWO)
+    assert balanced.name == "balanced box"
+    units = np.array([8.0, 1.0])
+    other = replace(
+        TWO,
+        A=TWO.A * units[:, None] / units,
+        B=TWO.B * units[:, None],
+        E=TWO.E * units[:, None],
+        Q=TWO.Q / np.outer(units, units),
+    )
+    ratio = usual_box(other).half_widths / balanced.half_widths
+    assert ratio[0] / ratio[1] == pytest.approx(8.0)
 
 
 def discrete_game_value(A, E, Q, delta):
