@@ -17,7 +17,7 @@ import numpy as np
 from controller.critic.training_run import DataSummary
 from controller.game.zero_sum import Game, q_function, rates_of_step
 from controller.learning.recording import Transitions, plant_of, root_mean_square
-from hfa_support.errors import BadInputError
+from hfa_support.errors import BadInputError, shortened
 from hfa_support.reporting.text import numbered
 
 #: Singular values of the data below this fraction of the largest count as 0. The fit can have the
@@ -27,8 +27,6 @@ _RANK_TOLERANCE = 1e-8
 _OUTSIDE = 0.05
 #: Probability that independent noise is taken for a correlated one.
 _CHANCE = 1e-4
-#: Largest number of wrong rows that are named.
-_MOST_ROWS = 20
 #: Misfit that rounding can cause: it is no noise.
 _ROUNDING = 1e-12
 
@@ -52,6 +50,7 @@ class PlantFit:
     scaled_begins: [x u d] about their means / scales, (N, s)
     condition: ratio of the largest to the smallest singular value of scaled_begins
     matrix: M
+    units: factors from M to that of begins and ends in units of their sizes, (n, s)
     residuals: ends - M [x; u; d] - constant, (N, n)
     covariance: of the residuals of the states, (n, n)
     noise: their standard deviations, (n,)
@@ -90,6 +89,7 @@ class PlantFit:
         self.condition = sizes[0] / sizes[-1]
         fit, *_ = np.linalg.lstsq(self.scaled_begins, self.ends, rcond=None)
         self.matrix = fit.T / self.scales
+        self.units = self.scales / self.scales[:n, None]
         self.residuals = self.ends - self.scaled_begins @ fit
         self.degrees_of_freedom = count - columns - 1
         self.covariance = self.residuals.T @ self.residuals / self.degrees_of_freedom
@@ -119,7 +119,7 @@ class PlantFit:
         n, m = self.user_game.B.shape
         hold, fit = self.transitions.hold, self.matrix
         if hold is not None:  # the fit is of steps, A, B and E are of rates
-            rates = rates_of_step(fit, hold)
+            rates = rates_of_step(fit * self.units, hold)
             if rates is None:
                 raise BadInputError(
                     f"a mode of the samples changes its sign every {hold:g} s, as no plant in "
@@ -132,7 +132,7 @@ class PlantFit:
                     f"the plant has a mode of {fastest:.3g} rad/s, and samples every {hold:g} s "
                     f"show none faster than {math.pi / hold:.3g} rad/s; record more often"
                 )
-            fit = rates
+            fit = rates / self.units
         A, B, E = np.split(fit, [n, n + m], axis=1)
         return replace(self.user_game, A=A, B=B, E=E if E.size else self.user_game.E)
 
@@ -196,11 +196,10 @@ class PlantFit:
         without = _misfit(errors[inside], ends[inside])
         if len(inside) == len(ends) or without > 0.5 * self.misfit:
             return ""
-        rows = [*map(str, np.delete(self.transitions.rows, inside))]
-        more = ", ..." if len(rows) > _MOST_ROWS else ""
+        rows = np.delete(self.transitions.rows, inside)
         return (
             f"{len(rows)} of {len(ends)} rows do not fit the others "
-            f"({', '.join(rows[:_MOST_ROWS])}{more}): without them, the misfit is "
+            f"({shortened(', '.join(rows), 200)}): without them, the misfit is "
             f"{100.0 * without:.2g} %; mark the ends of episodes, or remove wrong rows"
         )
 
@@ -226,7 +225,7 @@ class PlantFit:
             raise BadInputError(
                 f"the data show no effect of {name} in 95 % bands, with a misfit of "
                 f"{100.0 * self.misfit:.2g} %; record longer, with less noise, or with larger "
-                "independent excitation" + (f". {self._outliers}" if self._outliers else "")
+                "independent excitation"
             )
 
     def bands(self, P: np.ndarray) -> Bands:
@@ -256,7 +255,8 @@ class PlantFit:
         game = self.game
         n, m = game.B.shape
         if self.transitions.hold is not None:  # the fit is of steps, M of rates
-            change = np.linalg.solve(self._fit_by_rates, change.ravel()).reshape(change.shape)
+            of_fit = (change * self.units).ravel()
+            change = np.linalg.solve(self._fit_by_rates, of_fit).reshape(change.shape) / self.units
 
         H = q_function(game, P if game.is_discrete else np.zeros_like(P))
         M = plant_of(game, len(H))
@@ -281,7 +281,8 @@ class PlantFit:
 
     @cached_property
     def _fit_by_rates(self) -> np.ndarray:
-        """Derivative of the fit of steps with respect to [A B E], row by row, (n s, n s).
+        """Derivative of the fit of steps with respect to [A B E], row by row, (n s, n s), both in
+        units of the sizes of begins.
 
         The fit is the first rows of exp(hold [A B E; 0]), as u and d are constant in a step.
         """
@@ -291,7 +292,7 @@ class PlantFit:
         hold, rates = self.transitions.hold, plant_of(self.game, s)
         assert hold is not None  # the fit is of steps
         exponent = np.zeros((s, s))
-        exponent[:n] = hold * rates
+        exponent[:n] = hold * rates * self.units
         changes = hold * np.eye(n * s, s * s).reshape(-1, s, s)  # of [A B E], one entry by 1
         return np.column_stack(
             [expm_frechet(exponent, change, compute_expm=False)[:n].ravel() for change in changes]
