@@ -9,6 +9,8 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -133,7 +135,7 @@ def reason_for(exact: Solution, critic: Critic, limit: float) -> str:
 def _reason_for_gain(exact: Solution, K: np.ndarray, limit: float) -> str:
     """Return a sentence that names the mistake in a wrong K, or ""."""
     gains = _gains(exact, K, limit)
-    return gains.first(itertools.chain(_of_gain(exact.game, gains), _of_other_games(exact, gains)))
+    return gains.first(itertools.chain(_of_gain(exact, gains), _of_other_games(exact, gains)))
 
 
 def _reason_for_policy(exact: Solution, critic: Critic, P: np.ndarray, limit: float) -> str:
@@ -246,8 +248,13 @@ def _of_value(game: Game, values: Compared) -> Iterator[Mistake]:
         says = "every entry of P is 1/dt times the exact one: the cost of a step is that of dt s"
         yield Mistake(says, float(game.dt) * P)
     yield from _factors("value", "V is z'Pz, without a factor 1/2", values)
-    says = "the entries of P off the diagonal are twice too large: they must be W / 2"
-    yield Mistake(says, np.where(np.eye(len(P), dtype=bool), P, P / 2.0))
+    for too_large, factor in {
+        "2 times too large: they must be W / 2": 2.0,
+        "√2 times too large: they must be W / √2 of weights of √2 z_i z_j (svec)": math.sqrt(2.0),
+        "√2 times too small: they must be W / √2 of weights of √2 z_i z_j (svec)": math.sqrt(0.5),
+    }.items():
+        says = f"the entries of P off the diagonal are {too_large}"
+        yield Mistake(says, np.where(np.eye(len(P), dtype=bool), P, P / factor))
     order = _order_of_states(P, exact)
     places = np.argsort(order)
     yield Mistake(_order_text("state", order), P[np.ix_(places, places)])
@@ -288,12 +295,11 @@ def _factors_of_states(values: Compared) -> np.ndarray:
         return signs * np.sqrt(np.abs(np.diag(values.given) / np.diag(values.exact)))
 
 
-def _of_gain(game: Game, gains: Compared) -> Iterator[Mistake]:
-    """Yield the mistakes of K: factors, shape, R⁻¹, order, units."""
-    K, exact = gains.given, gains.exact
-    if not game.is_discrete:
-        says = "R⁻¹ is missing: K is R⁻¹(B'P + N')"
-        yield Mistake(says, np.linalg.solve(game.R, K))
+def _of_gain(solution: Solution, gains: Compared) -> Iterator[Mistake]:
+    """Yield the mistakes of K: formula, factors, shape, order, units."""
+    game, K, exact = solution.game, gains.given, gains.exact
+    for says, wrong in _wrong_formulas(game, solution.P).items():
+        yield Mistake(f"{says} in the formula of K", exact + (K - wrong))
     yield from _factors("gain", "the policy is u = -K z", gains)
     yield from _unmoved(game, gains)
     if K.shape[0] == K.shape[1]:
@@ -307,6 +313,22 @@ def _of_gain(game: Game, gains: Compared) -> Iterator[Mistake]:
             yield Mistake(first + says, undone.T)
     yield from _one_entry(gains)
     yield from _multiples(game, gains)
+
+
+def _wrong_formulas(game: Game, P: np.ndarray) -> dict[str, np.ndarray]:
+    """Return gains by wrong formulas of the value z'P z: what is wrong -> the gain."""
+    one = np.eye(len(P))
+    wrong = {"P is missing": game.gain(one)}
+    right = game.B.T @ P @ (game.discount * game.A if game.is_discrete else one) + game.N.T
+    if not game.is_discrete:
+        return {"R⁻¹ is missing": right} | wrong
+    wrong["A is missing"] = replace(game, A=one).gain(P)
+    if game.discount != 1.0:
+        wrong["the discount is missing"] = replace(game, discount=1.0).gain(P)
+    with suppress(np.linalg.LinAlgError):
+        in_place = "R⁻¹ is in place of (R + B'PB)⁻¹"
+        wrong[in_place] = np.linalg.solve(game.R, right)
+    return wrong
 
 
 def _unmoved(game: Game, gains: Compared) -> Iterator[Mistake]:

@@ -29,6 +29,8 @@ class DataSummary(Result):
 
     rows: number of transitions that were used
     episodes: number of runs of successive transitions, or 0 if none follow each other
+    rank: that of the states, inputs and disturbances, which is their number: data of a lower rank
+        are refused
     condition: ratio of the largest to the smallest singular value of the states, inputs and
         disturbances, in units of their sizes
     misfit: largest relative deviation of a state from the linear fit
@@ -39,6 +41,7 @@ class DataSummary(Result):
 
     rows: int
     episodes: int
+    rank: int
     condition: float
     misfit: float
     noise: Vector
@@ -46,13 +49,14 @@ class DataSummary(Result):
     notes: tuple[str, ...] = ()
 
     def text(self) -> str:
-        """Return rows, condition and misfit in one line."""
+        """Return rows, rank, condition and misfit in one line."""
         parts = [f"{self.rows} transitions"]
         if self.episodes:
             parts[0] += f" of {self.episodes} episode{'s' if self.episodes > 1 else ''}"
         if self.hold is not None:
             parts.append(f"inputs held for {self.hold:.4g} s")
-        parts.append(f"condition of states and inputs {self.condition:.3g}")
+        parts.append(f"states and inputs of rank {self.rank} of {self.rank}")
+        parts.append(f"condition {self.condition:.3g}")
         parts.append(f"misfit of a linear plant {100.0 * self.misfit:.2g} %")
         return ", ".join(parts)
 

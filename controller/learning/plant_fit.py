@@ -19,6 +19,7 @@ from controller.game.zero_sum import Game, q_function, rates_of_step
 from controller.learning.recording import Transitions, plant_of, root_mean_square
 from hfa_support.errors import BadInputError, shortened
 from hfa_support.reporting.text import numbered
+from hfa_support.units import conversion_factor
 
 #: Singular values of the data below this fraction of the largest count as 0. The fit can have the
 #: rounding error of a sample, 1e-16, divided by this fraction: eight digits remain correct.
@@ -126,13 +127,8 @@ class PlantFit:
                     "continuous time with held inputs does; record more often, or check dt and "
                     "that inputs are constant between samples"
                 )
-            fastest = np.abs(np.linalg.eigvals(self.user_game.A).imag).max()
-            if fastest * hold > math.pi:
-                raise BadInputError(
-                    f"the plant has a mode of {fastest:.3g} rad/s, and samples every {hold:g} s "
-                    f"show none faster than {math.pi / hold:.3g} rad/s; record more often"
-                )
             fit = rates / self.units
+            self._refuse_fast_modes(fit, hold)
         A, B, E = np.split(fit, [n, n + m], axis=1)
         return replace(self.user_game, A=A, B=B, E=E if E.size else self.user_game.E)
 
@@ -143,6 +139,7 @@ class PlantFit:
             rows=len(follows),
             # A transition that follows no other is the first of an episode.
             episodes=int(np.sum(~follows)) if follows.any() else 0,
+            rank=len(self.scales),
             condition=self.condition,
             misfit=self.misfit,
             noise=self.noise,
@@ -203,6 +200,35 @@ class PlantFit:
             f"{100.0 * without:.2g} %; mark the ends of episodes, or remove wrong rows"
         )
 
+    def _refuse_fast_modes(self, rates: np.ndarray, hold: float) -> None:
+        """Raise BadInputError if samples are slower than a mode of the user's plant, or if the rate
+        of X is not X_rate, of states with such names, as of slow samples or of a wrong time.
+
+        rates: [A B E] by the logarithm of the step, (n, s)
+        """
+        fastest = np.abs(np.linalg.eigvals(self.user_game.A).imag).max()
+        if fastest * hold > math.pi:
+            raise BadInputError(
+                f"the plant has a mode of {fastest:.3g} rad/s, and samples every {hold:g} s show "
+                f"none faster than {math.pi / hold:.3g} rad/s; record more often"
+            )
+        names = self.user_game.names
+        labels = dict(zip(names.states, names.state_units, strict=True))
+        for row, (state, unit) in enumerate(labels.items()):
+            rate = f"{state}_rate"
+            if rate not in labels or self.misfit > 0.1:
+                continue
+            terms = rates[row] * self.scales  # root mean squares of the parts of the rate
+            place = names.states.index(rate)
+            known = self.scales[place] * (conversion_factor(labels[rate], f"{unit}/s") or 1.0)
+            terms[place] -= known
+            if np.abs(terms).max() > 0.5 * known:
+                raise BadInputError(
+                    f"the rate of {state} in the data is not {rate}: the samples, every "
+                    f"{hold:g} s, are slower than a mode, or their time is wrong; "
+                    "record more often"
+                )
+
     @cached_property
     def _root_of_row(self) -> np.ndarray:
         """Root of the covariance of a row of M for noise of variance 1, (s, s).
@@ -225,7 +251,7 @@ class PlantFit:
             raise BadInputError(
                 f"the data show no effect of {name} in 95 % bands, with a misfit of "
                 f"{100.0 * self.misfit:.2g} %; record longer, with less noise, or with larger "
-                "independent excitation"
+                "independent excitation" + (f". {self._outliers}" if self._outliers else "")
             )
 
     def bands(self, P: np.ndarray) -> Bands:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -28,8 +28,8 @@ from hfa_support.errors import BadInputError, numbers_in, prefix_errors, shorten
 from hfa_support.matrices import LARGEST, shape_text
 from hfa_support.reporting.text import numbered
 
-#: Matrix of the ends of transitions -> suffix of their columns.
-_SUFFIX_OF_ENDS = {"x_next": "_next", "x_rate": "_dot"}
+#: Matrix of the ends of transitions -> suffixes of their columns.
+_SUFFIXES_OF_ENDS = {"x_next": ("_next",), "x_rate": ("_dot", "_rate")}
 #: Flags of the last row of an episode, in libraries of reinforcement learning.
 _LAST = (
     *("terminals", "terminal", "terminated", "terminations", "timeouts", "truncated"),
@@ -47,7 +47,7 @@ _ALIASES = {
     **dict.fromkeys(("x_dot", "xdot"), "x_rate"),
 }
 #: Entries that are matrices.
-_MATRICES = ("x", "u", "d", *_SUFFIX_OF_ENDS)
+_MATRICES = ("x", "u", "d", *_SUFFIXES_OF_ENDS)
 
 
 def transitions_in(data: Any, game: Game) -> Transitions:
@@ -207,10 +207,10 @@ def _blocks_of_matrices(
     states = names.states or plant.states or numbered("x", matrices["x"].shape[1])
     inputs = names.inputs or plant.inputs or numbered("u", matrices["u"].shape[1])
     names = names._replace(states=states, inputs=inputs).completed(len(states), len(inputs))
-    shortest = count - {*_SUFFIX_OF_ENDS}.isdisjoint(matrices)
+    shortest = count - {*_SUFFIXES_OF_ENDS}.isdisjoint(matrices)
     blocks: dict[str, list[Column]] = {}
     for key, matrix in matrices.items():
-        suffix, per = _SUFFIX_OF_ENDS.get(key, ""), "/s" if key == "x_rate" else ""
+        suffix, per = _SUFFIXES_OF_ENDS.get(key, ("",))[0], "/s" if key == "x_rate" else ""
         ordered = plant.states
         units = dict(zip(states, names.state_units, strict=True))
         if key == "u":
@@ -237,13 +237,14 @@ def _blocks_among(named: Mapping[str, Column], plant: PlantNames) -> dict[str, l
     The states and inputs are those of the plant. If the table has none of them, the states are the
     columns beside one of their next value or rate, and the inputs are all other columns.
     """
-    states, inputs, suffixes = [*plant.states], [*plant.inputs], _SUFFIX_OF_ENDS.values()
+    states, inputs = [*plant.states], [*plant.inputs]
     disturbances = [name for name in named if re.fullmatch(r"d\d*", name)]
     missing = [name for name in (*states, *inputs) if name not in named]
     if is_other := len(missing) == len(states) + len(inputs):
-        states = [name for name in named if any(f"{name}{end}" in named for end in suffixes)]
-        of_states = {f"{state}{end}" for state in states for end in suffixes}
-        no_inputs = {*states, *of_states, *disturbances, *_NO_SIGNALS, *_NO_INPUTS}
+        every = [*_SUFFIXES_OF_ENDS.values()]
+        states = next(filter(None, ([*_ends_among(named, named, each)] for each in every)), [])
+        ends = chain(*(_ends_among(named, states, each).values() for each in every))
+        no_inputs = {*states, *disturbances, *_NO_SIGNALS, *_NO_INPUTS, *ends}
         inputs = [name for name in named if name not in no_inputs]
     if (missing and not is_other) or not states or not inputs:
         raise BadInputError(
@@ -252,19 +253,31 @@ def _blocks_among(named: Mapping[str, Column], plant: PlantNames) -> dict[str, l
             "the columns so, with units as in alpha [deg], or give a plant that names them"
         )
     blocks = {"x": states, "u": inputs, "d": disturbances}
-    for key, suffix in _SUFFIX_OF_ENDS.items():
-        ends = [f"{state}{suffix}" for state in states]
-        lacking = [end for end in ends if end not in named]
-        if lacking and not named.keys() & {*ends} <= {*states}:  # pitch_dot may be a state
-            raise BadInputError(f"there is no column {lacking[0]}; add it, or remove the others")
-        blocks[key] = [] if lacking else ends
+    for key, suffixes in _SUFFIXES_OF_ENDS.items():
+        of_states = _ends_among(named, states, suffixes)
+        if {*states}.issuperset(of_states.values()):
+            continue
+        for state in states:
+            if state not in of_states:
+                raise BadInputError(
+                    f"there is no column {state}{suffixes[0]}; add it, or remove the others"
+                )
+        blocks[key] = [of_states[state] for state in states]
     return {key: [named[name] for name in block] for key, block in blocks.items() if block}
+
+
+def _ends_among(
+    columns: Collection[str], states: Iterable[str], suffixes: Sequence[str]
+) -> dict[str, str]:
+    """Return state -> column of its end, which may be a state: pitch_rate of pitch."""
+    ends = ((state, f"{state}{each}") for each in reversed(suffixes) for state in states)
+    return {state: end for state, end in ends if end in columns}
 
 
 def _transitions(record: _Record, game: Game) -> Transitions:
     """Return the transitions of samples in the units of a game."""
     blocks, rows_of, signals = record.blocks, record.blocks["x"][0].rows, game.names
-    end, *others = [key for key in _SUFFIX_OF_ENDS if key in blocks] or ["x"]
+    end, *others = [key for key in _SUFFIXES_OF_ENDS if key in blocks] or ["x"]
     if others:
         raise BadInputError("the data have x_next and x_rate; remove one of them")
     if end == "x_rate" and game.is_discrete:

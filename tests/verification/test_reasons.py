@@ -69,7 +69,8 @@ OF_P = [
     (lambda P: np.triu(P) + np.triu(P, 1), "P is not symmetric; its symmetric part is exact"),
     (lambda P: -P, "the value has the wrong sign"),
     (lambda P: P / 2, "the value is half the exact one"),
-    (lambda P: P * (2.0 - np.eye(3)), "are twice too large"),
+    (lambda P: P * (2.0 - np.eye(3)), "are 2 times too large"),
+    (lambda P: P * np.where(np.eye(3) == 1.0, 1.0, 2.0**0.5), "√2 times too large"),
     (lambda P: P[ORDER][:, ORDER], "the states are in the order 1, 3, 2"),
     (lambda P: P * np.outer(ANGLES, ANGLES), "states 2 and 3 are in degrees"),
     (lambda P: P * np.outer(FLIPPED, FLIPPED), "state 3 has the wrong sign"),
@@ -320,6 +321,25 @@ def test_what_is_wrong_with_a_policy_or_a_value_is_named(case, says):
     game, critic = case
     assert "nonsmooth point" not in critic.origin
     assert says in verify(game, critic, flights=1).reason
+
+
+@pytest.mark.parametrize(
+    ("formula", "words"),
+    [
+        (lambda A, B, P, R, c: c * np.linalg.solve(R + c * B.T @ P @ B, B.T @ P), "A is missing"),
+        (lambda A, B, P, R, c: c * np.linalg.solve(R + c * B.T @ B, B.T @ A), "P is missing"),
+        (
+            lambda A, B, P, R, c: np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A),
+            "the discount is missing",
+        ),
+        (lambda A, B, P, R, c: c * np.linalg.solve(R, B.T @ P @ A), "R⁻¹ is in place of"),
+    ],
+)
+def test_a_wrong_formula_of_a_gain_in_steps_is_named(formula, words):
+    """A gain by a wrong formula of A, B, the exact P, R and the discount c has its reason."""
+    game = replace(SQUARE.sampled(0.1, 0.95), delta=np.inf)
+    K = formula(game.A, game.B, value(game), game.R, game.discount)
+    assert words in verify(game, from_gain(game, K)).reason
 
 
 def test_a_nonsmooth_point_at_the_trim_is_the_first_finding():

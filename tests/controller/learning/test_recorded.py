@@ -126,6 +126,7 @@ def test_the_command_learns_from_data_with_and_without_a_plant():
     columns = np.hstack([data["x"], data["u"]])
     columns -= columns.mean(axis=0)
     condition = np.linalg.cond(columns / columns.std(axis=0))
+    assert told["data"]["rank"] == 5
     assert told["data"]["condition"] == pytest.approx(condition)
 
     Q_in_degrees = ",".join(map(repr, (1.0 / FACTORS**2).tolist()))
@@ -398,6 +399,9 @@ def test_a_record_about_its_trim_that_begins_at_rest():
     assert_exact(plant, run)
     (unused,) = (note for note in run.data.notes if "without a unit" not in note)
     assert unused.endswith("as no state or input of the plant: reward, weather")
+    for game in (plant, blind(plant)):
+        with pytest.raises(BadInputError, match="the rate of pitch in the data is not pitch_rate"):
+            learn(game, data=columns | {"Time [ms]": 1e3 * np.arange(80)})
 
 
 def test_a_state_may_be_called_x():
