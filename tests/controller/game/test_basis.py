@@ -5,7 +5,7 @@ import pytest
 from cli import refused
 
 from controller import basis
-from controller.game.basis import BASES, bases_of_size, monomials
+from controller.game.basis import BASES, bases_of_size
 from hfa_model import LINEAR_STATES
 
 #: States with fourth powers in the paper's basis.
@@ -47,11 +47,3 @@ def test_a_basis_is_that_of_its_exponents(name):
     assert (psi.size, psi.states) == psi.exponents.shape
     assert name in bases_of_size(psi.size, n)
     assert name not in bases_of_size(psi.size + 1, n)
-
-
-def test_monomials_of_a_degree():
-    """All exponents of a sum, the first variable first."""
-    assert monomials(3, 2).tolist() == basis("quadratic", 3).exponents.tolist()
-    for degree in range(5):
-        rows = monomials(2, degree).tolist()
-        assert rows == [[degree - k, k] for k in range(degree + 1)]

@@ -6,7 +6,6 @@ import re
 import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa as run, refused
-from known_models import model_at
 from scipy.linalg import eigh, expm
 
 import hfa
@@ -40,21 +39,6 @@ def test_solve_prints_the_price_of_a_delay(folder):
     ratios = eigh(late[: len(prompt), : len(prompt)], prompt, eigvals_only=True)
     price = f"at most {ratios.max():.4g} times the optimum without, and {ratios.mean():.4g} times"
     assert price in " ".join(said.split())
-
-
-def test_a_game_with_latency_is_solved_and_its_gain_verified(folder):
-    """The command solves the game of 100 samples a second with servos and a delay, of 16 states, and
-    accepts the gain of its file for this game; a part of it is not accepted.
-    """
-    words = ["--dihedral", "10", "--servo", "20ms", "--delay", "10ms", "--rate", "100"]
-    data = answer("solve", *words, "-o", "latency.json")
-    linear = hfa.trim(MODEL, dihedral=np.radians(10.0)).linearize()
-    K = hfa.solve(hfa.game(linear, rate=100.0, delay=0.01)).K
-    np.testing.assert_allclose(data["K"], K, rtol=1e-6)
-    assert run("verify", *words, "--weights", "latency.json").code == 0
-    assert run("verify", *words[:2], *words[4:], "--weights", "latency.json").code != 0
-    without = model_at(10.0)
-    assert np.shape(K) == (5, len(without.states) + 5 + 5)
 
 
 @pytest.mark.parametrize(

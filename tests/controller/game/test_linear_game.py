@@ -1,12 +1,10 @@
 """Games on linear models: names from the model, and weights by name."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from own_models import GTM, trimmed
-from scipy.linalg import solve_continuous_are
 
 import hfa
 from controller.game.linear_game import (
@@ -17,7 +15,6 @@ from controller.game.linear_game import (
     weights_of_flights,
 )
 from hfa import BadInputError, Model, Signal
-from hfa.main import main
 from hfa_aircraft import in_si
 
 
@@ -70,24 +67,6 @@ def test_a_solution_passes_in_other_units_of_its_aircraft(is_stored_in_si, tmp_p
     hfa.solve(solved).save(path)
     assert judging.names.input_units != solved.names.input_units
     assert hfa.verify(judging, path).ok
-
-
-def test_default_weights_are_those_of_the_plant_file(folder, capsys):
-    """Without Q and R, the solution is SciPy's for Q, R and N of a plant file, in Python and with
-    `--aircraft`. A game without the first input has the entries of R and N of the second.
-    """
-    A, B = np.array([[0.0, 1.0], [2.0, -0.3]]), np.array([[0.0, 0.5], [1.0, 0.0]])
-    Q, R = np.array([[4.0, 0.5], [0.5, 1.0]]), np.array([[0.5, 0.1], [0.1, 2.0]])
-    N = np.array([[0.1, 0.0], [0.0, 0.2]])
-    np.savez("plant.npz", A=A, B=B, Q=Q, R=R, N=N)
-    model = hfa.load_model("plant.npz")
-    linear = hfa.linearize(model, hfa.trim(model))
-    P = pytest.approx(solve_continuous_are(A, B, Q, R, s=N), rel=1e-9)
-    assert hfa.solve(hfa.game(linear)).P == P
-    assert main(["solve", "--aircraft", "plant.npz", "--json"]) == 0
-    assert np.array(json.loads(capsys.readouterr().out)["P"]) == P
-    for of_u2 in (hfa.game(linear.select(inputs=("u2",))), hfa.game(linear).select(("u2",))):
-        assert (of_u2.R.tolist(), of_u2.N.tolist()) == ([[2.0]], [[0.0], [0.2]])
 
 
 def test_an_aircraft_without_weights_has_no_game():

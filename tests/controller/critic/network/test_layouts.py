@@ -200,24 +200,6 @@ def test_a_checkpoint_of_a_discrete_policy_is_refused():
     assert "one of several discrete actions (logits)" in refusal(path, activation="tanh")
 
 
-@pytest.mark.parametrize(
-    ("root", "mean"),
-    [
-        ("model_state_dict.", "obs_norm_state_dict._mean"),
-        ("model.a2c_network.", "model.running_mean_std.running_mean"),
-        ("policy.", "observation_preprocessor.running_mean"),
-    ],
-)
-def test_a_checkpoint_with_a_normalizer_of_its_own_is_refused(root, mean):
-    """Statistics of observations in files of rsl_rl, rl_games and skrl are no layers, also if the
-    user names the layers.
-    """
-    path = torch_file("a.pt", layers(root, *ACTOR) | {mean: np.ones(3)})
-    assert f"tensor '{mean}' (3,) is not a weight" in refusal(path, activation="tanh")
-    named = refusal(path, activation="tanh", network=f"policy={root}actor")
-    assert f"tensor '{mean}' (3,) is not a layer and may act on the network's inputs" in named
-
-
 @pytest.mark.parametrize("kind", ["float16", "bfloat16"])
 def test_half_precision_is_read(kind):
     """The policy of weights in float16 or bfloat16 is that of the stored weights.
