@@ -1,12 +1,17 @@
 """The variants, compared with the equations of Gibson, Annaswamy, Lavretsky, AIAA 2011-6202."""
 
+import functools
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
+import pytest
+from cli import refused
 
 import hfa
-from hfa_model import VARIANTS, State
+from hfa.paper import level_flight, level_model
+from hfa_model import VARIANTS, State, published_models
+from trim import compare
 
 Published, Newton = (type(VARIANTS[name]) for name in ("published", "newton"))
 
@@ -43,3 +48,37 @@ def test_published_differs_from_gibson_in_lever_arm_and_hinge_inertia(parameters
     """
     assert worst(hfa.aircraft(WithTermsOfGibson(), parameters)) < 1e-12
     assert worst(hfa.aircraft("published", parameters)) > 1e-2
+
+
+def test_published_has_the_printed_matrices():
+    """Each printed entry of A and B is reproduced within three half units of its last digit."""
+    for printed in published_models():
+        rows = compare(level_model(hfa.aircraft(), printed.dihedral), printed)
+        assert max(abs(row.half_units) for row in rows) <= 3.0
+
+
+@pytest.mark.parametrize("eta", [0.0, 0.3, -0.2])
+def test_the_configuration_is_that_of_three_panels(eta, parameters):
+    """Mass, inertias and sizes are sums over panels of (80 ft)·(8 ft) that are turned by -η, 0 and η about
+    the x axis: I = Σ R I R' + m (r² - r r') about the common center of mass.
+    """
+    p = parameters
+    own, total = np.diag([p.inertia_roll, p.inertia_pitch, p.inertia_yaw]), np.zeros((3, 3))
+    s, sine, cosine = p.panel_span, np.sin(eta), np.cos(eta)
+    for side in (-1.0, 0.0, 1.0):
+        turned = np.eye(3)
+        if side:
+            turned[1:, 1:] = [[cosine, -side * sine], [side * sine, cosine]]
+        r = np.array([0.0, side * s / 2 * (1 + cosine), s / 2 * sine * abs(side) - s / 3 * sine])
+        total += turned @ own @ turned.T + p.panel_mass * (r @ r * np.eye(3) - np.outer(r, r))
+    sheet = hfa.trim(hfa.aircraft(), dihedral=eta).sheet
+    found = [sheet[name].value for name in ("mass", "Ixx", "Iyy", "Izz", "S", "b", "c")]
+    sizes = 3.0 * s * p.chord, s * (1.0 + 2.0 * cosine), p.chord
+    assert found == pytest.approx([3.0 * p.panel_mass, *np.diag(total), *sizes], rel=1e-9)
+
+
+def test_unknown_dynamics_and_a_speed_of_0_are_refused():
+    assert "unknown dynamics 'newtom'; did you mean newton" in refused(hfa.aircraft, "newtom")
+    still = level_flight(0.1, speed=0.0, limits={"speed": (-1.0, 500.0)})
+    trim = functools.partial(hfa.trim, hfa.aircraft())
+    assert "speed is 0 ft/s; give a positive speed" in refused(trim, still)

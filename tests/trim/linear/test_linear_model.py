@@ -28,14 +28,6 @@ def half_units(model, published):
 
 
 @PRINTED
-def test_every_printed_entry_is_regenerated(published_aircraft, published):
-    """All 66 printed entries of A and B are reproduced within three half units of the last digit."""
-    computed = level_model(published_aircraft, published.dihedral)
-    assert len(compare(computed, published)) == 66
-    assert half_units(computed, published) <= 3.0
-
-
-@PRINTED
 @pytest.mark.parametrize("name", [*IDENTIFIED, *ASSUMED])
 def test_a_parameter_one_percent_off_is_detected(parameters, published, name):
     """If one parameter is changed by 1 %, some entry of A or B differs from the printed one by more than

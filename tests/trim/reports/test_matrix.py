@@ -144,16 +144,6 @@ def test_the_terminal_shows_a_short_sheet(book, trim):
     assert all(f"\n{name} " in full for name in ("beta", "rudder margin", "Ixx", "CAP"))
 
 
-def test_of_a_list_only_sheets_with_a_stall_or_a_warning_are_printed(book):
-    """Of the trims of a list, the sheets of "stall" and of "planted", whose inertia no rigid body has,
-    are printed, and that of "glide" is not. listed.txt has what is printed.
-    """
-    listed = (book / "listed.txt").read_text("utf-8")
-    assert listed.count("STALLED") == listed.count("\nSTALLED:") == 1
-    assert "glide: " not in listed
-    assert "planted: " in listed
-
-
 def test_stall_warning_and_missing_trim_are_cells_of_the_table_and_entries_of_json(book, trim):
     """The row of each condition has the sentence on its stall, warning or missing trim, and the JSON
     of its sheet has the same sentence on stall or warning.

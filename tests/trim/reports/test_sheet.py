@@ -31,25 +31,6 @@ def sheet(name, **hold):
     return point, point.report().data
 
 
-# First lines.
-
-
-def test_the_first_line_names_imposed_values_and_none_that_follow_from_them():
-    """The first line names an imposed sideslip, but not the load factor that it causes; an imposed load
-    factor is named.
-    """
-    aircraft = f"{EXAMPLES}/cessna182.toml"
-    for imposed, free, words in (
-        ({}, (), []),
-        ({"beta": math.radians(5.0)}, (), ["beta 5 deg"]),
-        ({"load_factor": 1.2}, ("turn_rate",), ["load_factor 1.2"]),
-    ):
-        point = hfa.trim(hfa.load_model(aircraft), hold=imposed, free=free)
-        title = " ".join(point.report().title.partition("unstable")[0].split())
-        assert title.split(", ")[-1 - len(words) :] == ["5,000 ft", *words]
-        assert point.report().head["condition"].endswith(words[0] if words else "5,000 ft")
-
-
 def two_engines(*throttles):
     """Return an aircraft with engines of 100 N, left and right, and a drag of 2 N per m/s.
 

@@ -73,19 +73,6 @@ def test_each_point_equals_its_single_trim(published_aircraft, name):
     assert np.count_nonzero(~result.trimmed) == untrimmed.get(name, 0)
 
 
-def test_a_sweep_warns_beyond_the_papers_range(published_aircraft):
-    """The report of a sweep to -16 deg notes the range of the paper. That of a sweep to -15 deg
-    does not.
-    """
-    within, beyond = (
-        sweep(published_aircraft, {"dihedral": np.radians([lowest, 15.0])}).report().notes
-        for lowest in (-15.0, -16.0)
-    )
-    warning = "dihedral -16 deg is beyond the paper's range, which ends at -15 deg"
-    assert (list(within), list(beyond)) == ([], [warning])
-    assert warning in hfa("sweep", "--dihedral=-16,15").err
-
-
 def test_a_listed_point_outside_a_limit_fails_alone(tmp_path):
     """Of three listed points, the speed 99000 ft/s and the temperature isa = 120 K are outside their
     limits; each has its own reason, and the first point is trimmed.
