@@ -23,7 +23,9 @@ from project import ROOT
 #: A number in a text, and one that is only a rounding.
 _NUMBER, _ROUNDING = re.compile(r"-?\d+(?:\.\d+)?"), re.compile(r"-?\d(?:\.\d+)?e-\d+")
 #: Version and date of an output, digest of a file, and what made a table.
-_MADE = re.compile(r"hfa \d\S+ \d{4}-\d\d-\d\d|SHA-256 \w+|.*\"command\".*", re.DOTALL)
+_MADE = re.compile(
+    r"hfa \d\S+ \d{4}-\d\d-\d\d|SHA-256 \w+|\b(?=\w*\d)[0-9a-f]{12}\b|.*\"command\".*", re.DOTALL
+)
 _UNSTORED = {"provenance", "made_by", "toolchain"}
 #: Most numbers that are stored one by one; of more, the sum and a weighted sum are.
 _LONGEST = 40
@@ -56,7 +58,7 @@ def answer_of(line, folder):
         pictures.append(drawn(figure))
 
     os.chdir(folder)
-    with patch.object(Figure, "savefig", record):
+    with patch.object(Figure, "savefig", record), patch.object(sys, "argv", ["hfa", *words]):
         done = hfa(*words)
     said = [text.splitlines() for text in (done.out, done.err)]
     content = {"code": done.code, "said": said, "drawn": pictures}
@@ -65,6 +67,8 @@ def answer_of(line, folder):
     for path in folder.glob("*.csv"):
         rows = csv.reader(path.read_text("utf-8").splitlines())
         content[path.name] = [list(map(_cell, row)) for row in rows if row[0][:1] != "#"]
+    for path in folder.glob("*.md"):
+        content[path.name] = path.read_text("utf-8").splitlines()
     for path in folder.glob("*.zarr"):
         import xarray
 
@@ -137,6 +141,7 @@ def _lines(answers):
 
 
 if __name__ == "__main__":
+    os.environ["SOURCE_DATE_EPOCH"] = "1790000000"  # as in conftest.py
     for folder in sys.argv[1:]:
         answers, path = stored(folder)
         for line in answers:

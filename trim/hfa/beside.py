@@ -55,8 +55,9 @@ def with_other_dynamics(point: OperatingPoint) -> LinearModel | None:
         return None
     name = next(variant for variant in VARIANTS if variant != model.name)
     other = aircraft(name, parameters_of(model))
+    condition = point.found_by.asked.at()  # with numbers in place of tables
     with suppress(BadInputError, NoSolutionError):
-        return trim(other, point.found_by.asked.at(), point).linearize()
+        return trim(other, condition, point).linearize()
     return None
 
 

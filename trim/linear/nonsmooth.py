@@ -137,8 +137,6 @@ def near_switches(model: Model, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> 
         return NearSwitches(np.flatnonzero(np.isfinite(x).all(axis=1)), np.arange(len(steps)))
     distances, changes = switches(x, u, p)
     is_near = distances <= 0.0
-    if not is_near.any():
-        return NearSwitches(np.arange(0), np.arange(0))
     points = np.flatnonzero(is_near.any(axis=1))
     changes_of_near = changes.reshape(*distances.shape, len(steps))[is_near]
     if not changes_of_near.any(axis=1).all():  # a switch of second order in all of them

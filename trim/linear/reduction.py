@@ -21,13 +21,11 @@ def positions(what: str, names: Sequence[str] | None, known: tuple[str, ...]) ->
     Raises BadInputError for an unknown name, and for a repeated name.
     """
     chosen = [names] if isinstance(names, str) else list(known if names is None else names)
-    position_of = {name: index for index, name in enumerate(known)}
     for index, name in enumerate(chosen):
-        if not isinstance(name, str) or name not in position_of:
-            refuse_unknown(f"unknown {what}", name, known)
+        refuse_unknown(f"unknown {what}", name, known)
         if name in chosen[:index]:
             raise BadInputError(f"{what} {name} is named twice; remove one {name}")
-    return [position_of[name] for name in chosen]
+    return [known.index(name) for name in chosen]
 
 
 class Matrices(NamedTuple):
@@ -99,8 +97,13 @@ def reduced(
     ABE = by_columns[rows]
 
     if following:  # x2 = -A22⁻¹ (A21 x1 + B2 u + E2 w)
-        _refuse_singular(whole, following)
         A22 = whole.A[np.ix_(following, following)]
+        if not spectrum(A22).values.all():
+            names = ", ".join(whole.states[i] for i in following)
+            raise BadInputError(
+                f"{names} cannot be residualized, because the block A22 of A for these "
+                "states is singular; residualize fewer states"
+            )
         followers_by_columns = -np.linalg.solve(A22, by_columns[following])
         ABE = ABE + whole.A[np.ix_(rows, following)] @ followers_by_columns
         CDF = CDF + whole.C[np.ix_(outputs, following)] @ followers_by_columns
@@ -120,17 +123,6 @@ def reduced(
         inputs=tuple(whole.inputs[i] for i in columns),
         outputs=tuple(whole.outputs[i] for i in outputs),
     )
-
-
-def _refuse_singular(whole: Matrices, following: list[int]) -> None:
-    """Raise BadInputError if the block A22 of A for the following states is singular."""
-    A22 = whole.A[np.ix_(following, following)]
-    if not spectrum(A22).values.all():
-        names = ", ".join(whole.states[i] for i in following)
-        raise BadInputError(
-            f"{names} cannot be residualized, because the block A22 of A for these "
-            "states is singular; residualize fewer states"
-        )
 
 
 def reduction_note(kept: Matrices, whole: Matrices) -> str:

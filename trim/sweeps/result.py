@@ -452,11 +452,11 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
         model = self.model
         names = (*model.states, *model.inputs)
         units = model.units(names)
-        stated = self.plan.stated()
+        of_all = self.plan.cells_of_all()
         header = (
             *((NAME,) if self.plan.names else ()),
             *(imposed_heading(model, name) for name in self.variables),
-            *stated,
+            *of_all,
             RESULTS,
             "failure",
             "limits reached",
@@ -477,7 +477,7 @@ class Sweep(StatesAndInputs, ByValue, Result, Reported):
             return (
                 *self.plan.names[i : i + 1],  # none of a grid
                 *map(exact_cell, self.values[i].tolist(), self.plan.units),
-                *stated.values(),
+                *of_all.values(),
                 str(result),
                 reason,
                 reached,

@@ -20,7 +20,6 @@ from trim.point.condition import (
     freed_parameters,
     stated_cells,
     stated_values,
-    usual_condition,
 )
 from trim.point.operating_point import OperatingPoint, beyond_range
 from trim.sweeps.points import condition_at
@@ -156,7 +155,7 @@ class SweepPlan(Identified):
     axes: variable -> its values, as a list or as `Steps`. The points are all combinations, in which
         the last variable varies fastest, unless `listed` is True.
     model: model of the aircraft.
-    condition: condition of all other variables; by default the trim that the model declares.
+    condition: condition of all other variables.
     start: initial point of the search at each point, or None for the default.
     listed: whether the axes are columns of equal length, with one row for each point.
     names: name of each point of a list, or ().
@@ -166,7 +165,7 @@ class SweepPlan(Identified):
 
     axes: Mapping[str, Any]
     model: Model
-    condition: TrimCondition = None  # type: ignore[assignment]  # replaced below
+    condition: TrimCondition
     start: OperatingPoint | None = None
     listed: bool = False
     names: tuple[str, ...] = ()
@@ -178,8 +177,6 @@ class SweepPlan(Identified):
         points.
         """
         model = self.model
-        if self.condition is None:
-            vars(self)["condition"] = usual_condition(model)
         for name in freed_parameters(self.condition):
             raise BadInputError(f"a sweep does not free the parameter {name}; hold values of it")
         if not self.axes:
@@ -290,7 +287,7 @@ class SweepPlan(Identified):
             "condition": self.condition.changes,
         } | without_empty(names=self.names)
 
-    def stated(self) -> dict[str, Any]:
+    def cells_of_all(self) -> dict[str, Any]:
         """Return what all points impose, as columns of a file of conditions, heading -> cell."""
         return stated_cells(self.model, stated_values(self.condition, self.variables))
 

@@ -2,13 +2,11 @@
 
 import control
 import numpy as np
-import pandas as pd
 import pytest
 from own_models import F16
 
 import hfa
 from hfa import LinearModel
-from trim import linear_model_report
 
 
 @pytest.mark.parametrize("aircraft", [hfa.aircraft(), F16.with_parameters(xcg=0.3)])
@@ -72,25 +70,3 @@ def test_a_bode_plot_shows_the_response_of_each_channel():
             np.testing.assert_allclose(turned, exact / np.abs(exact), atol=1e-9)
             assert np.abs(np.diff(degrees)).max() < 45.0
     assert len(panels) == 4
-
-
-def test_responses_at_the_modes_are_those_of_the_matrices():
-    """The responses of channels with an effect are C (jω - A)⁻¹ B + D at |λ| of the damped modes.
-
-    Modes: -1 and -2, coupled, and an undamped one at 3 rad/s.
-    """
-    A = np.array(
-        [[-1.0, 0.0, 0.0, 0.0], [0.5, -2.0, 0.0, 0.0], [0.0, 0.0, 0.0, 3.0], [0.0, 0.0, -3.0, 0.0]]
-    )
-    C = pd.DataFrame(np.eye(4), [f"y{i}" for i in range(4)], [f"x{i + 1}" for i in range(4)])
-    assert LinearModel.of(A, np.eye(4), C).outputs == tuple(C.index)
-    linear = LinearModel.of(A, np.eye(4)[:, :2])
-    # The pair comes first, as it is the fastest, with the positive imaginary part before the other.
-    assert linear.eigenvalues == pytest.approx([3j, -3j, -2.0, -1.0])
-    found = linear_model_report(linear, responses=True).data
-    assert found["frequencies"] == pytest.approx([1.0, 2.0])
-    assert [*found["responses"]] == ["x1 / u1", "x2 / u1", "x2 / u2"]
-    for name, values in found["responses"].items():
-        row, column = (int(word[1]) - 1 for word in name.split(" / "))
-        exact = [np.linalg.inv(1j * w * np.eye(4) - A)[row, column] for w in (1.0, 2.0)]
-        np.testing.assert_allclose(values @ np.array([1.0, 1.0j]), exact, rtol=1e-12)

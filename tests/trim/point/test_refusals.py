@@ -15,7 +15,7 @@ import hfa
 from hfa import BadInputError, LinearModel, Model, Signal, TrimCondition
 from hfa.paper import default_parameters, level_flight
 from hfa_flight import Waveform
-from trim import entry_bands, load_condition, release, trim_figure
+from trim import entry_bands, release, trim_figure
 
 HFA = hfa.aircraft()
 GTM = hfa.load_model(f"{ROOT}/examples/gtm.py:GTM")
@@ -91,19 +91,6 @@ CALLS = {
     "unknown variable 'sped'; did you mean speed": lambda: point()["sped"],
     "'theta'": lambda: point().linearize().A["pitch_rate", "theta"],
     "'holds'": lambda: hfa.trim(HFA, holds={"speed": 70.0}),
-    "dihedral is -114.592 deg; give a value between -60 deg and 60 deg": lambda: hfa.sweep(
-        HFA, speed=[60.0, 62.0], dihedral=[0.1, -2.0, 0.0]
-    ),
-    "throttle is 50; give a value between 0 and 40": lambda: hfa.sweep(
-        HFA, {"throttle": [0.0, 50.0]}, condition=release(LEVEL, limits={"throttle": (0.0, 40.0)})
-    ),
-    "alpha is given for dihedral from 0 deg to 20 deg": lambda: hfa.sweep(
-        HFA, {"dihedral": [0.1, 0.5]}, condition=load_condition("simvfa-64")
-    ),
-    "speed has masked entries": lambda: hfa.sweep(HFA, speed=np.ma.masked_less([60.0, 68.0], 65.0)),
-    "panel_mass is -1 slug to 10 slug in the sweep; give values between 0 slug": lambda: hfa.sweep(
-        HFA, panel_mass=[-1.0, 10.0]
-    ),
     "pitch cannot be residualized": lambda: linear().select(residualize=("pitch",)),
     "the model has no inputs, so no Bode plot exists": lambda: bode(inputs=()),
     "state alpha is both kept and residualized": lambda: linear().select(
@@ -141,11 +128,6 @@ CALLS = {
         cart(), hold={"x": 1.0, "v": 1.0, "force": 0.0}
     ),
     "no variable has both a lower and an upper limit": lambda: trim_figure(hfa.trim(cart(), x=1.0)),
-    "no point of the sweep has a trim": lambda: hfa.sweep(HFA, speed=[5.0, 6.0]).plot(),
-    "the columns of a list of points have": lambda: hfa.sweep(
-        HFA, {"dihedral": [0.1, 0.2], "speed": [68.0]}, listed=True
-    ),
-    "the values of speed are 68.0; give a list": lambda: hfa.sweep(HFA, {"speed": 68.0}),
     "no free variable changes it from 132.39 N; free what it depends on": lambda: hfa.trim(
         hfa.load_model(f"{ROOT}/examples/uav.toml"), weight=100.0
     ),

@@ -209,3 +209,16 @@ def test_a_free_parameter_is_found_from_a_held_control(aircraft, parameter, cont
     assert pytest.approx(again.linearize().A, rel=1e-6, abs=1e-9) == found.linearize().A
     with pytest.raises(hfa.BadInputError, match=f"does not free the parameter {parameter}"):
         hfa.sweep(model, {control: [value]}, condition=found.trim_problem.asked)
+
+
+def test_values_with_units_are_converted():
+    """70 kt are 36.0111 m/s, and rates with units are imposed in those of the model. The changes of a
+    condition are those numbers.
+    """
+    model = hfa.load_model(f"{ROOT}/examples/uav.toml")
+    condition = hfa.trim(model, speed="70 kt", beta="2 deg", speed_dot="1 kt/s").trim_problem.asked
+    held = {"speed": 70.0 * 1852.0 / 3600.0, "beta": math.radians(2.0)}
+    assert condition.changes["imposed"] == pytest.approx(held)
+    assert condition.changes["rates"]["speed"] == pytest.approx(1852.0 / 3600.0)
+    assert condition.values_at("beta", np.zeros(2)) == pytest.approx(np.full(2, held["beta"]))
+    assert "rates" not in release(condition, hold={"speed_dot": 0.0}).changes

@@ -50,16 +50,3 @@ def test_an_unlimited_bank_stays_below_a_quarter_turn(speed, turn):
     point = hfa.trim(TURNING, hold={"speed": speed, "turn": turn})
     assert point["bank"] == pytest.approx(np.arctan(speed * turn / _GRAVITY), rel=1e-9)
     assert point["lift"] > 0.0
-
-
-def test_an_empty_tank_is_at_its_limit():
-    """A mass without a lower limit is at least 0: fuel that follows a flow of 0 is at this limit."""
-    tank = Model(
-        "tank",
-        {"fuel": Signal("kg")},
-        {"flow": Signal("kg/s")},
-        lambda x, u, p, w: ({"fuel": u.flow - x.fuel}, {}),
-        trim={"flow": 0.0},
-    )
-    assert hfa.trim(tank).margins["fuel"].at_limit
-    assert hfa.sweep(tank, flow=[0.0, 1.0]).at_limit.tolist() == [[-1, 0], [0, 0]]

@@ -1,12 +1,10 @@
 """The document of several trims: nothing that a trim says is lost on its pages."""
 
 import re
-from pathlib import Path
 
 import pypdf
 import pytest
 from cli import hfa as command
-from project import ROOT
 
 import hfa
 
@@ -121,25 +119,6 @@ def test_the_book_in_html_has_the_stall_the_warning_and_links(written):
     links = set(re.findall('href="#([^"]+)"', html))
     assert links == set(re.findall(r'<h2 id="([^"]+)"', html))
     assert len(links) == len(NAMES)
-
-
-@pytest.mark.parametrize(
-    ("held", "said"),
-    [
-        (("mass=20", "speed=30,35"), "20 kg"),
-        (("mass=12,20", "speed=30,35"), "4 conditions"),
-        (("mass=12,20",), "12 to 20 kg"),
-    ],
-)
-def test_the_cover_has_the_mass_of_the_conditions(held, said, folder):
-    """The cover states the mass or its range, or with all combinations of
-    two lists, mass and speed, the number of conditions.
-    """
-    words = ("trim", "--aircraft", f"{ROOT}/examples/uav.toml", "-q", "-o", "mass.md")
-    assert command(*words, *(f"--hold={each}" for each in held)).code == 0
-    text = Path("mass.md").read_text("utf-8")
-    assert said in text
-    assert "mass [kg]" in text  # a column of the matrix, also where all conditions set it
 
 
 def test_the_book_in_latex_has_its_sheets_in_escaped_text(written):

@@ -246,14 +246,6 @@ def test_a_wrong_file_is_refused(verb, option, text, said, tmp_path):
     assert_refused(command(*words, *filter(None, [option])), 2, said)
 
 
-def test_the_scheduling_variable_is_given_once(tmp_path):
-    """A dihedral angle that both --dihedral and the file give is refused."""
-    path = tmp_path / "conditions.csv"
-    path.write_text("dihedral\n5\n", "utf-8")
-    words = ("trim", "--dihedral", "5", "--conditions", str(path))
-    assert_refused(command(*words), 2, "give dihedral either", "or by --dihedral")
-
-
 @pytest.mark.parametrize(
     ("word", "said"),
     [

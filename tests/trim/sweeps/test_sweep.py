@@ -8,6 +8,8 @@ from cli import answer, assert_refused, hfa
 from project import ROOT
 
 from hfa import (
+    Model,
+    Signal,
     aircraft as aircraft_of,
     linearize,
     load_model,
@@ -182,3 +184,18 @@ def test_a_store_is_resumed_with_its_own_sweep_only(more, store):
         assert result.code == 0
         return
     assert_refused(result, 2, "another sweep")
+
+
+def test_an_empty_tank_is_at_its_limit():
+    """A mass without a lower limit is at least 0: fuel that follows a flow of 0 is at this limit."""
+    tank = Model(
+        "tank",
+        {"fuel": Signal("kg")},
+        {"flow": Signal("kg/s")},
+        lambda x, u, p, w: ({"fuel": u.flow - x.fuel}, {}),
+        trim={"flow": 0.0},
+    )
+    assert trim(tank).margins["fuel"].at_limit
+    swept = sweep(tank, flow=[0.0, 1.0])
+    assert swept.at_limit.tolist() == [[-1, 0], [0, 0]]
+    assert "fuel lowest" in str(swept.report())
