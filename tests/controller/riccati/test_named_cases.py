@@ -18,7 +18,6 @@ def ac4(delta=math.inf):
     return Game(**{name: np.array(AC4[name]) for name in "ABEQRN"}, delta=delta)
 
 
-@pytest.mark.slow
 def test_the_smallest_delta_of_compleib_ac4():
     """The game is solved just above 0.019678875, and refused just below.
 
