@@ -69,16 +69,14 @@ def test_only_positive_matrices_are_proved_positive():
             assert is_positive_definite(ball_matrix(np.diag([1.0, last]))) is None
 
 
-@pytest.mark.parametrize("error", [0.0, 1e-9])
-def test_balls_about_doubles_contain_all_results(error):
-    """The sum, product and inverse of matrices that are `error` from doubles are in the balls."""
+def test_balls_about_doubles_contain_all_results():
+    """The sum, product and inverse of matrices of doubles are in the balls."""
     rng = np.random.default_rng(4)
     for scale in (1.0, 1e-160, 1e-320):
-        A, B, change = (rng.standard_normal((4, 4)) for _ in range(3))
-        change *= 0.99 * error / np.linalg.norm(change)
-        left, right = Near(A, error), Near(scale * B)
+        A, B = (rng.standard_normal((4, 4)) for _ in range(2))
+        left, right = Near(A), Near(scale * B)
         with precision(600):
-            a, b = ball_matrix(A) + ball_matrix(change), ball_matrix(scale * B)
+            a, b = ball_matrix(A), ball_matrix(scale * B)
             for found, exact in (
                 (left + right, a + b),
                 (left * right, a * b),

@@ -15,6 +15,7 @@ def test_without_cost_the_value_is_the_stabilizing_one():
     unstable = Game(np.eye(1), np.eye(1), Q=np.zeros((1, 1)), R=np.eye(1))
     assert solve(unstable).P[0, 0] == pytest.approx(2.0, rel=1e-12)
     stable = Game([[-1.0, 0.2], [0.1, -1.0]], [[1.0], [1.0]], E=I2, Q=0.0 * I2, R=[1.0], delta=2.0)
+    assert "and P is positive semidefinite" in solve(stable).certificate.proved[1]
     for K, is_right in (([[0.0, 0.0]], True), ([[1e-3, 0.0]], False)):
         assert verify(stable, from_gain(stable, K)).ok == is_right
 

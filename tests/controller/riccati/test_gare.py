@@ -10,32 +10,26 @@ from hfa import Game, NoSolutionError, solve, verify
 I2 = np.eye(2)
 
 
+TURN, SECOND = [[0.0, 1.0], [-1.0, 0.0]], [[0.0], [1.0]]
+
+
 @pytest.mark.parametrize(
-    ("A", "B", "Q", "message"),
+    ("A", "B", "options", "message"),
     [
-        (
-            np.diag([0.5, -1.0]),
-            [[0.0], [1.0]],
-            I2,
-            "not stabilizable: no input reaches the mode with eigenvalue 0.5;",
-        ),
-        (
-            [[0.5, 1.0], [-1.0, 0.5]],
-            [[0.0], [0.0]],
-            I2,
-            "not stabilizable: .* eigenvalue 0.5 ± 1i;",
-        ),
-        (
-            [[0.0, 1.0], [-1.0, 0.0]],
-            [[0.0], [1.0]],
-            0.0 * I2,
-            "not detectable: .* eigenvalue 0 ± 1i has no cost",
-        ),
+        (np.diag([0.5, -1.0]), SECOND, {}, "input reaches the mode with eigenvalue 0.5;"),
+        (np.diag([0.0, -1.0]), SECOND, {}, "input reaches the mode with eigenvalue 0;"),
+        ([[0.5, 1.0], [-1.0, 0.5]], 0.0 * I2, {}, "stabilizable: .* eigenvalue 0.5 ± 1i;"),
+        (TURN, 0.0 * I2, {"dt": True}, "stabilizable: .* eigenvalue 0 ± 1i of sqrt"),
+        (1.2 * I2, SECOND, {"dt": True, "discount": 0.81}, "stabilizable: .* 1.08 of sqrt"),
+        (TURN, SECOND, {"Q": 0.0 * I2}, "detectable: .* eigenvalue 0 ± 1i has no cost"),
+        # u = -x1 costs nothing, and turns the state at √2 rad/s.
+        (TURN, SECOND, {"Q": [1.0, 0.0], "N": [[1.0], [0.0]]}, "detectable: .* 0 ± 1.414i has"),
     ],
 )
-def test_a_missing_lqr_solution_names_the_mode(A, B, Q, message):
+def test_a_missing_lqr_solution_names_the_mode(A, B, options, message):
     """If no LQR solution exists, a one-line message names the responsible mode."""
-    game = Game(A, B, E=I2, Q=Q, R=[[1.0]], delta=10.0)
+    weights = {"Q": I2, "R": np.eye(np.shape(B)[1])} | options
+    game = Game(A, B, E=I2, delta=10.0, **weights)
     for solver in (solve, minimum_delta):
         with pytest.raises(NoSolutionError, match=message) as refusal:
             solver(game)

@@ -47,23 +47,3 @@ def test_a_small_gain_of_the_disturbance_keeps_its_digits(delta, discount):
     assert solution.disturbance_gain[0, 0] == pytest.approx(expected, rel=1e-14)
     last = next(line for line in solution.certificate.proved if line.startswith("L is enclosed"))
     assert float(last.split()[-1]) < 1e-16
-
-
-def of_cross_weights(N, R):
-    """Return a game with Q = N R⁻¹ N', in which u = -R⁻¹ N' z costs nothing."""
-    A, B, E = [[-1.0, 0.3], [0.2, -2.0]], [[1.0], [0.4]], [[1.0], [0.5]]
-    return Game(A, B, E=E, Q=np.array(N) @ np.transpose(N) / R, R=[[R]], N=N)
-
-
-def test_weights_without_cost_have_zero_value():
-    """If Q = N R⁻¹ N', P is 0 and K is R⁻¹ N'.
-
-    If Q is rounded, P is 0 up to rounding, and is not said to be positive.
-    """
-    exact = solve(of_cross_weights([[1.0], [2.0]], 4.0))
-    assert not exact.P.any()
-    np.testing.assert_array_equal(exact.K, [[0.25, 0.5]])
-    rounded = solve(of_cross_weights([[1.43], [0.91]], 1.69))
-    assert np.abs(rounded.P).max() < 1e-15
-    np.testing.assert_allclose(rounded.K, [[1.43 / 1.69, 0.91 / 1.69]], rtol=1e-14)
-    assert not any(", and P is positive" in line for line in rounded.certificate.proved)

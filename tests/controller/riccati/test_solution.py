@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from controller.riccati.smallest_delta import DeltaMin
 from hfa import BadInputError, Game, solve
 
 #: Sample time, discount and delta.
@@ -64,6 +65,20 @@ def test_each_margin_is_the_change_of_an_input_that_is_not_stable(solution):
                 poles = np.linalg.eigvals(game.A - game.B * factors @ K)
                 last = np.abs(poles).max() - 1.0 if game.is_discrete else poles.real.max()
                 assert abs(last) < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("delta", "says"),
+    [
+        (0.5, "below delta_min = 1; choose a larger delta"),
+        (1.0 - 5e-7, "at delta_min, which is between 0.999999 and 1; choose a larger delta"),
+        (1.005, "only 0.5 % above delta_min = 1; choose a larger delta"),
+        (2.0, "well above delta_min = 1"),
+    ],
+)
+def test_a_delta_is_compared_with_the_smallest_one(delta, says):
+    """The advice says where a delta is, and to choose a larger one unless it is well above."""
+    assert DeltaMin(1.0, 1.0 - 1e-6).advice(delta) == f"delta = {delta:.9g} is {says}"
 
 
 def test_a_report_states_what_is_known_of_a_solution(solution):

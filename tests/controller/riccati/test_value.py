@@ -71,15 +71,16 @@ def test_weights_semidefinite_up_to_rounding_do_not_prove_that_the_loop_is_stabl
         solve(game.with_delta(1.0))
 
 
-def test_a_disturbance_that_the_input_cancels_costs_nothing():
+@pytest.mark.parametrize("unit", [1.0, 1e-6])
+def test_a_disturbance_that_the_input_cancels_costs_nothing(unit):
     """x1⁺ = x1 / 2 + d and x2⁺ = x1 + x2 / 2 + u, with a cost of x2 alone: u = -x1 - x2 / 2 costs
     nothing from x1, and the smallest delta and the L2 gain are below any digit.
     """
-    A, B, E = [[0.5, 0.0], [1.0, 0.5]], [[0.0], [1.0]], [[1.0], [0.0]]
+    A, B, E = [[0.5, 0.0], [1.0, 0.5]], [[0.0], [1.0]], [[unit], [0.0]]
     solution = solve(Game(A, B, E=E, Q=[0.0, 1.0], R=[0.0], delta=2.0, dt=True))
     assert solution.P.tolist() == [[0.0, 0.0], [0.0, 1.0]]
     assert solution.K.tolist() == [[1.0, 0.5]]
-    assert max(solution.delta_min, solution.l2_gain) < 1e-9
+    assert max(solution.delta_min, solution.l2_gain) < 1e-9 * unit
     assert solution.delta_min_bounds.refused == solution.l2_gain_bounds.low == 0.0
 
 
