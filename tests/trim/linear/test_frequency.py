@@ -31,6 +31,8 @@ def test_residualized_models_equal_python_controls(aircraft):
     assert reduced.states == kept
     with pytest.raises(hfa.BadInputError, match="unknown state 'alfa'"):
         model.select(["alpha", "alfa"])
+    with pytest.raises(hfa.BadInputError, match="unknown output 'alfa'"):
+        model.point.linearize(outputs=("alpha", "alfa"))
     winds = hfa.linearize(aircraft, model.point, disturbances=tuple(aircraft.disturbances)[:2])
     i, o = (list(map(winds.states.index, names)) for names in (kept, omitted))
     A, E = winds.A, winds.E

@@ -67,6 +67,18 @@ def test_a_curved_force_is_smooth():
     assert model.nonsmooth_points == ()
 
 
+def test_a_nonsmooth_input_is_an_entry_of_B():
+    """v' = |u| - v has the slopes -1 and 1 by u at u = 0, where the note names B."""
+    states, inputs = {"v": Signal()}, {"u": Signal()}
+    valve = Model(
+        "valve", states, inputs, lambda x, u, p, w: ({"v": ca.fabs(u.u) - x.v}, {}), trim={"u": 0.0}
+    )
+    linear = linearize(valve, trim(valve))
+    (note,) = linear.nonsmooth_points
+    assert note.startswith("nonsmooth point: B(v, u) is -1 below and 1 above the trim")
+    assert (linear.A[0, 0], linear.B[0, 0]) == (-1.0, 0.0)
+
+
 def test_a_jump_is_named_and_keeps_its_slope():
     """A note names the jump of ± sign(x) + 2 x at 0, and A contains the slope 2 without the jump."""
     for jump in (1.0, -1.0):

@@ -127,23 +127,6 @@ def test_a_written_table_of_trims_is_a_file_of_conditions_with_the_same_trims(bo
     assert first["slip"]["hold beta [deg]"] == "0.051 rad"
 
 
-def test_the_terminal_shows_a_short_sheet(book, trim):
-    """The sheet of one trim fits on a terminal of 80 x 40: rows that are 0 or of level 1 are left out,
-    and --full prints them.
-    """
-    cruise = (book / "conditions.csv", "--row", "cruise")
-    short, provenance = trim(*cruise).out.rsplit("\n\n", 1)
-    assert provenance.startswith("hfa ")  # as long as the paths of the files
-    short = short.splitlines()
-    assert len(short) <= 38  # and two lines for the command and its prompt
-    assert max(map(len, short)) <= 80
-    names = {line.split("  ")[0] for line in short}
-    assert {"elevator", "static margin", "speed / stall speed"} <= names
-    assert not {"beta", "rudder margin", "Ixx", "CAP", "dutch roll damping"} & names
-    full = trim(*cruise, "--full").out
-    assert all(f"\n{name} " in full for name in ("beta", "rudder margin", "Ixx", "CAP"))
-
-
 def test_stall_warning_and_missing_trim_are_cells_of_the_table_and_entries_of_json(book, trim):
     """The row of each condition has the sentence on its stall, warning or missing trim, and the JSON
     of its sheet has the same sentence on stall or warning.

@@ -15,7 +15,6 @@ from scipy.optimize import brentq
 from sheet_values import values
 
 import hfa
-import hfa_model
 from hfa import Model, Signal
 from trim import release, usual_condition
 
@@ -161,27 +160,6 @@ def test_a_lift_coefficient_above_the_declared_largest_is_a_stall():
 
 
 # Configuration, air, performance.
-
-
-def test_the_configuration_is_that_of_the_data():
-    """Iyy of the HFA is c1 + c2 sin² η of the paper, and its mass that of its weight.
-
-    The configuration of a table has its entries.
-    """
-    eta = math.radians(11.0)
-    point, data = sheet("hfa", dihedral=eta)
-    p = hfa_model.parameters_of(point.model)
-    c2 = 2.0 * p.inertia_yaw - 2.0 * p.inertia_pitch + p.panel_mass * p.panel_span**2 / 6.0
-    found = data["sheet"]
-    pitch = 3.0 * p.inertia_pitch + c2 * math.sin(eta) ** 2
-    assert found["Iyy"]["value"] == pytest.approx(pitch, rel=1e-12)
-    assert found["Iyy"]["unit"] == "slug ft^2"
-    assert found["mass"]["value"] == pytest.approx(data["sheet"]["weight"]["value"] / p.gravity)
-    _, table = sheet(f"{EXAMPLES}/uav.toml")
-    expected = {"mass": 13.5, "Ixx": 0.8244, "Iyy": 1.135, "Izz": 1.759, "Ixz": 0.1204}
-    expected |= {"S": 0.55, "b": 2.8956, "c": 0.18994}
-    assert values(table, "configuration") == expected
-    assert "c.g., flap, gear: not in this model" in sheet("hfa")[0].report().text()
 
 
 #: Rows of a sheet that an engineer signs, or the ends of the names of their figures.
