@@ -142,7 +142,7 @@ def test_the_command_learns_from_data_with_and_without_a_plant():
 
 @pytest.mark.parametrize(
     ("game", "hold"),
-    [(STEPS, None), pytest.param(RATES.with_delta(9.0), 0.1, marks=pytest.mark.slow)],
+    [(STEPS, None), (RATES.with_delta(9.0), 0.1)],
 )
 def test_bands_contain_the_exact_entries_in_95_percent(game, hold):
     """The 95 % bands of P and K from 40 noisy records contain 90 to 99 % of the exact entries: the

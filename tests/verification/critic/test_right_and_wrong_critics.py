@@ -122,11 +122,11 @@ WITHOUT_POLICY = ("listed", "V", "gradient", "quartic tail")
 
 
 def in_each_time(kinds):
-    """Return each kind in each time. One time of each kind is fast, by turns."""
+    """Return each kind in each time."""
     return [
-        pytest.param(kind, time, marks=pytest.mark.slow if (number - place) % 3 else ())
-        for number, kind in enumerate(kinds)
-        for place, time in enumerate(GAMES)
+        (kind, time)
+        for kind in kinds
+        for time in GAMES
         if time == "continuous" or kind not in WITHOUT_POLICY
     ]
 
