@@ -69,7 +69,17 @@ def test_exact_data_give_the_exact_solution_without_a_and_b(game, margin):
     key = "x_next" if game.is_discrete else "x_rate"
     d = RNG.normal(size=(80, game.E.shape[1]))
     with_d = {**data, "d": d, key: data[key] + d @ game.E.T}
-    assert_exact(game, learn(replace(blind(game), E=0.0 * game.E), data=with_d))
+    blind_to_d = replace(blind(game), E=0.0 * game.E)
+    run = learn(blind_to_d, data=with_d)
+    assert_exact(game, run)
+    noted = f"E of the game is replaced by that of {d.shape[1]} recorded disturbances"
+    assert (noted in run.data.notes) is (game.delta < np.inf)
+    suffix = "next" if game.is_discrete else "dot"
+    columns = dict(zip(game.names.inputs, data["u"].T, strict=True))
+    columns |= {f"d{k}": each for k, each in enumerate(d.T, start=1)}
+    for place, name in enumerate(game.names.states):
+        columns |= {name: data["x"][:, place], f"{name}_{suffix}": with_d[key][:, place]}
+    assert_exact(game, learn(blind_to_d, data=columns))
 
 
 def trajectory(game, count, seed=0, probing=1.0, noise=0.0):
