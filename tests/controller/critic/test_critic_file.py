@@ -240,3 +240,6 @@ def test_each_entry_of_a_file_is_used_compared_or_noted(entries, note):
     told = hfa.verify(named, hfa.read_critic("K.npz", named)).report()
     assert note in " ".join(told.text().split())
     assert ("declared" in told.data) == bool(note)
+    sampled = named.sampled(0.1)
+    np.savez("K.npz", K=np.eye(2), dt=0.1)
+    np.testing.assert_array_equal(hfa.read_critic("K.npz", sampled).K, np.eye(2))

@@ -68,7 +68,11 @@ REFUSED = {
     "singular R": (lambda: learn(replace(SAMPLED, R=[[0.0]], N=None)), "R is singular"),
     "unstable": (
         lambda: learn(Game([[0.5]], [[0.0]], Q=[[1.0]], R=[[1.0]])),
-        r"cannot be lowered below 0\.50?\d* 1/s",
+        r"cannot be lowered below 0\.5 1/s",
+    ),
+    "no delta": (
+        lambda: learn(STABLE.with_delta(1e-9)),
+        "the law finds no solution for delta = 1e",
     ),
     "no input": (lambda: learn(Game([[1.2]], [[0.0]], Q=[[1.0]], R=[[1.0]], dt=True)), "diverges"),
 }
