@@ -245,21 +245,6 @@ def test_noise_of_the_process_gives_no_note():
     assert (exact.P_band, exact.data.notes) == (None, ())
 
 
-@pytest.mark.parametrize(("dt", "digits"), [(1 / 30, 2), (1 / 30, 17), (0.25, 2), (2.0, 0)])
-def test_times_may_be_rounded(dt, digits):
-    """Times printed with a few decimals are equally spaced, and a record of rates by their mean step."""
-    step = RATES.sampled(dt)
-    x, u = trajectory(replace(step, delta=np.inf), 30)
-    record = {"x": x, "u": u, "time": np.round(dt * np.arange(31), digits)}
-    run = learn(blind(RATES), data=record)
-    assert run.data.hold == pytest.approx(dt, rel=1e-9 if digits == 17 else 0.02)
-    if digits == 2 and dt < 0.1:
-        with pytest.raises(BadInputError, match="not equally spaced"):
-            learn(
-                blind(RATES), data=record | {"time": record["time"] + 0.02 * (np.arange(31) == 7)}
-            )
-
-
 def test_notes_name_what_contradicts_a_linear_plant():
     """Notes tell noise of the sensors that measure the states, and data without the units that the
     plant has. Independent noise of the next states, and other trims, which a linear plant may have,
