@@ -7,6 +7,7 @@ import io
 import json
 import math
 import os
+import re
 import stat
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -28,6 +29,11 @@ TABLE_FILES = (*MATRIX_FILES, ".txt", ".tsv", ".dat", ".parquet", ".feather", ".
 _LONGEST_REASON = 200
 #: Largest depth of elements, folders and keys: readers are recursive.
 _DEEPEST = 150
+#: A key of TOML with too many parts. The time of `tomllib` is quadratic in their number.
+_DEEP_KEY = re.compile(
+    r"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*)"""
+    f"{{{_DEEPEST}}}"
+)
 #: Largest number of elements and attributes of an XML file. Each needs up to 1 kB.
 _MOST_XML_ENTRIES = 2**20
 #: Inside `inputs_kept`: real paths of the files that were read.
@@ -178,7 +184,10 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
     content = regular_file(path).read_bytes()
     try:
-        return tomllib.loads(content.decode("utf-8-sig"))
+        text = content.decode("utf-8-sig")
+        if _DEEP_KEY.search(text):
+            raise ValueError(f"a key has more than {_DEEPEST} parts")
+        return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise BadInputError(
             f"{path} is not a TOML file ({_reason(error)}); correct the file"

@@ -243,8 +243,8 @@ def drawing(picture: Picture, width: float, height: float) -> Iterator[Flowable]
     yield KeepInFrame(width, 0, [image])  # height 0: all that is left on the page
 
 
-#: Margin of a page, and distance of its footer from the edge, points.
-_PAGE_MARGIN, _FOOTER_HEIGHT = 34.0, 18.0
+#: Margin of a page, distance of its footer from the edge, and width of the number of pages, points.
+_PAGE_MARGIN, _FOOTER_HEIGHT, _TOTAL_WIDTH = 34.0, 18.0, 12.0
 #: Name of a page -> width and height, points.
 _PAGES = {"portrait": A4, "landscape": landscape(A4)}
 #: Sizes of headings by level, points.
@@ -305,7 +305,7 @@ def _area(name: str) -> tuple[float, float]:
 
 
 class _NumberedPages(Canvas):
-    """Canvas that keeps its pages until it can number them, "3 of 14"."""
+    """Canvas that numbers its pages, "3 of 14"; the last number is drawn when all are known."""
 
     footer = ""
     issued = ""
@@ -315,25 +315,29 @@ class _NumberedPages(Canvas):
         if self.issued:  # the date of the document, "2026-11-30", in place of that of ReportLab
             day = *map(int, self.issued.split("-")), 0, 0, 0
             self._doc._timeStamp.YMDhms = day
-        self.pages: list[dict[str, Any]] = []
 
     def showPage(self) -> None:
-        """Keep a page until all are known."""
-        self.pages.append({**self.__dict__})
-        self._startPage()
+        """Draw the footer, and end the page."""
+        right = self._pagesize[0] - _PAGE_MARGIN - _TOTAL_WIDTH
+        self.setFont(SANS, CELL)
+        self.setFillColor(NOTE)
+        self.drawRightString(right, _FOOTER_HEIGHT, f"{self.getPageNumber()} of ")
+        self.translate(right, _FOOTER_HEIGHT)
+        self.doForm("total")
+        self.translate(-right, -_FOOTER_HEIGHT)
+        # The first line of the footer that leaves room for the page number.
+        first, *_ = simpleSplit(self.footer, SANS, CELL, 0.8 * right) or [""]
+        self.drawString(_PAGE_MARGIN, _FOOTER_HEIGHT, first)
+        super().showPage()
 
     def save(self) -> None:
-        """Write the pages with their numbers."""
-        for number, page in enumerate(self.pages, start=1):
-            self.__dict__.update(page)
-            right = self._pagesize[0] - _PAGE_MARGIN
-            self.setFont(SANS, CELL)
-            self.setFillColor(NOTE)
-            self.drawRightString(right, _FOOTER_HEIGHT, f"{number} of {len(self.pages)}")
-            # The first line of the footer that leaves room for the page number.
-            first, *_ = simpleSplit(self.footer, SANS, CELL, 0.8 * right) or [""]
-            self.drawString(_PAGE_MARGIN, _FOOTER_HEIGHT, first)
-            super().showPage()
+        """Write the document with the number of its pages."""
+        total = self.getPageNumber() - 1
+        self.beginForm("total")
+        self.setFont(SANS, CELL)
+        self.setFillColor(NOTE)
+        self.drawString(0.0, 0.0, str(total))
+        self.endForm()
         super().save()
 
 

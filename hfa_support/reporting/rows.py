@@ -49,7 +49,8 @@ class NamedArray(np.ndarray):
         if str not in map(type, keys):
             return values[index]
         numbers = []  # a name becomes the number of its entry
-        for key, names in zip(keys, self.names[-len(keys) :], strict=True):
+        names_of_axes = ((),) * len(keys) + self.names  # a computed array has no names
+        for key, names in zip(keys, names_of_axes[-len(keys) :], strict=True):
             if isinstance(key, str):
                 refuse_unknown("unknown name", key, names)
                 key = names.index(key)

@@ -1,17 +1,15 @@
 """Reports as text, Markdown, HTML and data files, with every text escaped."""
 
 import csv
-import json
 from dataclasses import replace
 
-import numpy as np
-import pandas as pd
 import pytest
 
 from hfa import BadInputError
 from hfa.extend import Report, Table
-from hfa_support.matrices import labels_of
-from hfa_support.reporting.text import eigenvalue_text
+from hfa_support.reporting.figure import new_figure
+from hfa_support.reporting.parts import Picture
+from hfa_support.reporting.text import Cell
 
 
 def report():
@@ -33,23 +31,6 @@ def test_markdown_has_headings_and_tables():
         report().markdown()
         == "# Title & more\n\nof it\n\nfirst\n\n## Inner\n\n| load | value |\n|---|---|\n| lift <1>"
         " | 2.5 |\n| a\\|b | 10 |\n\nbelow the table\n\nNote: take care"
-    )
-
-
-def test_html_has_real_tables_and_escapes_every_word():
-    """The HTML of a report has headings from the given level on, tables with row headers in a box,
-    and every text is escaped.
-    """
-    made = report()
-    html = made.html(2)
-    assert html.startswith(
-        "<h2>Title &amp; more</h2>\n<p>of it</p>\n<p>first</p>\n<h3>Inner</h3>\n"
-    )
-    assert '<div class="table" role="group" tabindex="0" aria-label="table: load"><table>' in html
-    assert '<tr><th scope="row">lift &lt;1&gt;</th><td>2.5</td></tr>' in html
-    assert html.endswith("<p>Note: take care</p>")
-    assert made.html().startswith(
-        "<h1>Title &amp; more</h1>\n<p>of it</p>\n<p>first</p>\n<h2>Inner</h2>\n"
     )
 
 
@@ -89,20 +70,49 @@ def test_every_line_of_the_provenance_fits_in_80_columns():
     assert [line for line in lines if len(line) > 80] == [f"{path},"]
 
 
-def test_numbers_stand_in_columns_and_lists_in_lines(tmp_path):
-    """In text, the first column of a table is aligned on the left, others on the right. In JSON, complex
-    numbers are pairs, and an innermost list has its own line. A .csv file requires records.
-    """
-    made = report()
-    assert made.text().count("\nlift <1>    2.5\na|b          10") == 1
-    data = {"A": np.array([[1.0, 2.0], [3.0, 4.0]]), "roots": np.array([1.0 + 2.0j])}
-    replace(made, data=data).save(tmp_path / "a.json")
-    text = (tmp_path / "a.json").read_text("utf-8")
-    assert json.loads(text) == {"A": [[1.0, 2.0], [3.0, 4.0]], "roots": [[1.0, 2.0]]}
-    assert "\n  [ 1.0, 2.0 ],\n" in text
+def test_a_report_without_records_has_no_csv(tmp_path):
+    """A .csv file requires records."""
     with pytest.raises(BadInputError, match="not a table"):
-        made.save(tmp_path / "a.csv")
-    assert [eigenvalue_text(each) for each in (-1e-6 + 2j, 5e-5, 0.0)] == [
-        "-1.0e-06 ± 2.0000i", "0.0001", "0.0000",
-    ]  # fmt: skip
-    assert labels_of(pd.DataFrame(np.eye(2), ["a", "b"])) == [("a", "b"), ()]
+        report().save(tmp_path / "a.csv")
+
+
+def test_a_book_in_html_has_a_cover_links_and_parts():
+    """The cover has head and lines to sign; a cell links to its report; words and tones are classes;
+    a warning is bold; each part has a frame, and its head no lines to sign.
+    """
+    table = Table(("name", "x", "note"), [(Cell("one", link="c1"), Cell("1", "bad"), "a `b`")])
+    draw = lambda: new_figure(1.0, 1.0)  # noqa: E731
+    inner = Report("one\nSTALLED: CL", ["text\nmore"], head={"data": "<file>"}, anchor="c1")
+    sheet = Report("two", [Picture("p", "a & b", draw)], head={"data": "file"})
+    html = Report("Book", [(table, "below"), inner, sheet], head={"document": "12"}).html()
+    cover, _, rest = html.partition('<div class="matrix">')
+    assert cover.startswith(
+        '<h1>Book</h1>\n<table class="signed"><tr><th scope="row">document</th>'
+    )
+    blanks = "".join(
+        f"<td><b>{blank}</b><br>&nbsp;</td>" for blank in ("name", "date", "signature")
+    )
+    for signer in ("author", "checked", "approved"):
+        assert f'<tr><th scope="row">{signer}</th>{blanks}</tr>' in cover
+    matrix, one, two = rest.split("<h2")
+    assert '<th scope="row"><a href="#c1">one</a></th><td class="bad">1</td>' in matrix
+    assert '<td class="words">a `b`</td>' in matrix
+    assert '<th scope="col">x</th><th scope="col" class="words">note</th>' in matrix
+    assert matrix.endswith("<p>below</p>\n</div>\n")
+    assert one == (
+        ' id="c1">one</h2>\n<p class="bad"><b>STALLED: CL</b></p>\n<div class="part">\n'
+        '<table class="signed"><tr><td><b>data</b><br>&lt;file&gt;</td></tr></table>\n'
+        "<p>text</p>\n<p>more</p>\n</div>\n"
+    )
+    assert '<figure><img alt="a &amp; b" src="data:image/png;base64,iVBOR' in two
+    assert "<figcaption>a &amp; b</figcaption></figure>" in two
+    assert "&nbsp;" not in matrix + one + two
+    alone = sheet.html()
+    assert f'<table class="signed"><tr>{blanks}</tr></table>' in alone
+    assert '<div class="part">' not in alone
+    assert "<code>b</code>" in Report("", ["a `b`"], source="s").html()
+    assert Report("", ["a"], ["n"], source="s").html() == "<p>a</p>\n<p>Note: n</p>\n<p>s</p>"
+    assert (
+        Report("t", [sheet], head={"data": "f"}).markdown()
+        == "# t\n\n- data: f\n\n## two\n\n- data: file"
+    )
