@@ -8,8 +8,6 @@ import pytest
 from cli import answer, hfa as command
 from project import ROOT
 
-import hfa
-
 UAV = str(ROOT / "examples/uav.toml")
 #: A point mass whose thrust is at most 5 and whose lift is at most 10 m/s².
 GLIDER = """
@@ -53,33 +51,6 @@ def test_advice_of_a_point_mass_is_the_steepest_climb_and_no_fall(folder):
     assert np.degrees(pitch) == pytest.approx(float(advice[2]), rel=1e-4)
     turn = command(*words, "--hold", "bank=30")
     assert (turn.code, "_dot" in turn.err) == (1, False)
-
-
-@pytest.mark.parametrize(
-    ("verb", "airspeed"),
-    [
-        ("linearize", "kcas"),
-        *(
-            pytest.param(*each, marks=pytest.mark.slow)
-            for each in (("trim", "keas"), ("solve", "ktas"))
-        ),
-    ],
-)
-def test_an_airspeed_without_a_trim_has_the_reason_of_the_trim(verb, airspeed):
-    """The error contains that of `hfa.trim` after its reason, and its advice leads to a trim at the full thrust of
-    60 N, with the airspeed or another held variable free.
-    """
-    with pytest.raises(hfa.NoSolutionError, match="thrust at maximum 60 N, 24") as failure:
-        hfa.trim(hfa.load_model(UAV), hold={airspeed: 250.0})
-    typed = ("--aircraft", UAV, "--hold", f"{airspeed}=250")
-    refused = command(verb, *typed)
-    reason = str(failure.value).removeprefix("no trim: ")
-    assert (refused.code, reason in refused.err) == (1, True)
-    advice = re.search(r"with --hold thrust=60 --free (\w+)", refused.err)
-    assert advice is not None
-    # If the airspeed is to be free, it is held no longer, and the speed is free.
-    kept = ("--free", "speed") if advice[1] == airspeed else (*typed[2:], "--free", advice[1])
-    assert command("trim", *typed[:2], "--hold", "thrust=60", *kept).code == 0
 
 
 def test_first_lines_state_freed_rates_and_fuel_is_not_negative(folder):
@@ -130,7 +101,6 @@ def test_no_advice_leads_to_a_falling_aircraft(case, tmp_path):
         assert "load_factor" in first
 
 
-@pytest.mark.slow
 def test_a_pull_up_is_advised_and_its_first_line_says_so():
     """With a load factor held, advice frees the rate of pitch, and the first line of this trim says
     "accelerated". That of a level flight or a steady climb does not.

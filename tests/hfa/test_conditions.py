@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from cli import answer, assert_refused, hfa
-from project import ROOT
+from cli import answer, hfa
 
 #: A point mass without drag, whose altitude is a state, held in the trim. Inputs are per unit of mass.
 CLIMBER = """
@@ -36,17 +35,3 @@ def test_a_climb_of_a_model_with_altitude_is_advised_and_found(altitude, tmp_pat
     found = answer(*words, "--free", f"{altitude}_dot")
     thrust = found["operating_point"]["inputs"]["thrust"]
     assert thrust == pytest.approx(9.81 * np.sin(np.radians(4.0)), rel=1e-9)
-
-
-def test_ranges_and_lists_have_units():
-    """Each number of a range or a list may have a unit. The three numbers have the same one."""
-    words = ("sweep", "--aircraft", f"{ROOT}/examples/uav.toml", "--hold")
-    knot = 1852.0 / 3600.0
-    for typed, speeds in (
-        ("speed=60kt:80kt:10kt", [60 * knot, 70 * knot, 80 * knot]),
-        ("speed=60kt,35", [60 * knot, 35.0]),
-        ("speed=35:35.3:0.1", [35.0, 35.1, 35.2, 35.3]),  # (35.3 - 35) / 0.1 is below 3
-    ):
-        values = answer(*words, typed)["values"]
-        assert [row[0] for row in values] == pytest.approx(speeds)
-    assert_refused(hfa(*words, "speed=60:80:10kt"), 2, "all three numbers in the same unit")

@@ -4,10 +4,8 @@ import contextlib
 import json
 import time
 
-import numpy as np
 import pytest
 from cli import hfa
-from json_places import leaves
 
 from hfa.main import DONE
 from hfa_model import STATES
@@ -46,52 +44,6 @@ def written(folder, name, suffix):
         "nothing else, and no temporary file"
     )
     return path, json.loads(result.out)
-
-
-def numbers(data):
-    """Return all numbers in nested JSON data, in order. null becomes nan, true 1 and false 0."""
-    return [
-        np.nan if value is None else float(value)
-        for _, value in leaves(data)
-        if not isinstance(value, str)
-    ]
-
-
-def without_inf(values):
-    """Return numbers with nan in place of inf, for which JSON has no number."""
-    return np.where(np.isinf(values), np.nan, values)
-
-
-def texts(data):
-    """Return all texts in nested JSON data, in order."""
-    return [value for _, value in leaves(data) if isinstance(value, str)]
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_npz_files_contain_every_number_and_name(tmp_path, name):
-    """A .npz file contains exactly the numbers and texts of the JSON, and no pickled object.
-
-    name: key of `COMMANDS`
-    """
-    path, data = written(tmp_path, name, "npz")
-    assert data["schema"].startswith("hfa.")
-    with np.load(path, allow_pickle=False) as archive:
-        arrays = {key: archive[key] for key in archive}
-    assert str(arrays["schema"]) == data["schema"]
-    values = [
-        value
-        for array in arrays.values()
-        if array.dtype.kind in "fib"  # float, integer and boolean
-        for value in array.ravel().tolist()
-    ]
-    np.testing.assert_array_equal(without_inf(values), numbers(data))
-    words = [
-        value
-        for array in arrays.values()
-        if array.dtype.kind == "U"
-        for value in array.ravel().tolist()
-    ]
-    assert words == texts(data)
 
 
 @pytest.mark.parametrize(

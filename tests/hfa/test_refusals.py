@@ -47,10 +47,7 @@ def untouched(tmp_path):
 REFUSED = {
     "trim": [
         ("", "no value of dihedral is given; add --dihedral DEG"),
-        ("15", "unrecognized arguments: 15 (see `hfa trim --help`)"),
-        ("--dihedral", "--dihedral expected one argument"),
         ("--conditions given.csv --show alpha", "--show is of a single trim"),
-        ("--dihedrl 15", "unknown option --dihedrl; did you mean --dihedral?"),
         (
             "--dihedral 15 --hold Sped=68",
             "unknown trim variable 'Sped'; did you mean speed? choose from",
@@ -61,10 +58,8 @@ REFUSED = {
             "--dihedral 15 --parameters folder.json",
             "no parameters and no readable file of this name",
         ),
-        ("--dihedral 15 --hold alpha", "'alpha' is not NAME=VALUE"),
         (f"--aircraft {F16} --hold speed=3,4", "speed is 3 ft/s; give a value between"),
         ("--dihedral 15 --hold dihedral=10", "dihedral is given by both --dihedral and --hold"),
-        ("--dihedral 15 --hold gamma=1 --free gamma", "gamma is both free and held"),
     ],
     "linearize": [
         ("--conditions given.csv --bode -o a.npz", "--bode is of a single condition"),
@@ -77,26 +72,16 @@ REFUSED = {
             "--dihedral 15 --dynamics aristotle",
             "unknown dynamics 'aristotle'; choose from published, newton",
         ),
-        ("--dihedral 15 --limit throttle=1", "throttle is '1'; give LOW:HIGH"),
-        ("--dihedral 15 --limit throttle=9:1", "throttle is '9:1'; give two different limits"),
         (
             "--dihedral 15 --outputs lift_centre",
             "unknown output 'lift_centre'; did you mean lift_center? choose from speed, alpha",
         ),
-        ("--dihedral 15 -o result.xyz", "the suffix '.xyz' is unknown; use .json"),
         ("--dihedral 15 -o folder.json", "folder.json is a folder"),
     ],
     "sweep": [
         ("", "no variable is swept; give --dihedral RANGE"),
-        ("--dihedral 20:0:1", "runs backwards from 20 to 0"),
         ("--dihedral 0:20:1 --resume", "--resume requires a store"),
         ("--conditions given.csv", "`hfa trim --conditions FILE` trims them"),
-        ("--dihedral 0:1000:1e-6", "1,000,000,001 points"),
-        ("--dihedral 5deg:10:1", "give all three numbers in the same unit"),
-        ("--dihedral 5 --workers 1.5", "--workers is 1.5; give a whole number from 1"),
-        ("--conditions given.csv --hold speed=30,35", "give speed either as a column of given.csv"),
-        ("--dihedral 0:20", "dihedral is '0:20'; give start:stop:step"),
-        ("--dihedral 1_0", "--dihedral is '1_0'; give a finite number"),
         ("--aircraft wing.avl --hold speed=9", "give the stability derivatives that AVL"),
         ("--dihedral 0:20:0.01 --hold speed=50:80:0.01", "the sweep has 6,005,001 points (maximum"),
         (
@@ -111,9 +96,6 @@ REFUSED = {
             "--dihedral 15 --R 100,400,400,400,0",
             "R is not positive definite, or its diagonal has a smaller entry",
         ),
-        ("--dihedral 15 --sizes alpha=-5", "--sizes alpha is '-5'; give a finite number above 0"),
-        ("--dihedral 15 --sizes alpha=1 --R 1,1,1,1,1", "--sizes and --R both define weights"),
-        ("--model given.json --at 5", "--at and --model both define the plant"),
         (
             "--model given.json --hold speed=70",
             "--hold applies only to the aircraft; remove this option or --model",

@@ -14,7 +14,6 @@ from game_files import small, stored
 from project import ROOT
 
 import hfa
-from hfa_support.files import folder_written_whole
 
 pytestmark = pytest.mark.usefixtures("folder")
 AT_15 = ("--dihedral", "15")
@@ -35,6 +34,11 @@ UNREADABLE = {
     "missing": (lambda path: None, NO_FILE, "no such file"),
     "nested": (lambda path: Path(path).write_bytes(b"[" * 100_000), *NO_TEXT),
     "long number": (lambda path: Path(path).write_bytes(b"9" * 5000), *NO_TEXT),
+    "deep key": (
+        lambda path: Path(path).write_bytes(b"a" + b".a" * 30_000 + b" = 1"),
+        "more than 150 parts",
+        "is not JSON",
+    ),
     "a device": (lambda path: os.symlink("/dev/zero", path), NO_FILE, "not a regular file"),
     "not UTF-8": (lambda path: Path(path).write_bytes(b"\xff\xfe\xff"), *NO_TEXT),
 }
@@ -180,19 +184,6 @@ def test_an_interrupted_write_keeps_the_old_file(monkeypatch):
         SOLUTION.save("kept.npz")
     assert Path("kept.npz").read_bytes() == before
     assert [entry.name for entry in Path().iterdir()] == ["kept.npz"]
-
-
-def test_an_interrupted_folder_is_not_written():
-    """If the block of `folder_written_whole` is interrupted after its first file, nothing remains."""
-
-    def write_half():
-        with folder_written_whole("models") as folder:
-            (folder / "a.json").write_text("half")
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        write_half()
-    assert os.listdir() == []
 
 
 def test_a_replaced_file_keeps_its_permissions():

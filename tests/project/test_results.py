@@ -1,12 +1,10 @@
 """Results in Python: reports at the prompt and in notebooks, comparison and pickling."""
 
 import pickle
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 import pytest
-from known_models import game_at, model_at
 
 import hfa
 import hfa_flight
@@ -64,18 +62,6 @@ def results():
 
 
 @pytest.mark.slow
-def test_results_display_reports():
-    """A result displays a text of 20 to 12,000 characters without the repr of an array, and HTML
-    without scripts.
-    """
-    for name, result in results().items():
-        shown = repr(result)
-        assert "array(" not in shown, name
-        assert 20 < len(shown) < 12_000, name
-        assert "<script" not in result._repr_html_(), name
-
-
-@pytest.mark.slow
 def test_results_can_be_pickled():
     """A result that is pickled and read again displays the same text, and is equal to the original
     if its class is in `EQUAL_BY_VALUE`.
@@ -86,40 +72,9 @@ def test_results_can_be_pickled():
         assert name not in EQUAL_BY_VALUE or restored == result, name
 
 
-def test_linear_models_are_equal_by_their_values():
-    """Linear models are equal if their entries are, where nan equals nan; a change of 1e-12 or of
-    the order of the names makes them different. They cannot be hashed.
-    """
-    model = model_at(15.0)
-    assert model == replace(model, A=model.A.copy())
-    changed = model.A.copy()
-    changed[0, 0] += 1e-12
-    assert model != replace(model, A=changed)
-    assert model != replace(model, states=model.states[::-1])
-    assert model != "a model"
-    assert replace(model, A=np.full_like(changed, np.nan)) == replace(
-        model, A=np.full_like(changed, np.nan)
-    )
-    with pytest.raises(TypeError, match="unhashable"):
-        hash(model)
-
-
 def test_a_trimerror_can_be_pickled():
     """A pickled TrimError, of an aircraft too slow to fly, keeps its message and its nearest point."""
     with pytest.raises(trim.TrimError) as caught:
         hfa.trim(hfa.aircraft(), hfa.paper.level_flight(0.1, speed=30.0))
     again = pickle.loads(pickle.dumps(caught.value))
     assert (str(again), again.attempt) == (str(caught.value), caught.value.attempt)
-
-
-def test_games_are_equal_by_their_values():
-    """Games with equal values are equal and have equal hashes; games that differ in delta, or in
-    the last bit of an entry of A, are not equal.
-    """
-    game = game_at(15.0)
-    again = game.with_delta(100.0).with_delta(game.delta)
-    assert (again, hash(again)) == (game, hash(game))
-    assert game != game.with_delta(100.0)
-    changed = game.A.copy()
-    changed[0, 0] = np.nextafter(changed[0, 0], 1.0)
-    assert game != replace(game, A=changed)

@@ -8,7 +8,7 @@ import pytest
 from c_files import called, needs_gcc, written
 
 from hfa_support.native.c_code import c_function
-from hfa_support.native.row_code import row_code
+from hfa_support.native.row_code import RowCode, row_code
 
 x, xx = ca.SX.sym("x", 2), ca.SX.sym("xx")
 
@@ -51,7 +51,9 @@ def test_comparisons_are_those_of_casadi(tmp_path):
     expected = [np.asarray(function(*pair)).ravel() for pair in pairs]
 
     for one_row in (True, False):
-        (found,) = row_code(function, one_row)(pairs[:, :1], pairs[:, 1:])
+        compiled = row_code(function, one_row)
+        assert isinstance(compiled, RowCode)
+        (found,) = compiled(pairs[:, :1], pairs[:, 1:])
         np.testing.assert_allclose(found, expected, rtol=1e-15)
 
     text = "#include <math.h>\n" + c_function(function, "compare", ("a", "b"), ("y",))

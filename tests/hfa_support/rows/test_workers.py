@@ -44,23 +44,6 @@ def test_several_processes_share_the_tasks():
     assert _gone()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("function", "said"),
-    [
-        (_square, "negative: -3"),
-        (_die, r"a worker process ended unexpectedly; .*continue with --resume"),
-    ],
-)
-def test_a_task_that_fails_is_reported(function, said):
-    """If the second of two tasks raises an error (the square of -3) or ends its process, an error
-    with the reason is raised, and no worker process remains.
-    """
-    with pytest.raises(NoSolutionError, match=said), open_workers(2) as run:
-        list(run(function, ((key, (-key,)) for key in (0, 3))))
-    assert _gone()
-
-
 def test_a_worker_with_other_code_is_refused(monkeypatch):
     """A worker whose sources differ from those of the process that submits tasks is refused."""
     monkeypatch.setattr(module, "toolchain", lambda: "0.4.0+0123456789ab")
@@ -88,17 +71,3 @@ def test_a_cluster_returns_all_results():
             open_workers(cluster.scheduler_address) as run,
         ):
             list(run(_die, [(0, (0,))]))
-
-
-@pytest.mark.slow
-def test_unusable_workers_are_refused(monkeypatch):
-    """Zero processes, and the address of a Dask scheduler that does not respond, are refused."""
-    with pytest.raises(BadInputError, match="at least 1"), open_workers(0):
-        pass
-    pytest.importorskip("distributed")
-    monkeypatch.setattr(module, "_ANSWER_TIME", "0.1s")  # in place of 10 s
-    with (
-        pytest.raises(BadInputError, match="no Dask scheduler responds"),
-        open_workers("tcp://127.0.0.1:9"),
-    ):
-        pass

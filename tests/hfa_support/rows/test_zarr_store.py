@@ -74,14 +74,6 @@ def resumed(path):
     return told
 
 
-@pytest.mark.slow
-def test_two_processes_write_the_bytes_of_one(finished_store, tmp_path):
-    """Two processes write the same bytes as one, and resuming a complete store changes nothing."""
-    fill_store(row_job(), tmp_path / "two.zarr", workers=2)
-    assert resumed(tmp_path / "two.zarr") == []  # a warning would be an error
-    assert contents(tmp_path / "two.zarr") == contents(finished_store)
-
-
 def test_only_missing_rows_are_computed(finished_store, tmp_path):
     """A job that ends after two of four chunks computes the other two when it is resumed, and ends
     with the bytes of an uninterrupted one.
@@ -108,10 +100,7 @@ def _flip(file):
 
 @pytest.mark.parametrize(
     "file",
-    [
-        "square/c/1/0",
-        *(pytest.param(file, marks=pytest.mark.slow) for file in ("empty/c/1", "pole/c/1")),
-    ],
+    ["square/c/1/0", "empty/c/1", "pole/c/1"],
 )
 @pytest.mark.parametrize(
     ("damage", "noticed"),
