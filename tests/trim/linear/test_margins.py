@@ -109,6 +109,14 @@ def test_a_delay_turns_a_leading_loop_by_more_than_half_a_turn():
     assert found.delay == pytest.approx(((np.pi + phases) / crossovers).min(), rel=1e-6)
 
 
+def test_a_gain_margin_may_be_half_a_percent():
+    """The loop g / (s + 1)³ with g = 7.96 is unstable from g = 8 on, and stable for all smaller gains."""
+    A = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, -3.0, -3.0]]
+    linear = hfa.LinearModel.of(A, [[0.0], [0.0], [1.0]])
+    found = hfa.margins(linear, [[7.96, 0.0, 0.0]])["u1"]
+    assert (found.gain_low, found.gain_high) == pytest.approx((0.0, 8.0 / 7.96))
+
+
 def test_an_input_without_a_gain_tolerates_all_changes():
     """The loop gain of the second input is 0: any gain and phase are tolerated."""
     linear = hfa.LinearModel.of(np.diag([1.0, -2.0]), np.eye(2))

@@ -23,6 +23,7 @@ FORCES = {
     "function that is called": (CALLED, -1.0, 1.0),
     "curved": (lambda x: ca.fabs(x) + 40.0 * x**2 * (0.45 - x), -1.0, 1.0),
     "if_else": (lambda x: ca.if_else(x > 0, 3 * x, x), 1.0, 3.0),
+    "second order": (lambda x: ca.if_else(x**2 > 0, 3 * x, x), 3.0, 3.0),
     # CasADi's derivative is 0 at 0.
     "sign": (lambda x: 35 * ca.sign(x) * ca.fabs(x), 35.0, 35.0),
 }

@@ -11,6 +11,7 @@ from flint import acb_poly, fmpq, fmpq_mat, fmpq_poly
 from scipy.optimize import linear_sum_assignment
 
 from hfa import LinearModel
+from trim import linear_model_report
 
 
 class Plant(NamedTuple):
@@ -107,6 +108,11 @@ def test_linear_models_in_any_units_agree_with_rational_arithmetic():
         modes += [each.conjugate() for each in modes if each.imag]
         for found in (modes, linear.eigenvalues):
             assert apart(found, roots(known.denominator)) < 1e-6
+        at_modes = linear_model_report(linear, responses=True).data
+        (found,) = at_modes["responses"].values()
+        for w, value in zip(at_modes["frequencies"], found @ [1.0, 1.0j], strict=True):
+            gain = abs(known.at(0))
+            assert value == pytest.approx(known.at(1j * w), rel=1e-9, abs=1e-12 * gain)
         system = linear.to_control(balance=True)
         for s in 1j * np.logspace(-3.0, 3.0, 9):
             value = known.at(s)
