@@ -1,7 +1,6 @@
 """`hfa` as a child process: exit codes, pipes, full disks, terminals, and imported modules."""
 
 import os
-import pty
 import re
 import subprocess
 import sys
@@ -70,28 +69,6 @@ def test_a_signal_ends_the_run_in_one_line(tmp_path, name, code, said):
     (tmp_path / "own.py").write_text(f"import os, signal\nos.kill(os.getpid(), signal.{name})\n")
     ended = hfa_process("trim", "--aircraft", "own.py:X", folder=tmp_path)
     assert ended == (code, "", f"hfa: {said}\n")
-
-
-@pytest.mark.slow
-def test_progress_is_erased_at_the_end(tmp_path):
-    """On a pseudo-terminal, progress is one line, which is erased at the end.
-
-    Standard output has no escape sequences.
-    """
-    controller, terminal = pty.openpty()
-    with os.fdopen(terminal, "wb") as stream:
-        done = subprocess.run(
-            [SCRIPT, "learn", "--dihedral", "15"],
-            stdout=subprocess.PIPE,
-            stderr=stream,
-            timeout=120,
-        )
-    seen = os.read(controller, 65536).decode()
-    os.close(controller)
-    assert done.returncode == DONE
-    assert seen.endswith("\r\x1b[K")
-    assert "\n" not in seen
-    assert b"\x1b" not in done.stdout
 
 
 #: Command line -> packages that its run loads besides the standard library, SciPy by subpackages.

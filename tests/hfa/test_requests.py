@@ -158,6 +158,13 @@ def test_units_and_servos_are_those_of_the_model(own):
     np.testing.assert_allclose(found["A"], expected.A, rtol=1e-12)
 
 
+def test_a_swept_list_has_the_values_of_its_options_in_each_row(own):
+    """A parameter of an option is that of all conditions."""
+    Path("c.csv").write_text("speed\n15\n60\n")
+    found = answer("sweep", *own, "--conditions", "c.csv", "--hold", "k=3")
+    assert sorted(map(sorted, found["values"])) == [[3.0, 15.0], [3.0, 60.0]]
+
+
 # Files of conditions.
 
 
@@ -187,6 +194,13 @@ def test_a_row_holds_its_cells_in_the_units_of_the_model(text, values, folder):
     (row,) = listed_conditions("c.csv", aircraft)
     assert [*row.values] == [*values]
     assert row.values == pytest.approx(values, rel=1e-12)
+
+
+def test_an_airspeed_may_be_the_unit_of_a_speed(folder):
+    """A speed in KCAS is the variable kcas, in knots."""
+    Path("c.csv").write_text("speed [KCAS],mass\n60,14 kg\n")
+    (row,) = listed_conditions("c.csv", hfa.load_model(UAV))
+    assert row.values == {"kcas": 60.0, "mass": 14.0}
 
 
 def test_a_row_frees_and_limits_variables(folder):

@@ -1,30 +1,13 @@
 """Public names of the packages, which are imported when they are used."""
 
 import ast
-import re
 import subprocess
 import sys
 
 import pytest
-from project import FOLDERS, PACKAGES
+from project import FOLDERS
 
 import hfa
-
-STUBS = [
-    *(FOLDERS[name] / "__init__.pyi" for name in PACKAGES),
-    *(FOLDERS["hfa"] / name / "__init__.pyi" for name in ("paper", "extend")),
-]
-
-
-def test_the_core_stubs_name_no_extension():
-    """The stubs of core packages, except `hfa`, import no name of an extension: of packages
-    hfa_NAME only those of the core.
-    """
-    core = [stub for stub in STUBS if "extensions" not in stub.parts and stub.parent.name != "hfa"]
-    assert len(core) >= 6  # the stubs are found
-    for stub in core:
-        known = re.findall(r"^\s*(?:from|import) (hfa_\w+)", stub.read_text("utf-8"), re.M)
-        assert set(known) <= {"hfa_aircraft", "hfa_model", "hfa_support"}
 
 
 def stub_names():

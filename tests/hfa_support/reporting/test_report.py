@@ -1,7 +1,6 @@
 """Reports as text, Markdown, HTML and data files, with every text escaped."""
 
 import csv
-from dataclasses import replace
 
 import pytest
 
@@ -61,13 +60,6 @@ def test_names_become_no_formulas_links_or_columns(tmp_path):
     assert "&lt;script>" in markdown
     assert "[a]\\(b)" in markdown
     assert "=cmd\\|" in markdown
-
-
-def test_every_line_of_the_provenance_fits_in_80_columns():
-    """Long provenance is wrapped at blanks; only a path of 90 characters makes a longer line."""
-    path = "x" * 90
-    lines = replace(report(), source=f"version 1, plant {path}, " + "word " * 40).text().split("\n")
-    assert [line for line in lines if len(line) > 80] == [f"{path},"]
 
 
 def test_a_report_without_records_has_no_csv(tmp_path):
