@@ -53,7 +53,6 @@ def test_indefinite_weights_have_the_value_of_many_digits(time, dt):
     stored = np.load(Path(__file__).with_name("sixty_digits.npz"))
     matrices = {name: stored[f"{time} {name}"] for name in "ABEQN"}
     game = Game(**matrices, R=I2, delta=9.0, dt=dt)
-    assert np.linalg.eigvalsh(game.weights)[0] < -0.1
     solution = solve(game)
     exact = stored[f"{time} P"]
     np.testing.assert_allclose(solution.P, exact, rtol=0.0, atol=1e-14 * np.abs(exact).max())

@@ -181,6 +181,8 @@ def test_each_ball_proved_in_doubles_contains_the_solution_and_its_gains(name, m
             change = size * rng.standard_normal((2, 2))
             with suppress(FailedError):
                 for candidate in corrections(equation, truth + ball_matrix(change)):
+                    at_X = equation.gains_and_residual(candidate.X.mid())[0]
+                    assert contains(ball_matrix(candidate.loop), equation.loop(at_X))
                     with suppress(NotProvedError):
                         found, proofs = stabilizing(candidate), proofs + 1
                         assert contains(found.P, truth)
