@@ -123,10 +123,7 @@ class Fit:
 
     @cached_property
     def slopes(self) -> tuple[np.ndarray, ...]:
-        """Sensitivities of the simulated quantities of each record, (N, k, p + n).
-
-        Raises FloatingPointError if a sensitivity is not finite.
-        """
+        """Sensitivities of the simulated quantities of each record, (N, k, p + n)."""
         return tuple(map(self.search.responses.slopes, self.simulated))
 
     @cached_property

@@ -170,7 +170,7 @@ def correlations(covariance: np.ndarray) -> np.ndarray:
     deviations = np.sqrt(np.diag(covariance))
     with np.errstate(all="ignore"):
         coefficients = covariance / deviations[:, None] / deviations
-    return np.asarray(np.nan_to_num(coefficients, posinf=0.0, neginf=0.0))
+    return np.asarray(np.nan_to_num(coefficients))
 
 
 #: Probability that chance causes such residuals in any quantity of any record, below which they are

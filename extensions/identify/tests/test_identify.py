@@ -5,6 +5,7 @@ import re
 from dataclasses import replace
 from functools import cache
 
+import casadi as ca
 import numpy as np
 import pytest
 from flown_records import (
@@ -17,6 +18,7 @@ from flown_records import (
     record,
     true_value,
 )
+from scipy.signal import StateSpace, lfilter
 
 import hfa
 from hfa import identify
@@ -37,57 +39,12 @@ def chi_square(result, true):
     return float(errors @ np.linalg.solve(result.covariance, errors))
 
 
-def test_residuals_are_the_noise_of_the_sensors():
-    """Residuals of a record, and the noise that the result states, have the standard deviations of the
-    sensors; the fit is the explained share of the variance, 1 - Σ residual² / Σ (measured - mean)².
-    """
-    result, measured = identified(), record(0, 0.0)
-    for name, size in SENSORS.items():
-        unexplained = (
-            (result.residuals[0][name] ** 2).sum() / np.var(measured[name]) / len(measured[name])
-        )
-        assert 1.0 - result.quantities[name].fit == pytest.approx(unexplained, rel=1e-9)
-        assert result.residuals[0][name].std() == pytest.approx(size, rel=0.15)
-        assert result.quantities[name].noise == pytest.approx(size, rel=0.15)
-
-
 def test_drawn_aircraft_spread_as_the_band_says():
     """Over 200 drawn aircraft, the standard deviation of Cm_alpha is its half band over 1.96."""
     result = identified()
     drawn = [model.parameters["Cm_alpha"].start for model in result.draws(200, seed=1)]
     half = 0.5 * (result["Cm_alpha"].high - result["Cm_alpha"].low)
     assert np.std(drawn) == pytest.approx(half / 1.96, rel=0.15)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("pole", [0.0, 0.9])
-def test_bands_contain_the_true_values(pole):
-    """At least 90 % of the bands of 40 records contain the true value, with white noise and with
-    colored noise; no residuals are said to follow the inputs.
-    """
-    covered = []
-    for seed in range(40):
-        result = identify(begun(1.2), record(seed, pole), FREE)
-        for name, estimate in result.parameters.items():
-            covered.append(estimate.low < true_value(name) < estimate.high)
-        assert not result.misfits
-    assert np.mean(covered) > 0.9
-
-
-def test_colored_noise_widens_the_bands():
-    """Each band of a record with a noise pole of 0.9 is 2 to 7 times as wide as with white noise.
-
-    At low frequency the noise is √19 = 4.4 times as large. `coloured` is the factor by which the bands
-    were widened, and `white` the fraction of lags without autocorrelation.
-    """
-    white, colored = identified(), identified(pole=0.9)
-    for name in FREE:
-        wide, narrow = (each[name].high - each[name].low for each in (colored, white))
-        assert 2.0 < wide / narrow < 7.0
-    assert white.coloured < 1.5 < colored.coloured
-    assert min(each.white for each in colored.quantities.values()) < 0.6
-    assert min(each.white for each in white.quantities.values()) > 0.8
-    assert colored.ok
 
 
 def test_gaps_and_several_records():
@@ -99,7 +56,7 @@ def test_gaps_and_several_records():
     for name in SENSORS:
         gaps[name][3::4] = math.nan
     result = identify(begun(1.5), [gaps, later], FREE)
-    assert result.ok
+    assert result.first_line == "PASS: 7 parameters of 2 records"
     assert chi_square(result, TRUE) < 24.3
 
 
@@ -148,6 +105,7 @@ def test_a_planted_fault_is_seen(column, fault, seen, size):
     assert abs(clearest.difference) == pytest.approx(size, rel=0.1)
     if fault is spike:
         assert (clearest.time, clearest.samples) == (pytest.approx(99 * STEP), 1)
+        assert f"at {99 * STEP:.4g} s, in 1 sample" in " ".join(str(result).split())
     else:
         assert 0.5 < clearest.time < 4.5
         assert clearest.samples == 0  # no samples stand alone: the difference follows the inputs
@@ -177,7 +135,7 @@ def test_undetermined_parameters_are_named():
         result.draws(2)
 
 
-@pytest.mark.parametrize("coloured", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("coloured", [True, False])
 def test_a_record_without_motion_fails(coloured):
     """A record of constant columns with white or colored sensor noise determines no parameters."""
     noise, still = record(3, 0.9 * coloured), record(3, sensors={})
@@ -232,27 +190,147 @@ def gains(**values):
     )
 
 
-def test_the_initial_value_of_an_unmeasured_state_is_estimated():
-    """In the record of y = 2 u + x, x' = -x, the state x is not measured, and begins at 3 in place of 0,
-    its trim. The estimate of the gain is 2 nevertheless, although a sample is a whole time constant.
-
-    The report has the initial value, and the band in percent of the estimate.
+def test_a_model_that_is_linear_in_its_unknowns_has_the_estimate_of_the_closed_form():
+    """Estimates, bands, noise and fit of y = Σ k_i u_i + x(0) e^-t, with colored noise and missing samples,
+    are those of the weighted normal equations in NumPy. The guess of x(0), 0, has the deviation 1. The
+    second input is nearly the first one, and the estimates of both are correlated.
     """
-    generator = np.random.default_rng(4)
-    time, u = np.arange(60.0), generator.standard_normal(60)
-    y = 2.0 * u + 3.0 * np.exp(-time) + 1e-3 * generator.standard_normal(60)
-    record, done = {"time": time, "u_k": u, "y": y}, []
-    result = identify(gains(k=1.0), record, ["k"], progress=lambda *part: done.append(part))
-    assert result.ok
-    assert result.steps <= 3  # y is linear in gain and initial value
-    assert result["k"].value == pytest.approx(2.0, abs=1e-3)
-    assert result.starts[0]["x"] == pytest.approx(3.0, abs=5e-3)
-    said = str(result)
-    assert re.search(rf"record 1 +x +{result.starts[0]['x']:.6g}\b", said)
-    assert f" {50.0 * (result['k'].high - result['k'].low) / result['k'].value:.2g} %" in said
+    random = np.random.default_rng(4)
+    time, count = 0.05 * np.arange(200), 190
+    u = lfilter([1.0], [1.0, -0.8], random.standard_normal((3, 200)))
+    u[1] = u[0] + 0.2 * u[1]
+    noise = lfilter([1.0], [1.0, -0.6], random.standard_normal(200))
+    y = np.array([2.0, -1.0, 0.5]) @ u + 3.0 * np.exp(-time) + noise
+    seen = np.arange(200) % 20 != 7
+    inputs = {f"u_{name}": values for name, values in zip("abc", u, strict=True)}
+    columns = {"time": time, **inputs, "y": np.where(seen, y, np.nan)}
+    model, done = gains(a=0.2, b=-1.0, c=5.0), []
+    progress = lambda *part: done.append(part)  # noqa: E731
+    found = identify(model, columns, ["?"], inputs="linear", progress=progress)
+
+    S, prior = np.column_stack([*u, np.exp(-time)])[seen], np.diag([0.0, 0.0, 0.0, 1.0])
+    variance = 1.0
+    for _ in range(50):
+        normal = S.T @ S / variance + prior
+        theta = np.linalg.solve(normal, S.T @ y[seen] / variance)
+        v = y[seen] - S @ theta
+        variance = v @ v / count
+    white = np.linalg.inv(normal)[:3, :3]  # with an unknown x(0)
+    unknowns = 4.0 - 1.0 / normal[3, 3]
+    beyond = S[:, :3] - np.outer(S[:, 3], S[:, 3] @ S[:, :3]) / variance / normal[3, 3]
+    full, place = np.zeros(200), np.flatnonzero(seen)
+    full[seen] = v
+    pairs = np.array([(seen[lag:] & seen[: 200 - lag]).sum() for lag in range(200)])
+    rho = np.array([full[lag:] @ full[: 200 - lag] for lag in range(200)]) / pairs / variance
+    limit = 1.959964 / math.sqrt(count)
+    first_white = int(np.argmax(rho < limit))
+    removed = unknowns / count * (1.0 + 2.0 * rho[1:first_white].sum())
+    of_lags = variance * np.where(np.arange(200) < first_white, rho + removed, 0.0)
+    score = beyond.T @ of_lags[abs(np.subtract.outer(place, place))] @ beyond / variance**2
+    bound = count / (count - unknowns) * white
+    widening = np.sqrt(np.maximum(np.diag(white @ score @ white) / np.diag(bound), 1.0))
+    expected = bound * np.outer(widening, widening)
+
+    assert [found[name].value for name in "abc"] == pytest.approx(theta[:3], rel=1e-4)
+    assert found.starts[0]["x"] == pytest.approx(theta[3], rel=1e-3)
+    assert re.search(rf"record 1 +x +{found.starts[0]['x']:.6g}\b", str(found))
+    assert found.far == ("a", "c")  # 10 times and a tenth of the start
     assert done[0][0] < done[0][1]
     with pytest.raises(hfa.BadInputError, match="no estimate of 'y'"):
-        result["y"]
+        found["y"]
+    np.testing.assert_allclose(found.covariance, expected, rtol=1e-3)
+    assert found.coloured == pytest.approx(widening.max(), rel=1e-3)
+    assert widening.max() > 1.05
+    assert f"factor of up to {widening.max():.2g}" in " ".join(str(found).split())
+    for row, name in enumerate("abc"):
+        half = 1.959964 * math.sqrt(expected[row, row])
+        each = found[name]
+        assert f" {100.0 * half / abs(each.value):.2g} %" in str(found)
+        assert (each.low, each.high) == pytest.approx(
+            (each.value - half, each.value + half), rel=1e-3
+        )
+    quality = found.quantities["y"]
+    assert quality.noise == pytest.approx(math.sqrt(variance), rel=1e-5)
+    assert quality.fit == pytest.approx(1.0 - variance / y[seen].var(), rel=1e-5)
+    np.testing.assert_allclose(found.residuals[0]["y"][seen], v, atol=1e-3)
+    assert quality.white == np.mean(abs(rho[1:26]) < limit)
+    ((one, other, coefficient),) = found.correlated
+    assert (one, other) == ("a", "b")
+    assert coefficient == pytest.approx(white[0, 1] / math.sqrt(white[0, 0] * white[1, 1]))
+    assert f"{coefficient:.3f}" in str(found)
+    assert found.first_line == "PASS: 3 parameters of 1 record"
+    shown = re.search(r"^y +(\S+) % +(\S+) +(\S+) %", str(found), re.M).groups()
+    sizes = (f"{100 * quality.fit:.2f}", f"{quality.noise:.6g}", f"{100 * quality.white:.0f}")
+    assert shown == sizes
+
+
+def test_a_misfit_does_not_depend_on_units():
+    """The model y = k u + x lacks a term in u². With u and y in other units, the same sample is farthest
+    off, by as many units.
+    """
+    random = np.random.default_rng(1)
+    time = 0.1 * np.arange(300)
+    u = lfilter([1.0], [1.0, -0.8], random.standard_normal(300))
+    y = 2.0 * u + 0.1 * u**2 + 0.05 * random.standard_normal(300)
+    found = []
+    for of_u, of_y in ((1.0, 1.0), (1e5, 1e-3), (1e-4, 1e2)):
+        model = gains(k=of_y / of_u)
+        signal = model.outputs["y"]._replace(nominal=of_y)
+        model = replace(
+            model,
+            outputs={"y": signal},
+            states={"x": hfa.Signal("1", nominal=of_y)},
+            inputs={"u_k": hfa.Signal("1", nominal=of_u)},
+        )
+        columns = {"time": time, "u_k": of_u * u, "y": of_y * y}
+        told = identify(model, columns, ["k"], inputs="linear")
+        (misfit,) = told.misfits
+        assert misfit.samples == 0
+        assert f"at {misfit.time:.4g} s, as the inputs move" in told.first_line
+        found.append((misfit.time, misfit.difference / of_y))
+    assert found[1] == pytest.approx(found[0], rel=1e-6)
+    assert found[2] == pytest.approx(found[0], rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["linear", "steps"])
+@pytest.mark.parametrize("start", [1e6, 3e6])
+def test_the_inputs_between_samples_are_those_of_the_likelier_fit(kind, start):
+    """x' = k u - x, by SciPy of inputs that are held or linear between samples of .2 s. The search begins
+    at a limit of k, in units in which the slopes of the likelihood are small, and ends inside.
+    """
+    model = hfa.Model(
+        "lag",
+        {"x": hfa.Signal("m")},
+        {"u": hfa.Signal("m/s")},
+        lambda x, u, p, w: ({"x": p.k * u.u - x.x}, {}),
+        parameters={"k": hfa.Signal(start=start, min=1e6, max=3e6)},
+        trim={"x": 0.0},
+    )
+    time, random = 0.2 * np.arange(60), np.random.default_rng(0)
+    u, form = 1e-6 * random.standard_normal(60), "foh" if kind == "linear" else "zoh"
+    y = StateSpace(-1.0, 2e6, 1.0, 0.0).to_discrete(0.2, form).output(u, None)[1].ravel()
+    found = identify(
+        model, {"time": time, "u": u, "x": y + 1e-3 * random.standard_normal(60)}, ["k"]
+    )
+    assert (found.inputs, found.is_chosen) == (kind, True)
+    assert found.first_line == "PASS: 1 parameter of 1 record"
+    assert found["k"].value == pytest.approx(2e6, rel=1e-3)
+    assert found["k"].low < 2e6 < found["k"].high
+
+
+def test_a_model_without_a_slope_at_its_beginning_is_refused():
+    """x' = u - k √x has no slope at 0, where the record begins."""
+    tank = hfa.Model(
+        "tank",
+        {"x": hfa.Signal("m", start=1.0)},
+        {"u": hfa.Signal("m/s")},
+        lambda x, u, p, w: ({"x": u.u - p.k * ca.sqrt(x.x)}, {}),
+        parameters={"k": hfa.Signal(start=1.0)},
+    )
+    time = 0.1 * np.arange(20)
+    columns = {"time": time, "u": np.ones(20), "x": 0.0 * time}
+    with pytest.raises(hfa.NoSolutionError, match="diverges with the initial parameter values"):
+        identify(tank, columns, ["k"])
 
 
 def test_an_estimate_ends_at_the_limit_of_its_parameter():

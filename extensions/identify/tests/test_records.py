@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import hfa as run
-from flown_records import AIRCRAFT, FREE, UAV, begun, record, true_value
+from flown_records import AIRCRAFT, FREE, SENSORS, UAV, begun, record, true_value
 
 import hfa
 from hfa_identify import read_record
@@ -49,6 +49,7 @@ REFUSED = {
     ),
     "too short": ({"alpha": lambda a: a[:-1]}, "alpha has 199 samples"),
     "empty": ({"alpha": lambda a: np.full_like(a, np.nan)}, "alpha has 0 finite values"),
+    "no quantity": (dict.fromkeys(SENSORS), "no column of a measured state or output"),
     "unknown": (
         {"alpha": None, "aplha": lambda _: record()["alpha"]},
         "unknown column 'aplha'; did you mean alpha",
@@ -73,11 +74,14 @@ def test_wrong_arguments_are_refused():
     """Unknown parameters, no records, no parameters, and one both free and given are refused."""
     for records, free, named in (
         (record(), ["Cm_p"], "no parameter 'Cm_p'"),
+        (record(), ["Cx_*"], "no free parameter of .* matches 'Cx_"),
         ([], FREE, "no record;"),
         (record(), (), "free contains no list"),
     ):
         with pytest.raises(hfa.BadInputError, match=named):
             hfa.identify(begun(1.2), records, free)
+    with pytest.raises(hfa.BadInputError, match="'elevater'; did you mean elevator"):
+        hfa.identify(begun(1.2), record(), FREE, hold={"elevater": 0.0})
     with pytest.raises(hfa.BadInputError, match="both free and given"):
         hfa.identify(begun(1.2), record(), FREE, given=["Cm_q"])
 
