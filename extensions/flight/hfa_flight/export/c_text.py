@@ -250,15 +250,15 @@ class _PolicyInC(NamedTuple):
 
 def c_model_texts(
     linear: LinearModel,
-    policy: Policy | None,
+    policy: Policy,
     origin: str,
 ) -> dict[str, str]:
     """Return the C source of an aircraft as file name -> text.
 
-    The files are a header, a source file and, if a policy is given, an example 100 Hz loop.
+    The files are a header, a source file and an example 100 Hz loop.
 
     linear: linear model at a trim
-    policy: gain, function or gain table about that trim, or None
+    policy: gain, function or gain table about that trim
     origin: provenance, for a comment
 
     Raises BadInputError if the equations cannot be expressed in C.
@@ -271,7 +271,7 @@ def c_model_texts(
     winds = units_of(model, model.disturbances) or {"unused": ""}  # C has no empty array
     in_c = _policy_in_c(linear, policy)
     rates = c_function(_rates(model), "rates", ("x", "u", "w", "p"), ("dx",))
-    texts = {
+    return {
         header: filled(
             header,
             **origin_and_title,
@@ -301,18 +301,15 @@ def c_model_texts(
             function=rates + in_c.function,
             policy=in_c.body,
         ),
+        example: filled(example, **displaced_state(model)),
     }
-    if policy is not None:
-        texts[example] = filled(example, **displaced_state(model))
-    return texts
 
 
-def _policy_in_c(linear: LinearModel, policy: Policy | None) -> _PolicyInC:
-    """Return the source of a policy, or of u = u0 without one."""
+def _policy_in_c(linear: LinearModel, policy: Policy) -> _PolicyInC:
+    """Return the source of a policy."""
     K = np.zeros(linear.B.T.shape)
-    if policy is None or isinstance(policy, GainPolicy):
-        if policy is not None:
-            K[:, : policy.K.shape[1]] = policy.K  # which may not see the positions of servos
+    if isinstance(policy, GainPolicy):
+        K[:, : policy.K.shape[1]] = policy.K  # which may not see the positions of servos
         formula = "u = u0 - K z: the policy at x. Nothing is limited."
         return _PolicyInC(K, formula, _BODY_OF_GAIN, function="")
     formula = "u = u0 + v(z): the policy at x, within the control limits. K is zero."

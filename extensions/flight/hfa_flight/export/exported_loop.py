@@ -32,17 +32,16 @@ LONGEST_STEP = 1e-3
 class Channel(NamedTuple):
     """A scalar signal of a loop.
 
-    unit: unit, or None if it is unknown
     start: initial value
     size: nominal size
-    rate_unit: unit of the rate, or None if not needed
+    rate_unit: unit of the rate, or "" if not needed
     """
 
     name: str
-    unit: str | None
+    unit: str
     start: float = 0.0
     size: float = 1.0
-    rate_unit: str | None = None
+    rate_unit: str = ""
 
 
 @dataclass(frozen=True)
@@ -242,7 +241,7 @@ def _channels(
     """
     channels = []
     for name, value in zip(names, values, strict=True):
-        rate_unit = model.rate_unit(name) if rates else None
+        rate_unit = model.rate_unit(name) if rates else ""
         nominal = model.signals[name].nominal
         channels.append(Channel(name, model.unit(name), float(value), nominal, rate_unit))
     return channels

@@ -205,8 +205,6 @@ def description(loop: ExportedLoop, origin: Provenance, guid: str) -> str:
             xml.SubElement(computed, "Unknown", index=index)
 
     for unit in dict.fromkeys(variable.unit for variable in variables):
-        if unit is None:
-            continue
         defined = xml.SubElement(units, "Unit", name=unit)
         if unit in _BASE:
             xml.SubElement(defined, "BaseUnit", _BASE[unit])
@@ -223,7 +221,7 @@ class _Variable(NamedTuple):
     """
 
     name: str
-    unit: str | None
+    unit: str
     causality: str
     start: float | None = None
     rate_of: int = 0
@@ -252,9 +250,7 @@ def _add_variable(listed: xml.Element, number: int, variable: _Variable) -> None
     }
     if variable.causality != "input":
         about["initial"] = "calculated" if variable.start is None else "exact"
-    real = {}
-    if variable.unit is not None:
-        real["unit"] = variable.unit
+    real = {"unit": variable.unit}
     if variable.start is not None:
         real["start"] = repr(float(variable.start))
     if variable.rate_of:

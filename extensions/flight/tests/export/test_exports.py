@@ -1,5 +1,6 @@
 """What `hfa export` writes computes the numbers of the product: C source and FMUs."""
 
+import json
 import math
 import re
 import subprocess
@@ -17,7 +18,9 @@ from nominal import nominal_game
 from project import ROOT
 
 import hfa
-from hfa_flight import GainSchedule, Scenario, Waveform, declared_sensors
+from hfa_flight import Scenario, Waveform
+from hfa_flight.export.c_text import sensed_values
+from hfa_flight.export.exported_loop import exported_loop, filtered_steering
 from hfa_model import LINEAR_STATES, STATES, Input, Parameters, State
 
 pytestmark = needs_gcc
@@ -95,50 +98,115 @@ def test_the_policy_in_c_interpolates_a_gain_table(folder, gains):
         expected = point.u - np.array(K) @ (x - point.x)[rows]
         np.testing.assert_allclose(u, expected, rtol=1e-12, err_msg=f"{degrees} deg")
     compiled(folder / "c", "loop_100hz.c", "hfa_aircraft.c", "-o", "loop")  # the example, too
+    (K,) = re.findall(r"hfa_K.* = (.*);", (folder / "c/hfa_aircraft.c").read_text())
+    np.testing.assert_allclose(json.loads(K.translate(str.maketrans("{}", "[]"))), gains[1])
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [
-        pytest.param("aircraft", marks=pytest.mark.slow),
-        "gain",
-        pytest.param("gains", marks=pytest.mark.slow),
-    ],
-)
-def test_an_fmu_simulates_the_flight_in_fmpy(folder, kind, request):
+#: Aircraft file of a body with x' = x^3 + u and |u| <= 2.
+CUBIC = """
+from hfa import Model, Signal
+
+CUBIC = Model("cubic", {"x": Signal("ft", nominal=3.0)}, {"u": Signal("ft/s", min=-2.0, max=2.0)},
+              lambda x, u, p, w: ({"x": x.x**3 + u.u}, {}), trim={"x": 0.5})
+"""
+
+
+def test_a_function_in_c_is_within_the_limits_of_the_inputs(folder):
+    """The policy of a value function of order 4 in C gives the inputs of `hfa.read_critic`, within those of
+    the aircraft. Its gain is 0, and its example begins at 1 % of the nominal size.
+    """
+    Path("cubic.py").write_text(CUBIC)
+    point = hfa.trim(hfa.load_model("cubic.py:CUBIC"))
+    linear = point.linearize()
+    game = hfa.game(linear, Q=[1.0], R=[1.0])
+    hfa.expand(linear, hfa.solve(game), 4).save("value.npz")
+    words = ("export", "--aircraft", "cubic.py:CUBIC", "--policy", "value.npz", "-o", "c")
+    assert command(*words).code == 0
+    compiled(folder / "c", "-shared", "-fPIC", "hfa_aircraft.c", "-o", "library.so")
+    critic, u = hfa.read_critic("value.npz", game), np.empty(1)
+    for z in (-0.2, 0.0, 0.1, 3.0):
+        called(folder / "c", "hfa_policy", point.x + z, u)
+        np.testing.assert_allclose(u, np.clip(point.u + critic.u([z]), -2.0, 2.0), rtol=1e-9)
+    assert "hfa_K[1][1] = {{0.0}}" in Path("c/hfa_aircraft.c").read_text()
+    assert "flown[HFA_X] += 0.03;" in Path("c/loop_100hz.c").read_text()
+
+
+def test_the_loop_of_an_fmu_is_that_of_the_flight_in_moving_air():
+    """Rates and outputs are those of the equations with winds, from the commands that are held. The sample
+    of a policy behind a filter begins at the states, which are known, and its commands act a sample
+    late, first those of the trim. A pitot tube and a vane see the winds.
+    """
+    linear = model_at(10.0)
+    point, model = linear.point, linear.model
+    noise = {"airspeed": 0.3, "angle_of_attack": 0.003} | dict.fromkeys(
+        ("pitch", "pitch_rate", "dihedral", "dihedral_rate"), 0.002
+    )
+    kalman = hfa.filter(linear, noise, "light:20000")
+    policy, _ = kalman.policy(0.02 * exact_gain(10.0)).in_scenario(Scenario(1.0, delay=0.01))
+    loop = exported_loop(model, point, filtered_steering(model, policy))
+    winds, random = np.zeros(len(model.disturbances)), np.random.default_rng(2)
+    winds[list(model.disturbances).index("headwind")] = 2.0
+    winds[list(model.disturbances).index("updraft")] = 1.5
+    speed, alpha = point["speed"], point["alpha"]
+    sensed = sensed_values(policy)(point.x, winds).full().ravel()
+    expected = {name: point[name] for name in noise if name in STATES}
+    expected |= {"airspeed": math.hypot(speed + 2.0, 1.5)}
+    expected |= {"angle_of_attack": alpha + math.atan2(1.5, speed + 2.0)}
+    assert dict(zip(policy.sensors, sensed, strict=True)) == pytest.approx(expected, rel=1e-9)
+
+    x = point.x + 0.01 * random.uniform(-1.0, 1.0, 7) * [9, 1, 99, 1, 1, 1, 1]
+    held = point.u + 0.01 * random.uniform(-1.0, 1.0, 5)
+    errors = 0.1 * innovations_of(kalman)
+    v = np.concatenate([winds, errors, held])
+    rates, outputs = (part.full().ravel() for part in loop.function(x, v))
+    named = namedtuple("named", tuple(model.disturbances))
+    given = State(*x), Input(*held), Parameters(*model.p), named(*winds)
+    of_model = model.equations(*given)
+    np.testing.assert_allclose(rates, [float(of_model[0][name]) for name in STATES], rtol=1e-9)
+    plain = exported_loop(model, point, None)
+    np.testing.assert_allclose(
+        plain.function(x, v[[*range(len(winds)), -5, -4, -3, -2, -1]])[0], rates[:, None]
+    )
+    np.testing.assert_allclose(outputs[:5], held, rtol=1e-12)
+    np.testing.assert_allclose(outputs[5:], [float(of_model[1][name]) for name in model.outputs])
+    assert [channel.name for channel in loop.outputs] == [*model.inputs, *model.outputs]
+
+    policy.begin(x)
+    memory = np.zeros(loop.sampled.function.numel_in(2))
+    acting = point.u
+    for number in range(4):
+        u, memory = loop.sampled.function(x, v, memory)
+        np.testing.assert_allclose(u.full().ravel(), acting, rtol=1e-9, atol=1e-9)
+        measured = sensed_values(policy)(x, winds).full().ravel() + errors
+        acting = policy(0.01 * number, measured)
+        x = x + 1e-3 * random.uniform(-1.0, 1.0, 7)
+    assert np.abs(acting - point.u).max() > 1e-4
+    assert loop.sampled.starts == tuple(point.u)
+    assert loop.sampled.dt == 0.01
+
+
+def test_an_fmu_simulates_the_flight_in_fmpy(folder):
     """Co-simulation and model exchange of 5 s in FMPy give the flight of `fly`. FMPy's validator
-    accepts the FMU, which has the variables and the folders of its kind.
-
-    A gain follows a reference, and moves servos.
+    accepts the FMU. A gain follows a reference, and moves servos.
     """
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
     validation = pytest.importorskip("fmpy.validation")
-    point = model_at(10.0).point
-    start = {"speed": point["speed"] + 0.02}
-    happens = {}
-    policy = None
-    if kind == "aircraft":
-        exported("-o", "a.fmu")
-    elif kind == "gain":
-        exported("--policy", "exact", "--servo", f"{LAG}:{RATE}", "-o", "a.fmu")
-        start["reference_speed"] = 0.05
-        happens["reference"] = Waveform(np.eye(11)[0] * 0.05, np.zeros(11))
-        point = hfa.trim(with_surface_servos(point.model), dihedral=math.radians(10.0))
-        policy = hfa.solve(hfa.game(point.linearize())).K
-    else:
-        table = request.getfixturevalue("gains")
-        exported("--policy", "gains.npz", "-o", "a.fmu")
-        policy = GainSchedule(np.radians(ANGLES), table, point.model)
-    scenario = Scenario(5.0, 0.001, 0.1, 0.02 * np.eye(len(point.x))[0], **happens)
-    flight = hfa.fly(point.model, point, policy, scenario=scenario, predict=False)
+    exported("--policy", "exact", "--servo", f"{LAG}:{RATE}", "-o", "a.fmu")
+    model = with_surface_servos(hfa.aircraft())
+    point = hfa.trim(model, dihedral=math.radians(10.0))
+    policy = hfa.solve(hfa.game(point.linearize())).K
+    start = {"speed": point["speed"] + 0.02, "reference_speed": 0.05}
+    reference = Waveform(np.eye(11)[0] * 0.05, np.zeros(11))
+    off = 0.02 * np.eye(len(point.x))[0]
+    scenario = Scenario(5.0, 0.001, 0.1, off, reference=reference)
+    flight = hfa.fly(model, point, policy, scenario=scenario, predict=False)
     assert validation.validate_fmu("a.fmu") == []
     units = {
         variable.name: variable.unit
         for variable in fmpy.read_model_description("a.fmu").modelVariables
     }
-    assert units["speed"] == "ft/s"
-    assert ("reference_speed" in units) == (kind != "aircraft")
-    assert ("elevator_center_servo" in units) == (kind == "gain")
+    assert units["reference_speed"] == "ft/s"
+    assert "elevator_center_servo" in units
     with zipfile.ZipFile("a.fmu") as archive:
         parts = {Path(name).parts[0] for name in archive.namelist()}
     assert parts == {"modelDescription.xml", "binaries", "resources", "sources"}
@@ -238,10 +306,9 @@ def test_an_exported_filter_equals_the_policy_behind_it(folder):
 
 
 @pytest.mark.slow
-def test_an_exported_filter_with_servos_and_a_delay_equals_its_policy_and_flies(folder):
-    """The C code of a filter with sensors in the air, biases, servos of 20 ms and commands that act 10 ms
-    late gives the commands of the Python policy, and its example loop brings the aircraft back to the
-    trim.
+def test_an_exported_filter_with_servos_and_a_delay_flies(folder):
+    """The example loop of a filter with sensors in the air, biases, servos of 20 ms and commands that act
+    10 ms late brings the aircraft back to the trim.
     """
     model = hfa.with_servos(hfa.aircraft(), hfa.Servo(0.02))
     point = hfa.trim(model, dihedral=math.radians(10.0))
@@ -251,19 +318,8 @@ def test_an_exported_filter_with_servos_and_a_delay_equals_its_policy_and_flies(
     hfa.solve(hfa.game(linear, sizes=sizes, rate=100.0)).save("K.npz")
     words = "--servo 20ms --rate 100 --delay 10ms --policy K.npz --filter --turbulence light:20000"
     exported(*words.split(), "--sensors", "aircraft", "-o", "c")
-    header, size, known = compiled_filter(folder)
+    header = Path("c/hfa_filter.h").read_text("utf-8")
     assert "FILTER_AIRSPEED, /* output airspeed, ft/s */" in header
-
-    kalman = hfa.filter(linear, declared_sensors(model), "light:20000")
-    policy = kalman.policy(np.load("K.npz")["K"])
-    policy, _ = policy.in_scenario(Scenario(1.0, delay=0.01))
-    policy.begin(point.x)
-    memory, u, random = np.eye(1, size, known).ravel(), np.zeros(5), np.random.default_rng(1)
-    for number in range(60):
-        y = policy.filter.at_trim + innovations_of(policy.filter) * random.uniform(-2.0, 2.0, 6)
-        called(folder / "c", "hfa_filter", memory, y, u)
-        np.testing.assert_allclose(u, policy(0.01 * number, y), rtol=1e-11, atol=1e-11)
-    assert np.abs(memory[-5:]).max() > 1e-4  # the command under way
     files = ("loop_filter.c", "hfa_filter.c", "hfa_aircraft.c")
     compiled(folder / "c", "-O0", *files, "-lm", "-o", "loop_filter")
     printed = subprocess.run([str(folder / "c" / "loop_filter")], capture_output=True, text=True)
