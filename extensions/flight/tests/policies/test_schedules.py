@@ -73,6 +73,12 @@ def test_a_gain_table_is_refused_beyond_its_ends_and_a_single_gain_is_not(tmp_pa
     are angles, which files have in degrees and the table in radians.
     """
     load_gain_schedule(gains_file(tmp_path, K=K[0]), TANK).refuse_beyond(-9.0, 9.0)
+    levels = GainSchedule(LEVELS, K, TANK)
+    levels.refuse_beyond(1.0 - 2e-9, 4.0 + 2e-9)  # by rounding, of a range of 3 ft
+    for low, high in ((1.0 - 4e-9, 3.0), (2.0, 4.1)):
+        with pytest.raises(BadInputError, match="the gains cover 1 ft to 4 ft"):
+            levels.refuse_beyond(low, high)
+    assert levels.file_breakpoints.tolist() == LEVELS.tolist()
     angles = gains_file(tmp_path, K=np.ones((2, 5, 6)), dihedral_deg=[10.0, 20.0])
     table = load_gain_schedule(angles, hfa.aircraft())
     assert table.breakpoints == pytest.approx(np.radians([10.0, 20.0]))
@@ -88,6 +94,7 @@ def test_a_gain_table_is_refused_beyond_its_ends_and_a_single_gain_is_not(tmp_pa
         ({"K": np.ones((2, 1))}, "K is 2 x 1; give a K of 1 x 2"),
         ({"K": np.ones((1, 2)), "dt": 0.1}, "a policy in steps of 0.1 s"),
         ({"K": np.ones((2, 1, 2))}, "level is missing"),
+        ({"K": np.ones((1, 2)), "states": ["rate", "level"]}, "reorder"),
         ({"K": np.ones((1, 1, 2)), "level": [1.0]}, "fewer than two values"),
         ({"K": np.ones((2, 1, 2)), "level": [2.0, 1.0]}, "increasing order"),
         ({"K": [[[1.0, np.inf]], [[1.0, 2.0]]], "level": [1.0, 2.0]}, "give finite entries"),
