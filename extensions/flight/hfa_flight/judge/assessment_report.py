@@ -152,12 +152,11 @@ def _leaving_flights(point: AssessedPoint, flown: Outcomes | None, when: str) ->
     """Return the finding on the flights that leave the envelope."""
     if flown is None or not flown.left_envelope:
         return None
-    leave = "leaves" if flown.left_envelope == 1 else "leave"
-    text = f"{when}{flown.left_envelope} of {flown.starts} flights {leave} the envelope"
+    text = f"{when}{flown.left_envelope} of {flown.starts} flights leave the envelope"
     if flown.departure is not None:
         text += f" (first: {flown.departure.cause()})"
     severity = Severity.WARNING if point.holds else Severity.FAILURE
-    return _AtTrim(severity, text, size=flown.left_envelope / flown.starts)
+    return _AtTrim(severity, text, size=flown.left_envelope)
 
 
 def _convergence(point: AssessedPoint) -> _AtTrim | None:
@@ -169,7 +168,7 @@ def _convergence(point: AssessedPoint) -> _AtTrim | None:
     if staying:
         text = f"{staying} of {flown.starts} flights do not converge within {flown.seconds:.3g} s"
         severity = Severity.WARNING if point.holds else Severity.FAILURE
-        return _AtTrim(severity, text, size=staying / flown.starts)
+        return _AtTrim(severity, text, size=staying)
     return None
 
 
@@ -205,7 +204,7 @@ def _steady_state_error(point: AssessedPoint) -> _AtTrim | None:
     if offset is None or not point.holds:
         return None
     model = point.point.model
-    shares = np.abs(offset) / point.case.box  # of the half-width in each linear state
+    shares = np.abs(offset) / point.case.sizes  # of the half-width in each linear state
     index = int(np.argmax(shares))
     if shares[index] < _AT_TRIM:
         return _AtTrim(Severity.NOTE, "no steady-state error")

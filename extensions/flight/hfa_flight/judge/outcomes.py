@@ -90,6 +90,12 @@ class TrimCase:
     loop: Chain | None = None
 
     @property
+    def sizes(self) -> np.ndarray:
+        """Half-widths of the box, or nominal values where it has none, at a limit, (k,)."""
+        model = self.point.model
+        return np.where(self.box > 0.0, self.box, model.nominal(model.linear))
+
+    @property
     def radius(self) -> float:
         """Spectral radius of the sampled loop, or nan without an equilibrium."""
         return math.nan if self.loop is None else self.loop.radius
@@ -204,7 +210,7 @@ class CaseFlights:
         self.seconds = max(case.seconds for case in cases)
         self.pulses = pulses
         # Of each case, and with `[owners]` of each flight: ball and limits.
-        self._balls = np.array([BALL * case.box for case in cases])[owners]
+        self._balls = np.array([BALL * case.sizes for case in cases])[owners]
         envelopes = [flight_envelope(model, case.point) for case in cases]
         self._least = np.array([envelope.least for envelope in envelopes])[owners]
         self._most = np.array([envelope.most for envelope in envelopes])[owners]

@@ -2,22 +2,12 @@
 
 import numpy as np
 import pytest
-from policy_cases import SENSORS, aircraft, stored_deployment, trims
+from policy_cases import aircraft, trims
 
 import hfa
 from hfa_flight import Uncertainty
 
 NOISE = Uncertainty(noise={"pitch_rate": 0.02})
-
-
-def test_flights_of_a_deployment_behind_a_filter_have_its_sensors():
-    model, point = aircraft("ppo_gtm"), trims("ppo_gtm")[1]  # the GTM at 45 m/s
-    kalman = hfa.filter(point.linearize(), SENSORS, dt=0.02)
-    noisy = hfa.Scenario(0.5, uncertainty=Uncertainty(noise=SENSORS))
-    policy = kalman.policy(stored_deployment("ppo_gtm"))
-    flown = hfa.fly(model, point, policy, scenario=noisy, samples=1)
-    assert flown.ok
-    assert flown.report().data["filter"]["noise"] == pytest.approx(SENSORS)
 
 
 @pytest.mark.parametrize(

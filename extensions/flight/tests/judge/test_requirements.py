@@ -7,6 +7,7 @@ import pytest
 from small_plants import deployed, scalar
 
 import hfa
+from hfa_flight.judge.outcomes import seeded_starts
 
 #: v' = v + f with |f| <= 0.5: flights from |v| > 0.5 leave the limits.
 UNSTABLE = scalar(lambda v, f: v + f, 2.0, 0.5)
@@ -53,7 +54,7 @@ def test_wrong_requirements_are_refused_before_any_flight():
             hfa.assess(UNSTABLE, deployment(4.0), progress=flown, **asked)
 
 
-@pytest.mark.parametrize("offset", [0.01, 0.2, pytest.param(-0.2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("offset", [0.01, 0.2, -0.2])
 def test_flights_to_an_equilibrium_beside_the_trim_converge_with_an_error(offset):
     """Every flight converges to the equilibrium of f = offset - v, whose error has the sign of the
     offset and is reported.
@@ -101,9 +102,11 @@ def test_an_equilibrium_beyond_the_limits_fails_without_flights(offset, passes):
 
 def test_a_policy_without_an_equilibrium_fails():
     """With f = 0.5 - v, v' = v + f is 0.5 everywhere."""
-    found = hfa.assess(scalar(lambda v, f: v + f, 2.0), deployment(1.0, 0.5), samples=1)
+    model, policy = scalar(lambda v, f: v + f, 2.0), deployment(1.0, 0.5)
+    found = hfa.assess(model, policy, samples=1)
     assert (found.ok, found.points[0].equilibrium) == (False, None)
     assert "no equilibrium near the trim" in str(found)
+    assert hfa.fly(model, hfa.trim(model), policy, 0.1).report().data["departure"] is None
 
 
 def test_flights_that_slowly_diverge_have_not_converged():
@@ -111,7 +114,23 @@ def test_flights_that_slowly_diverge_have_not_converged():
     conditions near 0. With a gain of .2, every flight converges.
     """
     model = scalar(lambda v, f: 0.005 * v + f, 50.0)
-    for gain, converged in ((0.0, 0), (0.2, 20)):
-        (found,) = hfa.assess(model, deployment(gain), samples=20, box={"v": 0.1}).points
+    for gain, converged in ((0.0, 0), (0.2, 100)):
+        (found,) = hfa.assess(model, deployment(gain), samples=100, box={"v": 0.1}).points
         assert found.flights.converged == converged
         assert found.flights.left_envelope == 0
+
+
+def test_flights_begin_in_the_box_and_end_in_the_ball():
+    """A plant that does not move ends where it begins: the flights within 5 % of the box have converged.
+    Pulses alone would move it by at most half of the half-width.
+    """
+    still = scalar(lambda v, f: 0.0 * v + f, 50.0)
+    found = hfa.assess(still, deployment(0.0), samples=4000, box={"v": 3.0}, seed=7)
+    (point,) = found.points
+    starts, pulses = seeded_starts(point.case, 4000, 7, with_pulse=True)
+    for values, most in ((starts, 3.0), (pulses, 1.5)):
+        assert 0.999 * most < np.abs(values).max() <= most
+        assert np.abs(values).mean() == pytest.approx(0.5 * most, rel=0.05)
+    assert point.flights.converged == (np.abs(starts) <= 0.05 * 3.0).sum()
+    assert point.disturbed.converged == (np.abs(starts + pulses) <= 0.05 * 3.0).sum()
+    assert point.flights.worst_initial["v"] == starts[np.abs(starts).argmax()]
