@@ -165,7 +165,7 @@ def test_bounds_of_a_ratio_hold_for_any_direction_and_estimate():
         for direction in ([1.0, 0.0], [1.0, 1e-3], [1.0, 1.0], [0.0, 1.0], [0.0, 0.0]):
             for estimate in (0.0, 0.1, 1.4999, 1.5 * (1.0 - 1e-10), 1.5, 1.6, 20.0):
                 low, high = ratio_bounds(D, P, ball_matrix(np.array([direction]).T), estimate)
-                assert 1.0 - 1e-12 <= low <= 1.5 <= high or (low == 0.0 and not any(direction))
+                assert any(direction) * (1.0 - 1e-12) <= low <= any(direction) * 1.5 <= 1.5 <= high
 
 
 @pytest.mark.parametrize("is_discrete", [False, True])
