@@ -22,6 +22,7 @@ from scipy.signal import StateSpace, lfilter
 
 import hfa
 from hfa import identify
+from hfa_support.reporting.text import WIDTH
 
 
 @cache
@@ -101,6 +102,9 @@ def test_a_planted_fault_is_seen(column, fault, seen, size):
     wrong[column] = fault(wrong[column])
     result = identify(begun(1.2), wrong, FREE)
     assert not result.ok
+    first, *others = result.findings  # a second one is in the first line where it has room
+    both = f"FAIL: {'; '.join([first, *others[:1]])}"
+    assert result.first_line == (both if len(both) <= WIDTH else f"FAIL: {first}")
     (clearest,) = [each for each in result.misfits[:2] if each.quantity == seen]
     assert abs(clearest.difference) == pytest.approx(size, rel=0.1)
     if fault is spike:

@@ -82,6 +82,8 @@ def test_wrong_arguments_are_refused():
             hfa.identify(begun(1.2), records, free)
     with pytest.raises(hfa.BadInputError, match="'elevater'; did you mean elevator"):
         hfa.identify(begun(1.2), record(), FREE, hold={"elevater": 0.0})
+    with pytest.raises(hfa.BadInputError, match="inputs are 'step'; did you mean steps"):
+        hfa.identify(begun(1.2), record(), FREE, inputs="step")
     with pytest.raises(hfa.BadInputError, match="both free and given"):
         hfa.identify(begun(1.2), record(), FREE, given=["Cm_q"])
 
