@@ -18,6 +18,7 @@ from hfa_model.parameters import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.reporting.text import percent
 from verification.box import ordinary_box, usual_box
 from verification.reports import checks_part, verdicts_report
+from verification.verdict import CounterExample, Proof
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -153,6 +154,71 @@ def test_the_report_of_a_verdict_says_what_was_judged():
         report = verify(game, solve(game)).report()
         assert words[0] in report.title
         assert report.parts[0][0].endswith(words[1])
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "is_bounded", "words"),
+    [
+        (0.0, 1e-17, True, "optimal cost"),
+        (0.0123, 0.0123, True, "1.2 % above the optimum"),
+        (0.0123, 0.0456, True, "1.2 % to 4.6 % above the optimum"),
+        (0.0123, math.inf, True, "cost not decided, at least 1.2 % above the optimum"),
+        (0.0, math.inf, False, "cost not decided"),
+        (math.inf, math.inf, False, "cost without bound"),
+    ],
+)
+def test_the_cost_of_a_linear_policy_in_words(low, high, is_bounded, words):
+    """Of its bounds, the first line has one number where they agree; a line is at most 80 columns wide
+    unless its first finding is wider.
+    """
+    verdict = verify(TWO, solve(TWO))
+    matrix = verdict.suboptimality.matrix if is_bounded else None
+    enclosed = replace(verdict.suboptimality, low=low, high=high, matrix=matrix)
+    changed = replace(verdict, suboptimality=enclosed)
+    findings = [line.rpartition(": ")[2] for line in changed.report().title.splitlines()]
+    assert findings[0].partition(", exact within")[0] == words
+    lines = changed.report().title.splitlines()
+    assert all(len(line) <= 80 or ", exact" not in line for line in lines)
+    assert "limit_cost_percent" not in changed.file_entries()["graded"]
+
+
+@pytest.mark.parametrize(
+    ("proof", "flights", "above", "words", "scope"),
+    [
+        (Proof(excess=0.005), 0, 0.5, "proved, at most 0.5 % above the optimum", ""),
+        (Proof(excess=0.05), 0, 5.0, "proved stable, at most 5 % above the optimum", ""),
+        (
+            Proof(excess=0.05),
+            3,
+            0.4,
+            "at least 0.4 % above the optimum",
+            ", in 3 flights, not proved",
+        ),
+        (Proof(why="too wide"), 1, 0.0, "no flight above the optimum", ", in 1 flight, not proved"),
+        (Proof(why="too wide"), 0, math.nan, "cost not decided", ""),
+        (Proof(why="too wide"), 2, 4.0, "at least 4 % above the optimum from (x1 0.5, x2 -1)", ""),
+        (Proof(), 2, math.inf, "cost without bound from (x1 0.5, x2 -1): diverges", ""),
+    ],
+)
+def test_the_cost_of_a_network_in_words(proof, flights, above, words, scope):
+    """What is proved within 1 %, or else what flights show, with the start of a counter-example."""
+    verdict = verify(TWO, solve(TWO))
+    worst = CounterExample(np.array([0.5, -1.0]), "diverges") if flights else None
+    of_network = replace(
+        verdict,
+        proof=proof,
+        flights=flights,
+        worst_flight=worst,
+        cost_above_optimum_percent=above,
+        suboptimality=None,
+    )
+    title = of_network.report().title
+    assert f"balanced box{scope}: " in title
+    assert f": {words}" in title
+    if flights and proof.is_found:
+        assert "proved: stable, at most 5 % above the optimum" in title
+    if proof.why:
+        assert "not proved: too wide" in title
 
 
 def test_failed_checks_are_listed_and_the_others_counted():
