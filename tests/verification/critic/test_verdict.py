@@ -12,7 +12,7 @@ from planted_critics import gain
 from scipy.linalg import solve_discrete_lyapunov
 
 from controller.game.linear_game import weights_line
-from hfa import Game, from_gain, solve, verify
+from hfa import Game, from_gain, from_value, solve, verify
 from hfa.extend import Check
 from hfa_model.parameters import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.reporting.text import percent
@@ -110,6 +110,27 @@ def test_each_kind_of_check_has_its_grade(kind, off, above, grade, holds):
     assert ("not stabilizing" in str(verdict)) is (kind == "stability")
 
 
+@pytest.mark.parametrize("dt", [None, 0.1])
+def test_errors_in_balanced_units(dt):
+    """Those of P and K are Frobenius norms in the units of the balanced box, and of K in √R, or in √(R + B'PB)
+    in discrete time.
+    """
+    game = TWO if dt is None else TWO.sampled(dt)
+    exact = solve(game)
+    units = usual_box(game).half_widths
+    for make, name, off in (
+        (from_gain, "K", np.array([[0.1, -0.2]])),
+        (from_value, "P", np.array([[0.1, 0.02], [0.02, -0.3]])),
+    ):
+        right = getattr(exact, name)
+        scale = units if name == "K" else np.outer(units, units)
+        verdict = verify(game, make(game, right + off))
+        norms = [np.linalg.norm(each * scale) for each in (off, right)]
+        assert verdict.value_of(f"{name}_balanced_error") == pytest.approx(norms[0] / norms[1])
+        plain = np.linalg.norm(off) / np.linalg.norm(right)
+        assert verdict.value_of(f"{name}_rel_error") == pytest.approx(plain)
+
+
 TWO = Game(
     [[0.0, 1.0], [2.0, -0.3]], [[0.0], [1.0]], E=[[0.0], [1.0]], Q=[4.0, 1.0], R=[1.0], delta=9.0
 )
@@ -143,6 +164,7 @@ def test_the_report_of_a_verdict_says_what_was_judged():
     mistaken = verify(TWO, from_gain(TWO, -exact.K))
     assert f"Reason: {mistaken.reason}" in mistaken.report().parts[0]
     assert not any(line.startswith("Compare") for line in mistaken.report().parts[0])
+    assert "by the paper's" not in mistaken.report().title
     limited = verdict.report(limit_cost=0.5).title
     assert "decided by the cost limit 0.5 %" in limited
     sampled = TWO.sampled(0.1)
@@ -219,6 +241,11 @@ def test_the_cost_of_a_network_in_words(proof, flights, above, words, scope):
         assert "proved: stable, at most 5 % above the optimum" in title
     if proof.why:
         assert "not proved: too wide" in title
+    assert f"K exact within {verdict.limit:g}" in title
+    searched = Check("searched_policy_error", 1.0, 0.1, False, "the policy is off", kind="error")
+    failing = replace(of_network, checks=(*verdict.checks, searched))
+    assert "K exact within" in failing.report().title
+    assert "the policy is off" in failing.report().title
 
 
 def test_failed_checks_are_listed_and_the_others_counted():
