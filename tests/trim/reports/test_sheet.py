@@ -9,7 +9,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from cli import assert_refused, hfa as command
+from cli import hfa as command
 from project import ROOT
 from scipy.optimize import brentq
 from sheet_values import values
@@ -296,22 +296,3 @@ def test_a_trim_without_air_has_a_warning():
     title = " ".join(point.report().title.split())
     assert "Check: alpha -90 deg: hardly a flight" in title
     assert "degrees without a unit" not in title  # which alpha is not taken for
-
-
-def test_an_output_is_shown_on_the_short_sheet(tmp_path):
-    """--show and Signal.show print an output once, also one that the sheet has elsewhere in full."""
-    path = tmp_path / "own.py"
-    path.write_text(
-        "import hfa\n"
-        "def own(x, u, p, w):\n    return {'speed': u.force}, {'stick': 3.0 * x.speed, 'push': u.force}\n"
-        "OWN = hfa.Model('own', {'speed': hfa.Signal('m/s')}, {'force': hfa.Signal('N')}, own,\n"
-        "    outputs={'stick': hfa.Signal('N', show=True), 'push': hfa.Signal('N')}, trim={'speed': 2.0})\n",
-        "utf-8",
-    )
-    words = ("trim", "--aircraft", str(path))
-    assert [line.split()[:2] for line in command(*words).out.splitlines() if "stick" in line] == [
-        ["stick", "6"]
-    ]
-    assert "push" not in command(*words).out
-    assert command(*words, "--show", "push").out.count("push") == 1
-    assert_refused(command(*words, "--show", "pish"), 2, "unknown output 'pish'; did you mean push")

@@ -83,3 +83,10 @@ def test_a_parameter_that_makes_the_inertias_impossible_has_a_warning():
     """Ixz = 1.3 kg m², set as a parameter, is above sqrt(Ixx Izz) = 1.204 kg m² of uav.toml."""
     title = first_lines(UAV.with_parameters(Ixz=1.3))
     assert "a principal moment of inertia is not positive" in title
+
+
+def test_the_flight_path_in_a_wind_is_not_compared():
+    """gamma may be relative to the ground: with a steady wind, its sign has no warning."""
+    planted = altered("gamma", -1.0)
+    wind = {"wind_north": hfa.Signal("m/s", start=5.0)}
+    assert "Check:" not in first_lines(replace(planted, parameters={**planted.parameters, **wind}))
