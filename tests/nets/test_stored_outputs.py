@@ -37,7 +37,6 @@ def difference(now, before, path):
     return [f"{path}: {now!r} instead of {before!r}"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", cases()["json"])
 def test_json_has_the_stored_keys_and_numbers(name, inputs):
     """The exit code, the keys and, up to 1e-6, the numbers of the JSON of a command are the stored
