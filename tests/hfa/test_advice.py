@@ -53,29 +53,6 @@ def test_advice_of_a_point_mass_is_the_steepest_climb_and_no_fall(folder):
     assert (turn.code, "_dot" in turn.err) == (1, False)
 
 
-def test_first_lines_state_freed_rates_and_fuel_is_not_negative(folder):
-    """The glider has a position, a fuel that burns at the rate of the thrust, and a drag of
-    1 + 0.01 fuel. The first lines of a trim with both rates freed state them: 50 m/s, and -1.5 kg/s,
-    as the thrust balances the drag of 50 kg of fuel.
-
-    A thrust of 0.5 would balance the drag of -50 kg: refused, though no limit of fuel is declared.
-    """
-    text = GLIDER.replace("1.0 - 9.81", "(1.0 + 0.01 * x.fuel) - 9.81")
-    text = text.replace(
-        '"bank": u.roll_rate}', '"bank": u.roll_rate, "north": x.speed, "fuel": -u.thrust}'
-    )
-    text = text.replace(
-        "INPUTS =", 'STATES |= {"north": Signal("m"), "fuel": Signal("kg", start=50.0)}\nINPUTS ='
-    )
-    Path("glider.py").write_text(text, "utf-8")
-    words = ("trim", "--aircraft", "glider.py:GLIDER")
-    freed = ("--free", "north_dot", "--free", "fuel_dot")
-    run = command(*words, *freed)
-    assert "north by 50 m/s, fuel by -1.5 kg/s" in run.out.partition("\n\n")[0]
-    empty = command(*words, *freed, "--hold", "thrust=0.5")
-    assert (empty.code, "fuel at minimum 0 kg, -50 kg required" in empty.err) == (1, True)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("case", ["bank", "heavy", "climb"])
 def test_no_advice_leads_to_a_falling_aircraft(case, tmp_path):

@@ -7,7 +7,6 @@ import pytest
 
 import hfa
 from hfa.options.argument_types import number
-from hfa.options.command import ProgressLine
 from hfa.options.parser import PAPER, Parser, option, options_of
 
 
@@ -90,42 +89,3 @@ def test_the_help_has_usual_options_first_and_rare_ones_by_name(capsys):
         with pytest.raises(SystemExit):
             parser.parse_words(["--help", *([word] if word else [])])
         assert capsys.readouterr().out == expected
-
-
-@pytest.mark.parametrize(
-    ("words", "values"),
-    [
-        ("", {}),
-        ("-v --size 3", {"verbose": True, "size": 3.0}),
-        ("--size=-.5", {"size": -0.5}),
-        ("--size -5", {"size": -5.0}),
-        ("--names a --names b", {"names": ("a", "b")}),
-        (
-            "--values a=1,b=2 --values c=3",
-            {"values": {"a": ("a", 1.0), "b": ("b", 2.0), "c": ("c", 3.0)}},
-        ),
-        ("--values a=1 --values a=1", {"values": {"a": ("a", 1.0)}}),
-        ("--texts a=x,y,b=z", {"texts": {"a": "x,y", "b": "z"}}),
-        ("--color", {"color_": "red"}),
-        ("--color blue", {"color_": "blue"}),
-        ("-o a.json --size 2 --size 2", {"output": "a.json", "size": 2.0}),
-    ],
-)
-def test_words_become_fields(words, values):
-    """Negative numbers are values, repeated options are collected, and switches need no value."""
-    assert parsed(*words.split()) == values | {"several": (1.0,)}
-
-
-def test_progress_is_one_line_of_a_terminal(monkeypatch):
-    """Each percentage is written once, and the line is erased at the end."""
-    from cli import Terminal
-
-    stream = Terminal()
-    monkeypatch.setattr("sys.stderr", stream)
-    line = ProgressLine("sweep")
-    for done, what in ((1, ""), (1.001, ""), (2, "step"), (4, "")):
-        line(done, 4, what)
-    start = "\r\x1b[K"
-    assert stream.getvalue() == (
-        f"{start}sweep:  25 %{start}sweep:  50 %  step{start}sweep: 100 %{start}"
-    )

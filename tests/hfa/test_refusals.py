@@ -79,6 +79,8 @@ REFUSED = {
         ("--dihedral 15 -o folder.json", "folder.json is a folder"),
     ],
     "sweep": [
+        ("--dihedral 5 -o result.xyz", "the suffix '.xyz' is unknown; use .json"),
+        ("--dihedral 5 -o folder.json", "folder.json is a folder; choose another name"),
         ("", "no variable is swept; give --dihedral RANGE"),
         ("--dihedral 0:20:1 --resume", "--resume requires a store"),
         ("--conditions given.csv", "`hfa trim --conditions FILE` trims them"),

@@ -12,7 +12,6 @@ from project import ROOT
 
 import hfa
 from hfa.options.conditions import listed_conditions
-from hfa.options.plants import AircraftOptions, _servo, loaded_model
 
 UAV = str(ROOT / "examples/uav.toml")
 OF_UAV = ("--aircraft", UAV)
@@ -133,29 +132,6 @@ def test_options_that_contradict_each_other_are_refused(words, said, own):
     Path("d.csv").write_text("speed\n15\n60\n")
     verb, *options = words.split()
     assert_refused(command(verb, *own, *options), 2, said)
-
-
-def test_units_and_servos_are_those_of_the_model(own):
-    """With --units si, values are typed and answered in SI units; servos are states with their lag,
-    and the rate of surfaces in degrees alone is limited.
-    """
-    foot = 0.3048
-    metric = answer("trim", "--dihedral", "5", "--units", "si", "--hold", "speed=20")
-    assert metric["operating_point"]["states"]["speed"] == 20.0
-    english = answer("trim", "--dihedral", "5", "--hold", f"speed={20 / foot!r}")
-    assert (english["units"], metric["units"]) == ("english", "si")
-    aircraft = hfa.load_model("own.py:OWN")
-    servos = {"thrust": hfa.Servo(0.02), "elevator": hfa.Servo(0.02, math.radians(30.0))}
-    expected = hfa.trim(hfa.with_servos(aircraft, servos)).linearize()
-    assert (_servo("20ms:30"), _servo("0.1")) == ((0.02, 30.0), (0.1, math.inf))
-    request = AircraftOptions(aircraft="own.py:OWN", servo=(0.02, 30.0))
-    limited = loaded_model(request)
-    rates = limited.rates_at([30.0, 0.1, 60.0, 0.0], [500.0, 1.0])
-    assert rates["thrust_servo"] == pytest.approx(22000.0)
-    assert rates["elevator_servo"] == pytest.approx(math.radians(30.0))
-    found = answer("linearize", *own, "--servo", "20ms:30")
-    assert found["states"] == list(expected.states)
-    np.testing.assert_allclose(found["A"], expected.A, rtol=1e-12)
 
 
 def test_a_swept_list_has_the_values_of_its_options_in_each_row(own):

@@ -1,8 +1,5 @@
 """Words of the command line become values in the units of the model, or are refused."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -162,46 +159,3 @@ def test_a_wrong_range_is_refused(text, said):
     with pytest.raises(hfa.BadInputError) as refused:
         types.value_range(model(), "speed", text)
     assert said in str(refused.value)
-
-
-def test_files_are_checked_before_the_computation():
-    """An input exists and has a known suffix; an output is a file, or a store or folder where these
-    are written, in a folder that exists.
-    """
-    for name in ("folder.json", "store.zarr", "plain", "other.csv"):
-        os.mkdir(name)
-    Path("file.json").touch()
-    Path("file").touch()
-    os.mkfifo("fifo.json")
-    read = types.input_file(".json", ".npz")
-    write = types.output_file(".json")
-    store = types.output_file(".csv", stores=(".zarr",))
-    folder = types.output_file(".json", folder=True)
-    for accept, names in (
-        (read, ["file.json"]),
-        (write, ["file.json", "new.JSON", "plain/new.json"]),
-        (store, ["store.zarr", "new.zarr", "a.csv"]),
-        (folder, ["plain", "new", "file.json"]),
-    ):
-        for name in names:
-            assert accept(name) == Path(name)
-    for refuse, name, said in (
-        (read, "file.txt", "file.txt: the suffix '.txt' is unknown; use .json, .npz"),
-        (read, "none.json", "none.json: no such file; give an existing file"),
-        (read, "fifo.json", "fifo.json: not a regular file; give an existing file"),
-        (write, "a.txt", "a.txt: the suffix '.txt' is unknown; use .json"),
-        (write, "", "'': the suffix '' is unknown; use .json"),
-        (write, "none/a.json", "none/a.json: the folder none does not exist; create this folder"),
-        (write, "folder.json", "folder.json is a folder; choose another name"),
-        (write, "fifo.json", "fifo.json is not a regular file; choose another name"),
-        (write, "plain", "plain: the suffix '' is unknown; use .json"),
-        (store, "other.csv", "other.csv is a folder; choose another name"),
-        (store, "a.txt", "use .csv, .zarr"),
-        (folder, "file", "file: the folder cannot be created; choose a path in an existing folder"),
-        (folder, "none/new", "none/new: the folder cannot be created"),
-        (folder, "a.txt", "use .json, or a folder name without suffix"),
-        (folder, "", "'': the suffix '' is unknown; use .json, or a folder"),
-    ):
-        with pytest.raises(hfa.BadInputError) as refused:
-            refuse(name)
-        assert said in str(refused.value)

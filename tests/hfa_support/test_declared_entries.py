@@ -87,16 +87,6 @@ def test_a_wrong_entry_is_refused_with_its_place(changes, said):
     assert str(refused.value).startswith(f"a.toml: {said}")
 
 
-def test_missing_entries_and_files_that_are_no_table_are_refused():
-    """An entry that must be there is missing; the file itself may be a list."""
-    for name, what in (("name", "this entry"), ("inner", "the table")):
-        rest = {key: value for key, value in RIGHT.items() if key != name}
-        with pytest.raises(BadInputError, match=rf"a\.toml: {name} is missing; add {what}"):
-            checked("a.toml", rest, TABLE)
-    with pytest.raises(BadInputError, match=r"a\.toml: file is \[\]; give a table$"):
-        checked("a.toml", [], TABLE)
-
-
 @pytest.mark.parametrize(
     ("content", "said"),
     [

@@ -1,7 +1,6 @@
 """Messages of errors: one line with the name, the value and what to give."""
 
 import math
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -91,32 +90,6 @@ def test_only_values_of_a_kind_are_accepted(refuse, right, wrong, said):
         with pytest.raises(BadInputError) as refused:
             refuse(value)
         assert str(refused.value) == said.format(value=value)
-
-
-def test_errors_name_the_file_once():
-    """The name of the file stands before a message that does not have it, and the words that would
-    supply a missing value are kept; errors of the system become one line.
-    """
-    for message in ("a fault", "a.toml: a fault"):
-        with (
-            pytest.raises(BadInputError, match=r"^a\.toml: a fault$") as refused,
-            module.prefix_errors(Path("a.toml")),
-        ):
-            raise BadInputError(message, ("--at",))
-        assert refused.value.options == ("--at",)
-    faults = {
-        "f cannot be read (No such file or directory); give a readable file": OSError(
-            2, "No such file or directory"
-        ),
-        "f cannot be read (lost); give a readable file": OSError("lost"),
-        "f: bad; correct the file": ValueError("bad"),
-        "f: end; correct the file": EOFError("end"),
-        "own": BadInputError("own"),
-    }
-    for message, error in faults.items():
-        with pytest.raises(BadInputError) as refused, module.file_faults("f"):
-            raise error
-        assert str(refused.value) == message
 
 
 def test_texts_of_users_are_printed_on_one_short_line():

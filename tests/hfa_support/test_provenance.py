@@ -1,14 +1,9 @@
 """Provenance of a result in its text and files, and lines on standard error."""
 
-import io
-import sys
-
 import pytest
-from cli import Terminal
 
 from hfa_support.errors import BadInputError
 from hfa_support.origin import code
-from hfa_support.progress import print_notes, print_to_stderr, with_progress
 from hfa_support.provenance import Change, Provenance, now
 from hfa_support.version import VERSION
 
@@ -66,29 +61,3 @@ def test_the_date_is_that_of_the_environment(monkeypatch):
     for other in ("soon", ""):
         monkeypatch.setenv("SOURCE_DATE_EPOCH", other)
         assert now() > "2026"
-
-
-def test_notes_are_wrapped_lines_on_a_terminal(monkeypatch):
-    """On a terminal a note erases the progress and is wrapped; elsewhere it is one line."""
-    for stream, start in ((io.StringIO(), ""), (Terminal(), "\r\x1b[K")):
-        monkeypatch.setattr(sys, "stderr", stream)
-        print_notes(["a\nb " + "word " * 20])
-        text = stream.getvalue()
-        assert text.startswith(f"{start}hfa: note: a b word")
-        lines = text.removeprefix(start).splitlines()
-        assert (len(lines), max(map(len, lines)) <= 80) == ((2, True) if start else (1, False))
-        print_to_stderr("x" * 90, end="!")
-        assert stream.getvalue().endswith("x" * 90 + "!")
-    monkeypatch.setattr(sys, "stderr", None)
-    print_to_stderr("lost")
-
-
-def test_progress_is_reported_after_each_item():
-    """The callback is called with the number of items that are done, and the number of all."""
-    told = []
-    items = with_progress("ab", lambda *now: told.append(now))
-    assert next(items) == "a"
-    assert told == []
-    assert [*items] == ["b"]
-    assert told == [(1, 2), (2, 2)]
-    assert [*with_progress("ab", None)] == ["a", "b"]

@@ -71,23 +71,6 @@ def test_units_as_people_write_them(stated, unit, factor):
     assert stated_factor(stated, unit) == (factor and pytest.approx(factor, rel=1e-12))
 
 
-@pytest.mark.parametrize(
-    ("text", "parts"),
-    [
-        ("100 kt", ("100", "kt")),
-        (" -2.5deg ", ("-2.5", "deg")),
-        ("5.8 1/rad", ("5.8", "1/rad")),
-        ("1e3", ("1e3", "")),
-        ("1.5e-3m", ("1.5e-3", "m")),
-        ("12%", ("12", "%")),
-        ("high", ("high", "")),
-    ],
-)
-def test_a_number_is_separated_from_its_unit(text, parts):
-    """An exponent is part of the number, and a unit that begins with a digit follows a blank."""
-    assert split_unit(text) == parts
-
-
 def test_a_flight_level_is_a_geopotential_altitude():
     """FL200 is the altitude h with R h / (R + h) = 20,000 ft, of R = 6356.766 km (standard
     atmosphere).

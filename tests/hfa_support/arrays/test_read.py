@@ -72,7 +72,6 @@ NAMED = (
     ",speed [ft/s],alpha [rad]\nspeed,0,1\nalpha,-2,-3\n",
     ",push\nspeed,0.5\nalpha,1\n",
 )
-HEADED = "speed,alpha\n0,1\n-2,-3\n", '"push"\n0.5\n1\n'
 
 
 def game_of_csv(**texts):
@@ -80,17 +79,6 @@ def game_of_csv(**texts):
     for name, text in texts.items():
         Path(f"{name}.csv").write_text(text, encoding="utf-8")
     return load_game(f"{next(iter(texts))}.csv", Q=np.eye(2), R=np.eye(1), delta=np.inf)
-
-
-@pytest.mark.filterwarnings("ignore:A.csv")
-@pytest.mark.parametrize(("of_A", "of_B"), [BARE, NAMED, HEADED])
-def test_csv_files_have_the_same_matrices_with_and_without_names(of_A, of_B):
-    """Rows and columns may have names, with units of the states."""
-    game = game_of_csv(A=of_A, B=of_B)
-    assert (game.A.tolist(), game.B.tolist()) == (A.tolist(), B.tolist())
-    assert game.names.states == (("x1", "x2") if of_A == BARE[0] else ("speed", "alpha"))
-    assert game.names.inputs == (("u1",) if of_B == BARE[1] else ("push",))
-    assert game.names.state_units == (("ft/s", "rad") if of_A == NAMED[0] else ("", ""))
 
 
 @pytest.mark.parametrize(

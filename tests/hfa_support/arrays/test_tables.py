@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hfa_support.arrays.columns import Label, matched
+from hfa_support.arrays.columns import matched
 from hfa_support.arrays.tables import read_source
 from hfa_support.errors import BadInputError
 
@@ -120,21 +120,3 @@ def test_a_faulty_table_is_refused_with_its_row(text):
     with pytest.raises(BadInputError) as refused:
         read(written(text))
     assert REFUSED[text] in str(refused.value)
-
-
-@pytest.mark.parametrize(
-    ("text", "label"),
-    [
-        ("cg [%MAC]", ("cg", "%")),
-        ("cg (% c)", ("cg", "%")),
-        ("speed(ft/s)", ("speed", "ft/s")),
-        ("x(1)", ("x(1)", "")),
-        ("x (1)", ("x", "1")),
-        ("a [N/(m/s)]", ("a", "N/(m/s)")),
-        ("a (N/(m/s))", ("a", "N/(m/s)")),
-        (" plain ", ("plain", "")),
-    ],
-)
-def test_a_heading_is_a_name_and_a_unit(text, label):
-    """A unit is in square or round brackets; a number in round ones is an index."""
-    assert Label.of(text) == label

@@ -62,17 +62,6 @@ def test_a_sheet_has_all_rows_and_as_few_pages_as_they_need(count, expected, tmp
         assert len(text) > 400  # a full page has more than 1000 characters
 
 
-def test_a_long_name_and_long_cells_are_wrapped(tmp_path):
-    """A title of 240 characters and a cell of 200 are whole on the page. Markup in the title is
-    text, and the control character is shown as \\x1b.
-    """
-    title = f"{'Very long name of an aircraft ' * 8}\nCheck: a < b & <c>\x1b[31m"
-    report = replace(sheet(3, title), head={"aircraft": title[:200]})
-    (text,) = pages(report, tmp_path)
-    escaped = replace(report, title=title.replace("\x1b", "\\x1b"))
-    assert not lost(escaped, text)
-
-
 def test_a_document_has_outline_links_and_dates(tmp_path):
     """Each report is an entry of the outline at its level, the name of a condition is a link to its
     page, and the properties have title, document and date of issue; the footer of each page has

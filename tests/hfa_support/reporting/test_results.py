@@ -1,11 +1,9 @@
 """Files of results: each format has every entry, and equal results give equal files."""
 
-import csv
 import enum
-import json
 import math
 from collections import namedtuple
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +12,8 @@ from PIL import Image
 from pypdf import PdfReader
 from scipy.io import loadmat
 
-from hfa_support.errors import BadInputError
 from hfa_support.reporting import figure
-from hfa_support.reporting.report import Reported
 from hfa_support.reporting.results import (
-    ByValue,
     Entries,
     Result,
     save_data,
@@ -102,52 +97,6 @@ def test_a_mat_file_has_structs_and_matrices_behind_one_another():
     assert raw["mixed"].shape == raw["names"].shape == (1, 2)
     assert raw["mixed"].dtype == raw["names"].dtype == object
     assert (found["provenance"].date, np.isnan(found["none"])) == ("2026", True)
-
-
-def test_a_csv_file_has_records_and_its_origin_in_the_first_row():
-    """Formulas become texts, numbers have all digits, and the last column is JSON in one row."""
-    save_data(Path("a.csv"), DATA, RECORDS)
-    rows = [*csv.reader(Path("a.csv").read_text("utf-8").splitlines())]
-    assert rows[0] == ["name", "value", "about"]
-    assert [row[:2] for row in rows[1:]] == [["'=1", repr(1 / 3)], ["'-x", "NaN"], ["é", "2"]]
-    assert json.loads(rows[1][2]) == {"schema": "hfa.test/1", "provenance": {"date": "2026"}}
-    assert [row[2] for row in rows[2:]] == ["", ""]
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Shown(Reported, ByValue):
-    """A result for the prompt.
-
-    More about it.
-    """
-
-    matrix: np.ndarray
-    long: np.ndarray
-    pair: Pair
-    number: float = 0.1 + 0.2
-    nothing: str | None = None
-    inner: object = None
-    hidden: int = field(default=0, repr=False)
-
-
-def test_a_dataclass_at_the_prompt_has_its_fields():
-    """The report has the first line of the docstring, short values, and small matrices as tables."""
-    shown = Shown(np.eye(2), np.zeros(13), Pair(1.0, (2.5, "t")))
-    assert str(shown) == (
-        "Shown: A result for the prompt.\n\n"
-        "long: an array of shape (13,)\npair: x 1, y 2.5, t\nnumber: 0.3\n\n"
-        "matrix       1       2\n1       1.0000  0.0000\n2       0.0000  1.0000"
-    )
-    large = Shown(np.zeros((13, 1)), np.zeros(2), Pair(1, 2), inner=shown)
-    assert "matrix: an array of shape (13, 1)\nlong: 0, 0\npair: x 1, y 2" in str(large)
-    assert "inner: Shown" in str(large)
-    assert (
-        "inner: object\n" in str(Shown(np.eye(2), np.zeros(2), Pair(1, 2), inner=object())) + "\n"
-    )
-    assert "nothing" not in str(large)
-    with pytest.raises(BadInputError, match="Shown has no table of records; read its fields"):
-        shown.to_pandas()
-    assert shown._repr_html_().startswith("<h3>Shown: A result for the prompt.</h3>")
 
 
 def drawn():

@@ -1,20 +1,17 @@
 """Rows of sheets, arrays and lists by name, in Python, text, Markdown, HTML and tables."""
 
 import copy
-import math
 import pickle
 
 import numpy as np
 import pytest
 
 from hfa_support.errors import BadInputError
-from hfa_support.reporting.report import Report
 from hfa_support.reporting.rows import (
     Group,
     Lacking,
     Row,
     Sheet,
-    matrix_of,
     with_names,
 )
 
@@ -87,27 +84,6 @@ def test_figures_of_a_sheet_are_found_by_name(sheet):
     }
 
 
-def test_the_table_of_sheets_has_a_column_for_each_figure(sheet):
-    """Columns have the units of the sheet; a complex value has two, a level one; a column that a
-    later sheet adds follows its neighbor.
-    """
-    other = Sheet.of([("trim", [Row("alpha", -0.0, "rad"), Row("beta", 1, "m")], [])])
-    table = matrix_of([sheet, other])
-    assert table.header == (
-        *("alpha (limits) [deg]", "mass", "alpha [deg]", "beta [m]", "alpha level", "rare"),
-        *("dutch real [1/s]", "dutch imaginary [1/s]", "mass (modes)"),
-    )
-    first, second = (dict(zip(table.header, row, strict=True)) for row in table.rows)
-    assert first["alpha [deg]"] == pytest.approx(math.degrees(0.1))
-    assert (first["alpha level"], first["dutch imaginary [1/s]"], first["beta [m]"]) == (
-        "below 3",
-        2.0,
-        "",
-    )
-    assert (second["beta [m]"], second["mass"]) == (1, "")
-    assert math.copysign(1.0, second["alpha [deg]"]) == 1.0
-
-
 GROUP = Group(
     "trim", (Row("alpha", 0.1, "rad", "n" * 30, tone="bad"), Row("m", 22.5, "kg")), ("s",)
 )
@@ -129,18 +105,6 @@ def test_a_group_as_text_has_columns_and_notes_beside_or_below():
     assert Group("g", (), ("only",)).text() == "only"
     assert GROUP.table().header == ("trim", "value", "unit", "note")
     assert GROUP._replace(rows=GROUP.rows[1:]).table().rows == [("m", "22.5", "kg")]
-
-
-def test_a_sheet_as_html_has_sections_with_tones_units_and_sentences():
-    """Each row is a row of the section's table, whose note has the color of its tone."""
-    html = Report("t", [GROUP, "after"]).html()
-    assert html.count('<div class="sheet">') == 1
-    assert '<th scope="col" colspan="4">trim</th>' in html
-    row = '<tr><th scope="row">alpha</th><td>5.73</td><td class="words">deg</td>'
-    assert f'{row}<td class="words note"><span class="bad">{"n" * 30}</span></td></tr>' in html
-    assert '<td class="words note"><span></span></td>' in html
-    assert html.index("<p>s</p></section>".replace("</p><", "</p>\n<")) < html.index("</div>")
-    assert "| m | 22.5 | kg |  |\n\ns\n\nafter" in Report("t", [GROUP, "after"]).markdown()
 
 
 def test_arrays_with_names_are_found_by_name_and_number():
