@@ -78,21 +78,6 @@ def test_no_advice_leads_to_a_falling_aircraft(case, tmp_path):
         assert "load_factor" in first
 
 
-def test_a_pull_up_is_advised_and_its_first_line_says_so():
-    """With a load factor held, advice frees the rate of pitch, and the first line of this trim says
-    "accelerated". That of a level flight or a steady climb does not.
-    """
-    words = ("trim", "--aircraft", UAV, "--hold", "load_factor=2")
-    assert "--free pitch_dot" in command(*words).err
-    # The second line begins with "unstable".
-    first = command(*words, "--free", "pitch_dot").out.partition("unstable")[0]
-    assert "accelerated" in first
-    for steady in ((), ("--hold", "gamma=5")):
-        first = command("trim", "--aircraft", UAV, *steady).out.partition("unstable")[0]
-        assert "accelerated" not in first
-        assert "load_factor" not in first
-
-
 def test_inputs_held_at_their_start_values_are_freed(folder):
     """If the default trim holds all inputs, the advice frees those that are not held at 0.
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cli import answer, assert_refused, hfa as command
-from game_files import AT_15, stored
+from game_files import stored
 from project import ROOT
 
 import hfa
@@ -266,37 +266,3 @@ def test_weights_of_options_are_those_of_the_game(words, cost, sources, folder):
     judged = answer("verify", "--model", file, "--weights", gain, *words.split())
     assert judged["weights_from"] == dict(zip(("Q", "R", "delta", "N"), sources, strict=False))
     assert judged["ok"] is True
-
-
-def test_weights_of_files_are_used_where_no_option_gives_them(folder):
-    """Those of an option come first, then of the plant's file, then of the critic's."""
-    plant, bare = stored("plant.json", **PLANT, **COST), stored("bare.json", **PLANT)
-    game = hfa.Game(**{key: np.array(value) for key, value in PLANT.items()}, **COST)
-    critic = stored("K.npz", K=hfa.solve(game).K, **COST)
-    sources = []
-    for file, words in ((plant, ()), (bare, ()), (bare, ("--R", ".5")), (plant, ("--Q", "2,1"))):
-        judged = answer("verify", "--model", file, "--weights", critic, *words)
-        assert judged["ok"] is True
-        sources.append([judged["weights_from"][name] for name in "QR"])
-    assert sources == [
-        ["file", "file"],
-        ["critic", "critic"],
-        ["critic", "given"],
-        ["given", "file"],
-    ]
-    refusals = {
-        f"--model {bare}": "there is no Q",
-        f"--model {plant} --sizes x1=1 --Q 1,1": "--sizes and --Q both define weights; remove one",
-        f"--model {plant} --sizes x1=-1,x2=1,u1=1": "--sizes x1 is '-1'; give a finite number above",
-        f"--model {plant} --N 1;2,3": "--N is 1;2,3; give rows of equal length, a,b;c,d",
-        f"--model {plant} --at 5": "--at and --model both define the plant",
-        f"--model {plant} --units si": "--units applies only to the aircraft; remove this option or",
-        f"--model {plant} --reference x1=1": "--reference applies to one trim of an aircraft",
-        f"--model {plant} --delay 10ms": "a delay of 0.01 s requires a rate",
-        f"{' '.join(AT_15)} --rate 50 --reference speed=1": "in continuous time; remove this option",
-        f"{' '.join(AT_15)} --sizes alph=1": "--sizes alph is unknown; did you mean alpha?",
-        f"{' '.join(AT_15)} --Q 1,1": "Q is 2 x 2; give 6 x 6",
-        f"{' '.join(AT_15)} --inputs throttle": "unknown option --inputs",
-    }
-    for words, said in refusals.items():
-        assert_refused(command("solve", *words.split()), 2, said)

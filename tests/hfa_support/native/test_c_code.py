@@ -4,30 +4,12 @@ from itertools import product
 
 import casadi as ca
 import numpy as np
-import pytest
 from c_files import called, needs_gcc, written
 
 from hfa_support.native.c_code import c_function
 from hfa_support.native.row_code import RowCode, row_code
 
 x, xx = ca.SX.sym("x", 2), ca.SX.sym("xx")
-
-
-@needs_gcc
-@pytest.mark.parametrize(
-    ("result", "computed"), [(2.0 * xx, 6.0), (ca.SX(0, 1), -1.0)], ids=["x unused", "empty"]
-)
-def test_unused_arguments_and_empty_results_compile_without_warnings(result, computed, tmp_path):
-    """C code of a function (x, xx) -> 2 xx, and of one with an empty result, compiles with all
-    warnings as errors. The first computes 6 at xx = 3, and the second leaves the memory of its
-    result, -1, as it was.
-    """
-    function = c_function(ca.Function("f", [x, xx], [result]), "f", ("x", "xx"), ("y",))
-    caller = "int g(const double *x, const double *xx, double *y)"
-    text = f"{function}{caller};\n{caller} {{ f(x, xx, y); return 0; }}\n"
-    y = np.array([-1.0])
-    called(written(tmp_path, {"f.c": text}, "f.c"), "g", np.zeros(2), np.array([3.0]), y)
-    assert y == [computed]
 
 
 def comparisons(a, b):

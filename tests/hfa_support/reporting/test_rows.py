@@ -23,16 +23,11 @@ LONG = "a sentence that is longer than a value can be"
     [
         (Row("a", 0.5, "rad", "n"), ("a", "28.65", "deg", "n")),
         (Row("a", 0.5, "rad/s", in_degrees=False), ("a", "0.5", "rad/s", "")),
-        (Row("a", 3.14159, digits=2), ("a", "3.1", "", "")),
-        (Row("a", 7), ("a", "7", "", "")),
         (Row("a", "text"), ("a", "text", "", "")),
         (Row("a", LONG), ("a", "", "", LONG)),
-        (Row("a", LONG, note="n"), ("a", LONG, "", "n")),
         (Row("a", -1.0 + 2.0j, "1/s"), ("a", "-1.0000 ± 2.0000i", "1/s", "")),
         (Row("a", -0.001, "m", least=0.01), ("a", "<= 0.01", "m", "")),
         (Row("a", 0.01, "m", least=0.01), ("a", "<= 0.01", "m", "")),
-        (Row("a", 0.0, "m", least=0.01), ("a", "0", "m", "")),
-        (Row("a", 0.02, "m", least=0.01), ("a", "0.02", "m", "")),
     ],
 )
 def test_a_row_prints_its_value_in_degrees_with_its_digits(row, cells):

@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pytest
 
 from hfa_support.reporting import text
@@ -64,28 +63,6 @@ def test_numbers_are_printed_with_their_digits_and_units(function):
     """Angles are printed in degrees, rounding errors as 0, and small numbers with an exponent."""
     for arguments, expected in PRINTED[function]:
         assert getattr(text, function)(*arguments) == expected, arguments
-
-
-@pytest.mark.parametrize(
-    ("largest", "shown"),
-    [
-        (0.0, ["0.0000", "0.0000", "0.0000"]),
-        (2.5, ["2.5000", "2.5e-08", "0.0000"]),
-        (0.1, ["0.1000", "1.0e-09", "0.0000"]),
-        (0.09, ["9.0000e-02", "9.0000e-10", "9.0000e-15"]),
-        (1e7, ["1.0000e+07", "1.0000e-01", "1.0000e-06"]),
-    ],
-)
-def test_a_matrix_has_four_decimals_or_an_exponent(largest, shown):
-    """Entries whose four decimals would be 0 have an exponent; all have if the largest entry is
-    below 0.1 or from 1e7 on, and none is shown for rounding.
-    """
-    small = 1e-13 if 0.1 <= largest < 10 else 1e-13 * largest
-    matrix = np.array([[largest, 1e-8 * largest, small]])
-    table = text.matrix_table("A", ("row",), ("a", "b", "c"), matrix)
-    assert (table.header, table.rows) == (("A", "a", "b", "c"), [("row", *shown)])
-    (row,) = text.matrix_table("A", ("row",), ("a",), np.array([[2 / 3]]), digits=3).rows
-    assert row == ("row", "6.67e-01")
 
 
 def test_columns_are_aligned_colored_and_broken_into_blocks():
