@@ -11,27 +11,20 @@ from game_files import AT_15, stored
 from game_samples import failed_names
 from planted_critics import gain, solved, value, weights_of
 
-from controller import basis, load_game
+from controller import basis
 from hfa import (
     BadInputError,
     Critic,
     Game,
-    Model,
-    Signal,
-    TrimCondition,
     from_gain,
     from_network,
     from_value,
     from_weights,
-    game as game_on,
-    linearize,
     read_critic,
     solve,
-    trim,
     verify,
 )
 from hfa.main import BAD_INPUT
-from hfa_model import INPUTS, LINEAR_STATES
 
 pytestmark = pytest.mark.usefixtures("folder")
 
@@ -135,31 +128,6 @@ def test_a_value_is_read_from_a_file_only_with_its_game(game):
     for file in ("P.npz", "in_SI.npz"):
         with pytest.raises(BadInputError, match=f"{file} cannot be read without"):
             read_critic(file)
-
-
-@pytest.mark.parametrize(("speed", "half_width"), [(120.0, 20.0), (150.0, None), (200.0, None)])
-def test_the_box_extends_to_the_nearer_limit(speed, half_width):
-    """The half-width of the box about a trim is the distance of each state to the nearer limit: of
-    the speed 120 ft/s to 100, and 1 of alpha.
-
-    If a state is at its limit (150) or beyond it, the box is the balanced one.
-    """
-
-    def equations(x, u, p, w):
-        return {"speed": u.throttle - x.speed, "alpha": -x.alpha}, {}
-
-    states = {"speed": Signal("ft/s", min=100.0, max=150.0), "alpha": Signal("", min=-1.0, max=1.0)}
-    inputs = {"throttle": Signal("", min=0.0, max=500.0)}
-    model = Model("toy", states, inputs, equations, trim={"speed": 120.0})
-    condition = TrimCondition(model, {"speed": speed}, limits={"speed": (0.0, 300.0)})
-    linear = linearize(model, trim(model, condition))
-    game = game_on(linear, Q=np.eye(2), R=np.eye(1))
-    box = verify(game, from_gain(game, np.ones((1, 2)))).box
-    if half_width is None:
-        assert box.name == "balanced box"
-    else:
-        assert box.name == "box of limits"
-        assert box.half_widths == pytest.approx([half_width, 1.0])
 
 
 # The verdict does not depend on the units of the states and inputs.
@@ -284,28 +252,3 @@ def test_terms_that_are_not_quadratic_count_in_a_box_ten_times_as_large_or_small
     weights[-1] = 1e-3  # V has the term 1e-3 z of the last state
     found = over_the_box(COUPLED, from_weights(COUPLED, weights, linear), box)
     assert found["value_rel_error"] == pytest.approx(1e-3 * 3.0 * 10.0 / size, rel=1e-9)
-
-
-# The box: that of the aircraft if the plant has its names, otherwise a stated convention.
-
-
-@pytest.mark.parametrize(
-    ("change", "speed"),
-    [
-        ({}, 7.0),
-        ({"state_units": ["m/s", "rad", "rad", "rad/s", "rad", "rad/s"]}, 7.0 * 0.3048),
-        ({"state_units": ["km/h", "rad", "rad", "rad/s", "rad", "rad/s"]}, None),
-        ({"states": list("abcdef")}, None),
-        ({"inputs": list("abcde")}, None),
-    ],
-)
-def test_the_typical_box_requires_equal_names_and_units(game, change, speed):
-    """Typical deviations are used only for a plant with the aircraft's names and units."""
-    matrices = {name: getattr(game, name) for name in "ABEQR"} | {"delta": 1e4}
-    named = {"states": LINEAR_STATES, "inputs": INPUTS} | change
-    plant = load_game(stored("plant.npz", **matrices, **named))
-    box = verify(plant, from_gain(plant, np.zeros((5, 6)))).box
-    assert (box.name == "typical box") == (speed is not None)
-    if speed is not None:
-        # 7 ft/s, and 0.1 rad or rad/s
-        assert box.half_widths == pytest.approx([speed, *[0.1] * 5])

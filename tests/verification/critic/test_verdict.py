@@ -12,7 +12,7 @@ from planted_critics import gain
 from scipy.linalg import solve_discrete_lyapunov
 
 from controller.game.linear_game import weights_line
-from hfa import Game, from_gain, from_value, solve, verify
+from hfa import Game, from_gain, solve, verify
 from hfa.extend import Check
 from hfa_model.parameters import INPUTS, LINEAR_STATES, LINEAR_UNITS
 from hfa_support.reporting.text import percent
@@ -108,27 +108,6 @@ def test_each_kind_of_check_has_its_grade(kind, off, above, grade, holds):
     assert verdict.largest_error == (off if kind == "error" else 0.0)
     assert verdict.file_entries(0.5)["graded"]["ok"] is holds
     assert ("not stabilizing" in str(verdict)) is (kind == "stability")
-
-
-@pytest.mark.parametrize("dt", [None, 0.1])
-def test_errors_in_balanced_units(dt):
-    """Those of P and K are Frobenius norms in the units of the balanced box, and of K in √R, or in √(R + B'PB)
-    in discrete time.
-    """
-    game = TWO if dt is None else TWO.sampled(dt)
-    exact = solve(game)
-    units = usual_box(game).half_widths
-    for make, name, off in (
-        (from_gain, "K", np.array([[0.1, -0.2]])),
-        (from_value, "P", np.array([[0.1, 0.02], [0.02, -0.3]])),
-    ):
-        right = getattr(exact, name)
-        scale = units if name == "K" else np.outer(units, units)
-        verdict = verify(game, make(game, right + off))
-        norms = [np.linalg.norm(each * scale) for each in (off, right)]
-        assert verdict.value_of(f"{name}_balanced_error") == pytest.approx(norms[0] / norms[1])
-        plain = np.linalg.norm(off) / np.linalg.norm(right)
-        assert verdict.value_of(f"{name}_rel_error") == pytest.approx(plain)
 
 
 TWO = Game(
