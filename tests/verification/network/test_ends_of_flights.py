@@ -1,6 +1,7 @@
 """A flight of a policy that is not linear ends when it has converged or diverged, or undecided."""
 
 import math
+from dataclasses import replace
 
 import casadi as ca
 import pytest
@@ -14,10 +15,12 @@ STEP = Game([[1.1]], [[0.1]], Q=[0.1], R=[0.1], dt=0.1)
 Z = ca.SX.sym("z")
 
 
-def judged(game, u, flights=10):
-    """Return the verdict on a policy, an expression of `Z`, in the box |z| <= 1."""
-    critic = from_network(game, ca.Function("policy", [Z], [u]), network="policy")
-    return verify(game, critic, box=[1.0], flights=flights)
+def judged(game, u, unit=1.0):
+    """Return the verdict on a policy, an expression of `Z`, in the box |z| <= 1, of z in other units."""
+    game = replace(game, B=unit * game.B, Q=game.Q / unit**2)
+    policy = ca.Function("policy", [Z], [ca.substitute(u, Z, Z / unit)])
+    critic = from_network(game, policy, network="policy")
+    return verify(game, critic, box=[unit], flights=10)
 
 
 def cost_of_flow(limit, K):
@@ -66,7 +69,8 @@ def test_a_limit_below_what_the_box_needs_has_no_bounded_cost(game):
 
 
 @pytest.mark.parametrize("game", [FLOW, STEP])
-def test_a_flight_to_another_equilibrium_is_a_counter_example(game):
+@pytest.mark.parametrize("unit", [1.0, 1e4])
+def test_a_flight_to_another_equilibrium_is_a_counter_example(game, unit):
     """A policy of the plant z' = z + u, or z⁺ = 1.1 z + 0.1 u, is -K z near the trim, but beyond
     z = 0.5 it leads to another equilibrium, z = 0.8: a flight from there neither converges to 0 nor
     diverges. The verdict shows such a start.
@@ -74,9 +78,9 @@ def test_a_flight_to_another_equilibrium_is_a_counter_example(game):
     K = solve(game).K.item()
     far = 1.0 / (1.0 + ca.exp(-200.0 * (Z - 0.5)))
     u = -K * Z * (1.0 - far) + far * (-0.8 - 2.0 * (Z - 0.8))
-    verdict = judged(game, u)
+    verdict = judged(game, u, unit)
     assert verdict.cost_above_optimum_percent == math.inf
     assert (verdict.grade, verdict.holds(1e9)) == ("fail", False)
     data = verdict.to_dict()
-    assert data["counterexample"][0] >= 0.5
+    assert data["counterexample"][0] >= 0.5 * unit
     assert (data["proved"], "another equilibrium" in verdict.headline) == (False, True)
