@@ -58,13 +58,6 @@ def test_the_sample_time_of_matlab_is_read(entries, dt):
         return
     game, notes = noted(path)
     assert game.dt == dt
-    if dt is not None:
-        later = noted(stored("later.json", **PLANT, time="discrete", dt=dt, discount=0.9))
-        assert (later[0].dt, later[0].discount) == (dt, 0.9)
-        assert "unused" not in later[1]
-        assert noted(stored("unknown.json", **PLANT, time="discrete"))[0].dt is True
-    else:
-        assert "unused: step;" in noted(stored("dt.json", **PLANT, dt=0.0, step=1.0))[1]
     assert "Ts" not in notes
     gain = stored("K.json", K=[[0.0, 0.0]], **entries)
     assert np.array_equal(read_critic(gain, game).K, np.zeros((1, 2)))

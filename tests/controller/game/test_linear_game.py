@@ -14,7 +14,7 @@ from controller.game.linear_game import (
     weights_line,
     weights_of_flights,
 )
-from hfa import BadInputError, Model, Signal
+from hfa import BadInputError
 from hfa_aircraft import in_si
 
 
@@ -44,29 +44,6 @@ def test_the_default_game_of_the_papers_aircraft_is_that_of_the_paper(dynamics, 
     assert pytest.approx(np.eye(len(linear.states), 6) * factors) == default.E
     assert default.delta == 200.0
     assert hfa.game(linear, delta=np.inf).delta == np.inf
-
-
-@pytest.mark.parametrize("is_stored_in_si", [True, False])
-def test_a_solution_passes_in_other_units_of_its_aircraft(is_stored_in_si, tmp_path):
-    """The solution of a game in ft, lbf and deg passes in SI units, and the reverse."""
-    model = Model(
-        "cart",
-        {"speed": Signal("ft/s", nominal=3.0), "angle": Signal("deg", nominal=5.0)},
-        {"push": Signal("lbf", nominal=20.0), "turn": Signal("deg", nominal=2.0)},
-        lambda x, u, p, w: (
-            {"speed": -x.speed + 0.3 * x.angle + u.push, "angle": x.speed - x.angle + u.turn},
-            {},
-        ),
-    )
-    games = [
-        hfa.game(linear, **weights_of_flights(linear), delta=2.0)
-        for linear in (hfa.linearize(each, hfa.trim(each)) for each in (model, in_si(model)))
-    ]
-    judging, solved = games if is_stored_in_si else games[::-1]
-    path = tmp_path / "solution.json"
-    hfa.solve(solved).save(path)
-    assert judging.names.input_units != solved.names.input_units
-    assert hfa.verify(judging, path).ok
 
 
 def test_an_aircraft_without_weights_has_no_game():
@@ -156,18 +133,3 @@ def test_a_game_as_text():
     assert matrix_text(np.diag(np.arange(40.0))).startswith("diag(0, 1, 2")
     assert matrix_text(np.diag(np.arange(41.0))) == "diag of 41 entries from 0 to 40"
     assert matrix_text(np.arange(42.0).reshape(2, 21)) == "matrix of 42 entries from 0 to 41"
-
-
-def test_the_box_of_a_game_is_the_largest_within_the_limits():
-    """It is as wide as the nearer limit of each state, and there is none at or without a limit."""
-    for high, width in ((5.0, [1.0, 3.0]), (2.5, [0.5, 3.0]), (2.0, None), (np.inf, [1.0, 3.0])):
-        states = {"a": Signal(min=1.0, max=high), "b": Signal(min=-3.0, max=4.0)}
-        model = Model(
-            "plant",
-            states,
-            {"u": Signal(), "v": Signal()},
-            lambda x, u, p, w: ({"a": x.b + u.u, "b": u.v - x.b}, {}),
-        )
-        game = hfa.game(hfa.linearize(model, hfa.trim(model, hold={"a": 2.0})), Q=[1, 1], R=[1, 1])
-        found = game.half_widths
-        assert found is None if width is None else found == pytest.approx(width)

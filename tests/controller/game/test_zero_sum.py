@@ -11,7 +11,7 @@ from game_files import SMALL
 from scipy.linalg import block_diag, expm
 
 from controller.game.basis import q_extremum
-from controller.game.zero_sum import least_scaled_eigenvalue, q_function, rates_of_step
+from controller.game.zero_sum import q_function, rates_of_step
 from hfa import BadInputError, Game
 
 
@@ -43,29 +43,6 @@ from hfa import BadInputError, Game
 def test_ill_posed_games_are_refused(change, message):
     """A game with a wrong shape, sign or number is refused by one line."""
     assert re.search(message, refused(Game, **(SMALL | change)))
-
-
-def test_exact_entries_decide_whether_R_is_positive_definite():
-    """R with the determinant 2^-52 is accepted, with that of -2^-52 refused, in any units."""
-    for units in (np.eye(2), np.diag([2.0**60, 2.0**-40])):
-        for last_digits, is_positive in ((2.0**-52, True), (-(2.0**-53), False)):
-            R = units @ np.array([[1.0, 1.0], [1.0, 1.0 + last_digits]]) @ units
-            given = SMALL | {"B": np.eye(2), "R": R}
-            if is_positive:
-                assert Game(**given).R[0, 0] == R[0, 0]
-            else:
-                assert "R is not positive definite" in refused(Game, **given)
-
-
-def test_a_game_cannot_be_changed_from_outside():
-    """A game has read-only copies of its matrices, and `with_delta` does not change the game."""
-    A = np.array(SMALL["A"])
-    game = Game(**(SMALL | {"A": A}))
-    A[0, 0] = 7.0
-    assert game.A[0, 0] == -0.2
-    with pytest.raises(ValueError, match="read-only"):
-        game.A[0, 0] = 7.0
-    assert (game.with_delta(2.0).delta, game.delta) == (2.0, 3.0)
 
 
 @pytest.mark.parametrize("delta", [1.5, math.inf])
@@ -166,18 +143,6 @@ def test_a_sample_is_the_flight_with_held_inputs():
     assert "in discrete time there are" in refused(step.sampled, 0.1)
 
 
-def test_the_least_scaled_eigenvalue_does_not_depend_on_units():
-    """States without a weight are left out; a matrix whose diagonal shows it is indefinite has -inf."""
-    M = np.array([[2.0, 0.3], [0.3, 1.0]])
-    least = 1.0 - 0.3 / 2.0**0.5
-    for units in (np.ones(2), np.array([1e-30, 1e40])):
-        padded = block_diag(units[:, None] * M * units, 0.0)
-        assert least_scaled_eigenvalue(padded) == pytest.approx(least)
-    assert least_scaled_eigenvalue(np.zeros((2, 2))) == 0.0
-    for indefinite in ([[0.0, 1.0], [1.0, 2.0]], [[-1.0, 0.0], [0.0, 2.0]]):
-        assert least_scaled_eigenvalue(np.array(indefinite)) == -math.inf
-
-
 def test_games_with_other_inputs_and_what_they_refuse():
     """`select` keeps the columns of the named inputs in their order; refusals say what to do."""
     game = Game(
@@ -192,11 +157,6 @@ def test_games_with_other_inputs_and_what_they_refuse():
     assert "such as the transpose of K" in refused(game.checked_gain, np.ones((2, 3)))
     assert "K is 1 x 2; give 3 x 2, inputs x states" in refused(game.checked_gain, np.ones((1, 2)))
     np.testing.assert_array_equal(chosen.select(["u1"]).checked_gain([1.0, 2.0]), [[1.0, 2.0]])
-    game.refuse_cross_weights("X")
-    crossed = Game(np.eye(2), np.eye(2), Q=[1.0, 1.0], R=[1.0, 1.0], N=0.1 * np.eye(2))
-    assert refused(crossed.refuse_cross_weights, "X") == "X has no cross weights; remove N"
-    assert crossed == Game(np.eye(2), np.eye(2), Q=[1.0, 1.0], R=[1.0, 1.0], N=0.1 * np.eye(2))
-    assert hash(crossed) == hash(Game(np.eye(2), np.eye(2), Q=[1, 1], R=[1, 1], N=0.1 * np.eye(2)))
 
 
 @pytest.mark.parametrize("discount", [0.0, -0.5, 1.0 + 2**-52, 1.5, 2.0, np.nan])

@@ -86,17 +86,6 @@ def test_unusable_arguments_are_refused(case):
         call()
 
 
-@pytest.mark.parametrize("game", [STABLE, SAMPLED])
-def test_progress_grows(game):
-    """The shares that a law reports do not fall, and stay within the whole."""
-    told = []
-    learn(game, progress=lambda *each: told.append(each))
-    shares = [done / whole for done, whole, _ in told]
-    assert shares == sorted(shares)
-    assert 0.0 <= shares[0] <= shares[-1] <= 1.0
-    assert all(text for *_, text in told)
-
-
 # The law of the paper.
 
 

@@ -74,25 +74,16 @@ def test_exact_data_give_the_exact_solution_without_a_and_b(game, margin):
     assert_exact(game, run)
     noted = f"E of the game is replaced by that of {d.shape[1]} recorded disturbances"
     assert (noted in run.data.notes) is (game.delta < np.inf)
-    suffix = "next" if game.is_discrete else "dot"
-    columns = dict(zip(game.names.inputs, data["u"].T, strict=True))
-    columns |= {f"d{k}": each for k, each in enumerate(d.T, start=1)}
-    for place, name in enumerate(game.names.states):
-        columns |= {name: data["x"][:, place], f"{name}_{suffix}": with_d[key][:, place]}
-    assert_exact(game, learn(blind_to_d, data=columns))
 
 
-def trajectory(game, count, seed=0, probing=1.0, noise=0.0):
-    """Return successive states (count + 1, n) and inputs (count, m), those of K x and random ones.
-
-    noise: standard deviations of independent noise of the next states
-    """
+def trajectory(game, count, seed=0, probing=1.0):
+    """Return successive states (count + 1, n) and inputs (count, m), those of K x and random ones."""
     rng = np.random.default_rng(seed)
     n, m = game.B.shape
     K, x, u = solve(game).K, [rng.normal(size=n)], []
     for _ in range(count):
         u.append(probing * rng.normal(size=m) - K @ x[-1])
-        x.append(game.A @ x[-1] + game.B @ u[-1] + noise * rng.normal(size=n))
+        x.append(game.A @ x[-1] + game.B @ u[-1])
     return np.array(x), np.array(u)
 
 
@@ -208,9 +199,7 @@ def test_a_state_that_ends_where_it_began_is_fitted():
 
 
 def test_rows_that_do_not_fit_are_named():
-    """Wrong rows of noisy data are named, with the misfit of the others, and there are no bands. A row
-    within the noise is not.
-    """
+    """Wrong rows of noisy data are named, with the misfit of the others, and there are no bands."""
     data = recorded(STEPS, 200, noise=1e-3)
     right = learn(STEPS, data=data)
     for rows in ([5], [40, 5], list(range(25))):
@@ -224,25 +213,6 @@ def test_rows_that_do_not_fit_are_named():
         without = float(note.partition("misfit is ")[2].partition(" %")[0])
         assert without == pytest.approx(100.0 * right.data.misfit, rel=0.2)
         assert run.data.misfit > 10.0 * right.data.misfit
-    small = data | {"x_next": data["x_next"].copy()}
-    small["x_next"][5] += 0.003
-    assert learn(STEPS, data=small).P_band is not None
-
-
-def test_noise_of_the_process_gives_no_note():
-    """Successive states of a plant with independent noise are right data, of which 10 records have no
-    note; the noise, the episodes and the rows are those of the record. Exact ones have no bands.
-    """
-    deviations = np.array([1e-3, 1e-2, 1e-3])
-    for seed in range(10):
-        x, u = trajectory(STEPS, 300, seed, noise=deviations)
-        run = learn(blind(STEPS), data={"x": x, "u": u})
-        assert run.data.notes == ()
-        assert (run.data.rows, run.data.episodes, run.data.hold) == (300, 1, None)
-        np.testing.assert_allclose(run.data.noise, deviations, rtol=0.2)
-        assert np.abs(run.K - solve(STEPS).K).max() < 4.0 * run.K_band.max()
-    exact = learn(blind(STEPS), data=dict(zip("xu", trajectory(STEPS, 300), strict=True)))
-    assert (exact.P_band, exact.data.notes) == (None, ())
 
 
 def test_notes_name_what_contradicts_a_linear_plant():
@@ -397,19 +367,6 @@ def test_a_record_about_its_trim_that_begins_at_rest():
     for game in (plant, blind(plant)):
         with pytest.raises(BadInputError, match="the rate of pitch in the data is not pitch_rate"):
             learn(game, data=columns | {"Time [ms]": 1e3 * np.arange(80)})
-
-
-def test_a_state_may_be_called_x():
-    """A dictionary with a column for each of the states x and v is no matrix x of all states."""
-    game = hfa.Game([[0, 1], [-0.5, 1]], [[0], [1]], Q=np.eye(2), R=np.eye(1), dt=0.1)
-    game = replace(game, names=PlantNames(("x", "v"), ("u",)))
-    data = recorded(game)
-    columns = {
-        f"{name}{end}": data[key][:, place]
-        for place, name in enumerate("xv")
-        for key, end in (("x", ""), ("x_next", "_next"))
-    }
-    assert_exact(game, learn(blind(game), data=columns | {"u": data["u"][:, 0]}))
 
 
 def test_samples_that_are_slower_than_a_mode():

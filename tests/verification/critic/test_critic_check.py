@@ -3,12 +3,10 @@
 import math
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 import pytest
 from cli import assert_refused, hfa
 from game_files import AT_15, stored
-from game_samples import failed_names
 from planted_critics import gain, solved, value, weights_of
 
 from controller import basis
@@ -17,7 +15,6 @@ from hfa import (
     Critic,
     Game,
     from_gain,
-    from_network,
     from_value,
     from_weights,
     read_critic,
@@ -29,11 +26,6 @@ from hfa.main import BAD_INPUT
 pytestmark = pytest.mark.usefixtures("folder")
 
 
-def failed(game, candidate):
-    """Return the names of the checks that a critic fails."""
-    return failed_names(verify(game, candidate).checks)
-
-
 def over_the_box(game, candidate, box=None):
     """Return name -> value of the checks of a critic in a box."""
     checks = verify(game, candidate, box=box, flights=1, limit_seconds=0.0).checks
@@ -41,37 +33,6 @@ def over_the_box(game, candidate, box=None):
 
 
 # Numbers of extreme size, wrong shapes, games without a solution.
-
-
-@pytest.mark.parametrize("number", [np.nan, 1e60])
-def test_numbers_that_are_no_critic_are_refused(game, number):
-    """K, P and W with numbers that are not finite, or above 1e50, are refused as bad input."""
-    for name, make in {
-        "K": lambda: from_gain(game, number * gain(game)),
-        "P": lambda: from_value(game, number * value(game)),
-        "W": lambda: from_weights(game, number * weights_of(value(game))),
-    }.items():
-        with np.errstate(invalid="ignore"), pytest.raises(BadInputError, match=f"^{name}.* is "):
-            make()
-
-
-Z = ca.SX.sym("z", 6)
-#: Words of the error -> kind of output, and an expression without a finite number at z = 0.
-NOT_FINITE = {
-    "the policy is nan": ("policy", ca.repmat(ca.sqrt(Z[0] - 1.0), 5)),
-    "slope of the policy is": ("policy", ca.repmat(ca.sqrt(Z[0]), 5)),
-    "the V is inf": ("V", ca.sumsqr(Z) + 1.0 / Z[0]),
-    "the gradient is nan": ("V", ca.sumsqr(Z) ** 0.75),
-    "the second derivative of V is": ("V", ca.sumsqr(Z) + Z[0] ** 1.5),
-}
-
-
-@pytest.mark.parametrize("says", NOT_FINITE)
-def test_a_network_without_numbers_at_the_trim_is_refused(game, says):
-    """A function whose value or slope at the trim is not finite is refused."""
-    kind, expression = NOT_FINITE[says]
-    with pytest.raises(BadInputError, match=says):
-        from_network(game, ca.Function(kind, [Z], [expression]))
 
 
 REFUSED = {
@@ -128,27 +89,6 @@ def test_a_value_is_read_from_a_file_only_with_its_game(game):
     for file in ("P.npz", "in_SI.npz"):
         with pytest.raises(BadInputError, match=f"{file} cannot be read without"):
             read_critic(file)
-
-
-# The verdict does not depend on the units of the states and inputs.
-
-
-@pytest.mark.parametrize(("of_state", "of_input"), [(1e-8, 1e3), (1e8, 1e-3)])
-def test_a_wrong_row_or_column_is_detected(of_state, of_input):
-    """A wrong factor on a row or a column of K, and a wrong entry of P, are detected in any units.
-
-    of_state, of_input: factors on the second state and on the second input in other units
-    """
-    x, u = np.array([1.0, of_state]), np.array([1.0, of_input])
-    A = np.array([[-1.0, 0.2], [0.1, -1.0]]) * x[:, None] / x
-    game = Game(A, np.diag(x / u), E=np.diag(x), Q=x**-2, R=u**-2, delta=5.0)
-    assert verify(game, from_gain(game, gain(game))).ok
-    off = 1.0 + 1e-4
-    for change in ([1.0, off], [[1.0], [off]]):
-        wrong = from_gain(game, gain(game) * change)
-        assert failed(game, wrong) >= {"K_balanced_error", "policy_rel_error"}
-    wrong_P = value(game) * [[1.0, off], [off, 1.0]]
-    assert "P_balanced_error" in failed(game, from_value(game, wrong_P))
 
 
 def test_contradicting_parts_are_refused(game):

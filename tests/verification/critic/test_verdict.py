@@ -5,8 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cli import answer
-from game_files import stored
 from game_samples import in_steps
 from planted_critics import gain
 from scipy.linalg import solve_discrete_lyapunov
@@ -15,7 +13,6 @@ from controller.game.linear_game import weights_line
 from hfa import Game, from_gain, solve, verify
 from hfa.extend import Check
 from hfa_model.parameters import INPUTS, LINEAR_STATES, LINEAR_UNITS
-from hfa_support.reporting.text import percent
 from verification.box import ordinary_box, usual_box
 from verification.reports import checks_part, verdicts_report
 from verification.verdict import CounterExample, Proof
@@ -42,26 +39,6 @@ def test_a_report_lists_the_entries_farthest_from_the_exact_ones(game):
         )
         for i, j in places
     }
-
-
-def test_a_wrong_critic_among_several_fails():
-    """`hfa verify` of a right and a wrong gain fails, though the right one alone passes.
-
-    On x' = x + u with Q = 2, R = 1, the exact gain is 1 + √3.
-    """
-    plant = stored("plant.json", A=[[1.0]], B=[[1.0]], Q=[[2.0]], R=[[1.0]])
-    K = 1.0 + np.sqrt(3.0)
-    files = [stored(f"{factor}.npz", K=np.array([[factor * K]])) for factor in (1.0, -1.0)]
-    words = ("verify", "--model", plant, "--weights")
-    assert answer(*words, files[0])["ok"]
-    assert not answer(*words, *files, code=1)["ok"]
-
-
-def test_an_undecided_cost_is_not_printed_as_0():
-    """The table of several critics has "?" where the cost above the optimum is not known."""
-    game = Game([[1.0]], [[1.0]], Q=[[2.0]], R=[[1.0]])
-    undecided = replace(verify(game, solve(game)), cost_above_optimum_percent=math.nan)
-    assert str(verdicts_report({"undecided": undecided})).split()[-1] == "?"
 
 
 @pytest.mark.parametrize(
@@ -332,12 +309,3 @@ def test_loops_and_costs_of_a_discrete_verdict_are_those_of_numpy():
     radius = np.abs(np.linalg.eigvals(game.A - B @ K)).max()
     assert checks["control_loop_radius"] == pytest.approx(radius)
     assert checks["discounted_loop_radius"] == pytest.approx(root * radius)
-
-
-def test_an_upper_bound_in_percent_is_rounded_up():
-    """`percent` with up=True rounds up to two digits, or to a whole number above 99; without it, it
-    rounds to the nearest.
-    """
-    shown = {31.23: "32 %", 634.2: "635 %", 7.53e-5: "7.6e-05 %", 99.96: "100 %"}
-    assert {value: percent(value, up=True) for value in shown} == shown
-    assert [percent(31.23), percent(-0.0), percent(2.5e7)] == ["31 %", "0 %", "2.5e+07 %"]

@@ -208,21 +208,6 @@ def test_twenty_states_end_by_the_limit_of_seconds():
         judged(FLOW, Z[0], limit_seconds=-1.0)
 
 
-def test_only_an_upper_bound_is_called_the_worst_cost_of_a_network():
-    """`graded` has the proved bound, and the loop of the linear part its own name."""
-    data = judged(FLOW, nearly(FLOW, gain=1.1)(Z), flights=4).to_dict()
-    assert data["graded"]["cost_above_optimum_worst_percent"] == data["bound_percent"]
-    of_linear_part = data["linear_part"]["cost_above_optimum_worst_percent"]
-    assert of_linear_part < data["bound_percent"]
-
-
-@pytest.mark.parametrize("size", [1e-9, 1e6])
-def test_a_proof_does_not_depend_on_the_unit_of_the_cost(size):
-    other = replace(FLOW, Q=size * FLOW.Q, R=size * FLOW.R)
-    bounds = [judged(game, nearly(FLOW)(Z)).to_dict()["bound_percent"] for game in (FLOW, other)]
-    assert bounds[1] == pytest.approx(bounds[0], rel=0.03)
-
-
 def test_a_network_with_a_bias_is_proved_about_its_equilibrium():
     verdict = judged(FLOW, nearly(FLOW)(Z) + 0.05)
     assert verdict.to_dict()["proved"] is True
