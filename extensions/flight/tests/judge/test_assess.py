@@ -121,22 +121,6 @@ def test_a_required_delay_is_that_of_its_own_flights_between_samples():
         assert (told.ok, told.unmet == []) == (met, met)
 
 
-def test_a_declared_quantizer_rounds_observations_and_inputs():
-    """A policy whose observation is rounded flies as one that rounds it itself."""
-    model = scalar(lambda v, f: v + f, 3.0, 5.0)
-    rounds = deployed(lambda v: -3.0 * ca.floor(v / 0.1 + 0.5) * 0.1, 0.02, [-5.0, 5.0])
-    plain = deployed(lambda v: -3.0 * v, 0.02, [-5.0, 5.0])
-    declared = plain.changed(observation={"v": {"quantizer": 0.1}})
-    ends = [
-        hfa.fly(model, hfa.trim(model), policy, 1.0, initial={"v": 0.77}).states[-1, 0]
-        for policy in (rounds, declared, plain)
-    ]
-    assert ends[0] == pytest.approx(ends[1], rel=1e-9)
-    assert ends[0] != pytest.approx(ends[2], rel=1e-3)
-    with pytest.raises(hfa.BadInputError, match="quantizer"):
-        plain.changed(observation={"v": {"quantizer": 0.0}})
-
-
 @pytest.mark.parametrize(("bias", "stays"), [(1.9, True), (2.1, False)])
 def test_a_bias_moves_the_end_of_a_flight_by_its_size(bias, stays):
     """v' = f with f = -3 (v ± bias) ends at ∓bias, and |v| <= 2 holds only for a bias below 2. A flight

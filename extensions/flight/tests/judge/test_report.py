@@ -134,18 +134,6 @@ def test_findings_name_the_trims_that_they_concern_and_the_worst(told):
     assert "Assessment of the deployment on drifting" in str(linear)
 
 
-def test_a_single_trim_has_no_range(told):
-    """Without a scheduling variable the trim has no value, and rows are in place of columns."""
-    alone = drifting(GAIN, GROWTHS, schedule="")
-    assert alone.first_line.startswith("PASS: holds at the trim at 20 Hz")
-    assert alone.report().records.header[0] == "trim"
-    rows = dict(line.split()[:2] for line in str(alone).splitlines() if len(line.split()) > 1)
-    assert (rows["flown"], rows["converge"], rows["disturbed"]) == ("4", "4", "4")
-    assert "cost of the deployment: Q diag(4), R diag(0.3)" in str(alone)
-    one = replace(told, points=told.points[1:2])
-    assert one.first_line.startswith("PASS: holds at 1 1/s at 20 Hz")
-
-
 @pytest.fixture(scope="module")
 def holding():
     """Return an assessment that holds at five trims."""

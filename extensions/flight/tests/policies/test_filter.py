@@ -3,7 +3,7 @@
 import copy
 import pickle
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import casadi as ca
@@ -22,8 +22,7 @@ from hfa import BadInputError, Turbulence
 from hfa_flight import MonteCarlo, Scenario, Uncertainty, flight_envelope
 from hfa_flight.needs import band_text, outside_band
 from hfa_flight.policies.estimate import extended_step
-from hfa_flight.policies.kalman import least_rms, near_one
-from hfa_flight.policies.policy import SampledPolicy
+from hfa_flight.policies.kalman import least_rms
 from hfa_flight.samples.fly import flights_in_air
 
 DEG = np.pi / 180.0
@@ -241,11 +240,6 @@ def test_the_rms_of_a_flight_is_that_of_the_covariance_from_rest(kalman, gain):
     np.testing.assert_allclose(loop.rms(6), np.sqrt(total), rtol=1e-6)
 
 
-@pytest.mark.parametrize("radius", [0.5, 1.0 - 1e-7, 1.0 + 1e-12])
-def test_a_radius_is_told_with_the_digits_that_tell_it_from_1(radius):
-    assert (float(near_one(radius)) - 1.0) / (radius - 1.0) == pytest.approx(1.0, abs=0.5)
-
-
 def test_a_filter_of_faulty_samples_equals_a_kalman_filter_in_numpy(point, kalman, gain):
     """Commands and estimates are those of a Kalman filter in NumPy, over 120 samples with missing,
     frozen and impossible values, in `faulty_samples.npz`; by `kalman_recursion.py` of commit 199915ecb.
@@ -318,61 +312,6 @@ def test_a_law_that_plans_is_filtered_with_the_nonlinear_model():
     policy, scenario = policy.in_scenario(scenario)
     flight = hfa.fly(model, point, policy, scenario=scenario.drawn(3, 0, point), predict=False)
     assert flight.loop.policy.data(model)["unused_samples"] == 0
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Watching(SampledPolicy):
-    """Policy that keeps the trim inputs, the states that it sees, and what is known next."""
-
-    plans = True
-    seen: list = field(default_factory=list)
-    following: list = field(default_factory=list)
-
-    def begin(self, X, following=None):
-        self.seen.append(np.array(X))
-
-    def __call__(self, t, X):
-        self.seen.append(np.array(X))
-        return self.point.u
-
-    def of_estimate(self, t, X, following):
-        self.following.append(following)
-        return self(t, X)
-
-
-@pytest.mark.parametrize("headwind", [-3.0, 3.0])
-def test_a_law_that_plans_is_told_what_the_wind_adds_in_a_sample(point, kalman, headwind):
-    """A law that plans in still air is given speed and alpha relative to the air, and `shift`: what the
-    wind adds to the states within a sample. After two seconds in a steady headwind without noise,
-    the shift of the pitch rate is the difference of two samples that the test integrates: one in
-    the wind, and one in still air from the states that are given to the law.
-    """
-    law = Watching("watching", point, 0.01)
-    policy, model = kalman.policy(law), point.model
-    x, w = ca.SX.sym("x", len(point.x)), ca.SX.sym("w")
-    winds = [w * (name == "headwind") for name in model.disturbances]
-    vectors = ca.vertsplit(x), [*map(ca.SX, point.u)], [*map(ca.SX, model.p)]
-    rates = ca.Function("rates", [x, w], [model.layout.expressions(vectors, (), winds)[0]])
-
-    def sample_later(X, wind):
-        for _ in range(8):  # midpoint rule
-            X = X + 0.00125 * rates(X + 0.000625 * rates(X, wind), wind)
-        return X.full().ravel()
-
-    X = point.x
-    policy.begin(X + np.eye(7)[0])  # at 1 ft/s more
-    np.testing.assert_allclose(law.seen[-1][:5], (X + np.eye(7)[0])[:5], atol=1e-6)
-    policy.reset()
-    for _ in range(200):
-        policy(0.0, X[model.state_places(kalman.sensors)])
-        before, X = X, sample_later(X, headwind)
-    V, path = before[0], before[3] - before[1]
-    forward, up = V * np.cos(path), V * np.sin(path)
-    before[:2] = forward, before[3] - np.arctan2(up, forward + headwind)  # as given to the law
-    rate = list(model.states).index("pitch_rate")
-    added = (X - sample_later(before, 0.0))[rate]
-    assert abs(added) > 1e-4
-    assert law.following[-1].shift[rate] == pytest.approx(added, rel=0.1)
 
 
 @pytest.mark.parametrize(
