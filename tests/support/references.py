@@ -50,9 +50,12 @@ def drawn(figure):
 
 
 def answer_of(line, folder):
-    """Return exit code, output, JSON and pictures of a command; `examples/` is the project's."""
-    words = shlex.split(line.replace("examples/", f"{ROOT}/examples/"))
-    pictures = []
+    """Return exit code, output, JSON and pictures of a command; `examples/` is the project's.
+
+    Its path is relative, so that lines of outputs do not depend on where the project lies.
+    """
+    words, pictures = shlex.split(line), []
+    (folder / "examples").symlink_to(ROOT / "examples")
 
     def record(figure, *_, **__):
         pictures.append(drawn(figure))
