@@ -1,9 +1,53 @@
-"""The modules of the project import one another in an order."""
+"""The import contracts in pyproject.toml detect violations."""
 
+import re
 from graphlib import CycleError, TopologicalSorter
 
 import pytest
-from project import FOLDERS
+from project import FOLDERS, ROOT, SETTINGS
+
+CONTRACTS = SETTINGS["importlinter"]["contracts"]
+#: Begin of a contract's name -> an import that it forbids: the module, and what it must not import.
+BREACHES = {
+    "Packages import only those below": ("hfa.options.command", "hfa.commands.trim"),
+    "The core imports no extension": ("verification.box", "hfa_prove.certificate"),
+    "Nothing imports the readers": ("hfa_flight.air.scenario", "hfa_jsbsim.reader"),
+    "Results reach": ("trim.reports.figures", "trim"),
+    "What learns never imports": ("controller.learning.recording", "controller.riccati.gare"),
+    "What judges critics": ("verification.reasons", "hfa_flight.air.scenario"),
+    "Only commands reach what learns": ("hfa_prove.report", "hfa.learning"),
+    "Checkers and statements": ("hfa_prove.check.trims", "hfa_prove.search.schedule"),
+    "Only these import the flexible aircraft": ("hfa_support.errors", "hfa_model.parameters"),
+}
+
+
+@pytest.mark.slow
+def test_planted_forbidden_imports_are_detected(monkeypatch, capsys):
+    """The linter reports each import of `BREACHES`, of each kind of contract, under its contract."""
+    pytest.importorskip("importlinter")
+    from importlinter import cli
+    from importlinter.application import use_cases
+
+    build = use_cases._build_graph
+
+    def planted(*words, **named):
+        graph = build(*words, **named)
+        for importer, imported in BREACHES.values():
+            graph.add_import(importer=importer, imported=imported)
+        return graph
+
+    monkeypatch.setattr(use_cases, "_build_graph", planted)
+    monkeypatch.chdir(ROOT)
+    assert cli.lint_imports(no_cache=True) != 0
+    texts = capsys.readouterr().out.partition("Broken contracts")[2]
+    heads = re.split(r"\n([^\n]+)\n-{3,}\n", texts)
+    found = dict(zip(heads[1::2], heads[2::2], strict=True))
+    kinds = set()
+    for begin, breach in BREACHES.items():
+        (contract,) = (each for each in CONTRACTS if each["name"].startswith(begin))
+        kinds.add(contract["type"])
+        assert " -> ".join(breach) in found[contract["name"]]
+    assert kinds == {each["type"] for each in CONTRACTS}
 
 
 def lowest_first(graph):

@@ -13,10 +13,12 @@ from contextlib import chdir
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 from cli import hfa, unchecked_hfa
 from game_files import small
 from hypothesis import strategies as st
-from strategies import TEXTS, changed_file
+from sealed_certificate import sealed
+from strategies import TEXTS, changed_entry, changed_file
 
 from hfa.entry_points import commands, found_in
 
@@ -24,6 +26,17 @@ from hfa.entry_points import commands, found_in
 LONGEST = 10.0
 _LONGEST_LINE = 1200
 
+#: Words of the HFA at 15 deg, and of a proof that takes a second.
+_AT = ("--dihedral", "15")
+_PROVED = ("prove", "schedule", "--dihedral", "15:15.001")
+CONDITION = """description = "slow"
+free = ["speed"]
+[impose]
+alpha_deg = [[0, 5.0], [20, 6.0]]
+altitude = 1000.0
+[limits]
+elevator_center_deg = [-30, 30]
+"""
 #: Command lines that run quickly.
 LINES = (
     "trim --dihedral 15 --free speed --hold throttle=40 --limit alpha=-5:15 -o a.json",
@@ -53,9 +66,18 @@ SUFFIXES = (".json", ".npz", ".mat")
 #: Kind of input -> command. "{}" is replaced by the corrupted file of this name.
 WAYS = {
     "command line": (),
+    "parameters.toml": ("trim", *_AT, "--parameters", "{}"),
+    "condition.toml": ("sweep", "--dihedral", "10,15", "--condition", "{}"),
     **{f"plant{each}": ("solve", "--model", "{}") for each in SUFFIXES},
     "A.csv": ("solve", "--model", "{}", "--Q", "1,1", "--R", "1", "--delta", "inf"),
     "critic.npz": ("verify", "--model", "plant.json", "--weights", "{}"),
+    "table.json": (*_PROVED, "--weights", "{}"),
+    "sealed certificate.json": ("prove", "--check", "{}"),
+    "network.pt": (
+        *("verify", "--model", "plant.json", "--weights", "{}", "--network", "V="),
+        *("--set", "activation=tanh"),
+    ),
+    "glider.xml": ("trim", "--aircraft", "{}", "--hold", "speed=120"),
 }
 
 
@@ -93,19 +115,42 @@ def hostile_case(draw, way):
         return draw(hostile_words()), {}
     every_seed = seeds()
     files = {name: every_seed[name] for name in ("plant.json", "B.csv")}
-    files[way] = draw(changed_file(way, every_seed[way]))
+    if way.startswith("sealed "):
+        files[way] = sealed(draw(changed_entry(json.loads(every_seed[way])))).encode()
+    else:
+        files[way] = draw(changed_file(way, every_seed[way]))
     return [way if word == "{}" else word for word in WAYS[way]], files
 
 
 @cache
 def seeds():
     """Return the content of valid input files by name. Most of them are written by commands."""
+    from known_models import exact_gain
+    from network_files import torch_file
+    from small_aircraft import glider
+
+    from hfa.paper import default_parameters
+    from hfa_model import save_parameters
+
     with tempfile.TemporaryDirectory() as name, chdir(name):
+        save_parameters(default_parameters(), Path("parameters.toml"), "a copy")
+        Path("condition.toml").write_text(CONDITION, "utf-8")
+        angles = [14.9, 15.1]
+        K = [exact_gain(angle).tolist() for angle in angles]
+        Path("table.json").write_text(json.dumps({"dihedral_deg": angles, "K": K}), "utf-8")
         for suffix in SUFFIXES:
             small(Path(f"plant{suffix}"))
         Path("A.csv").write_text("a,b\n-0.2,1.0\n-2.0,-0.3\n", "utf-8")
         Path("B.csv").write_text("u\n0.0\n1.0\n", "utf-8")
-        assert hfa("solve", "--model", "plant.json", "-o", "critic.npz").code == 0
+        layers = {"0.weight": [[0.5, 0.2]] * 3, "0.bias": [0.0] * 3, "2.weight": [[1.0] * 3]}
+        torch_file("network.pt", {name: np.array(values) for name, values in layers.items()})
+        Path("glider.xml").write_text(glider(), "utf-8")
+        for words in (
+            (*_PROVED, "--weights", "table.json", "-o", "sealed certificate.json"),
+            ("solve", "--model", "plant.json", "-o", "critic.npz"),
+        ):
+            result = hfa(*words)
+            assert result.code == 0, (words, result.err)
         return {path.name: path.read_bytes() for path in Path().iterdir()}
 
 
