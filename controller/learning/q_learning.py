@@ -1,6 +1,6 @@
 """Discrete-time Q-learning from steps: value iteration, followed by policy iteration.
 
-Each step (x, u, w, x⁺), gives one equation that is linear in the
+Each step (x, u, w, x⁺) gives one equation that is linear in the
 weights H of Q(x, u, w) = [x; u; w]'H [x; u; w]. Source: Al-Tamimi, Lewis and Abu-Khalaf,
 Automatica 43 (2007), 473-481; Lagoudakis and Parr, J. Machine Learning Research 4 (2003),
 1107-1149.

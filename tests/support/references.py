@@ -16,6 +16,7 @@ from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
 import numpy as np
+import pytest
 from cli import hfa
 from matplotlib.figure import Figure
 from project import ROOT
@@ -135,6 +136,19 @@ def stored(folder):
     """Return command -> stored answer of the tests in a folder, and their file."""
     path = ROOT / "tests" / folder / "references.json"
     return json.loads(path.read_text("utf-8")), path
+
+
+def comparison(room):
+    """Return the test that compares the stored answers of a room, which its folder has."""
+    answers, _ = stored(room)
+
+    @pytest.mark.parametrize("line", answers)
+    def test_an_answer_is_the_stored_one(line, folder):
+        """Exit code, words, numbers and drawings of a command are those of `references.json`."""
+        found = differences(rounded(answer_of(line, folder)), answers[line])
+        assert found == [], "\n".join(found)
+
+    return test_an_answer_is_the_stored_one
 
 
 def _lines(answers):
